@@ -18,6 +18,8 @@ from .tables import elements_of, strains_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from .basis import Basis
+
 Array = np.ndarray
 NEED = "must be arc lengths within the beam, m"
 
@@ -114,12 +116,15 @@ class Sections:
         tables = elements_of(beam, self.first, reference[:, 0], reference[:, 1:])
         at = np.clip(np.searchsorted(basis.element_ends, self.s, side="right") - 1, 0, basis.n_elements - 1)
         self.strain = beam.strain
-        self.nodes = basis.element_nodes[at]
-        self.phi, self.phi_s, self.dir, self.dir_s = basis.phi[at], tables.phi_s[at], tables.dir[at], tables.dir_s[at]
-        self.reference = tables.reference_strains[at]
+        # elements and points [m, g]; with one element a section its nodes stand once
+        element, point = _points_about(basis, self.s, at)
+        self.nodes = basis.element_nodes[element]
+        self.phi, self.phi_s = basis.phi[element, point], tables.phi_s[element, point]
+        self.dir, self.dir_s = tables.dir[element, point], tables.dir_s[element, point]
+        self.reference = tables.reference_strains[element, point]
         self.stiffness = beam.section.C
         # polynomials through the points of the strain energy, where strains are most accurate
-        points = basis.point_s[at]
+        points = basis.point_s[element, point]
         self.through = np.ones_like(points)
         for k in range(points.shape[1]):
             for j in set(range(points.shape[1])) - {k}:
@@ -130,18 +135,32 @@ class Sections:
     def at(self, t: Array, phi: Array, directors: Array) -> SectionForces:
         """At n shapes of the whole model: t [n], phi [n, N, 3], directors [n, N, 3, 3]."""
         phi, d = (x[:, self.first:self.first + self.count] for x in (phi, directors))
-        f = np.einsum("sgn,tsnc->tsgc", self.phi_s, phi[:, self.nodes])
-        d_g = np.einsum("sgn,tsnkc->tsgkc", self.dir, d[:, self.nodes])
-        k_g = np.einsum("sgn,tsnkc->tsgkc", self.dir_s, d[:, self.nodes])
+        f = np.einsum("sgn,tsgnc->tsgc", self.phi_s, phi[:, self.nodes])
+        d_g = np.einsum("sgn,tsgnkc->tsgkc", self.dir, d[:, self.nodes])
+        k_g = np.einsum("sgn,tsgnkc->tsgkc", self.dir_s, d[:, self.nodes])
         strain = strains_of(self.strain, f, d_g, k_g) - self.reference
         force, moment = forces_of(self.strain, strain @ self.stiffness.T, f, d_g, k_g)
         position = np.einsum("sn,tsnc->tsc", self.values, phi[:, self.at_nodes])
         u, _, v = np.linalg.svd(np.einsum("sn,tsnkc->tskc", self.values, d[:, self.at_nodes]))
         # about a fixed point the moment changes along the beam by what acts on it alone, so that a polynomial follows it best
-        arm = np.einsum("sgn,tsnc->tsgc", self.phi, phi[:, self.nodes]) - position[:, :, None]
+        arm = np.einsum("sgn,tsgnc->tsgc", self.phi, phi[:, self.nodes]) - position[:, :, None]
         moment = moment + np.cross(arm, force)
         force, moment, strain = (np.einsum("sg,tsgc->tsc", self.through, x) for x in (force, moment, strain))
         return SectionForces(np.asarray(t), self.s, force, moment, strain, position, u @ v)
+
+
+def _points_about(basis: Basis, s: Array, at: Array) -> tuple[Array, Array]:
+    """Elements [m, 1] or [m, g] and numbers [g] or [m, g] of the points of the strain energy that tell of sections s [m] in
+    elements `at`: those of the element; of splines with points of weight zero the `degree` ones that are nearest."""
+    if np.all(basis.weight > 0.0):
+        return at[:, None], np.arange(basis.weight.shape[1])
+    element, point = np.nonzero(basis.weight > 0.0)
+    order = np.argsort(basis.point_s[element, point])
+    element, point = element[order], point[order]
+    near = np.searchsorted(basis.point_s[element, point], s)
+    count = min(basis.degree, element.size)
+    window = np.clip(near - (count + 1) // 2, 0, element.size - count)[:, None] + np.arange(count)
+    return element[window], point[window]
 
 
 def forces_of(name: str, stress: Array, f: Array, d: Array, k: Array) -> tuple[Array, Array]:
@@ -188,9 +207,9 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLik
     Returns
     -------
     SectionForces
-        N, Q2, Q3, T, M2, M3 [n, m] and more. In an element they are polynomials through the points of its strain energy: forces
-        and the moments about a fixed point, which follow what acts on the element (theory.md (2.7)). Elastic forces: those of
-        `damping` are not in them.
+        N, Q2, Q3, T, M2, M3 [n, m] and more. In an element they are polynomials through the points of its strain energy, of
+        splines of degree 2 and 3 through as many points about the section as the degree says: forces and the moments about a
+        fixed point, which follow what acts on the element (theory.md (2.7)). Elastic forces: those of `damping` are not in them.
 
     Raises
     ------

@@ -42,6 +42,17 @@ def test_sections_of_a_bent_cantilever_hold_its_load(strain, force):
     assert np.array_equal(result.reaction("wall")["force"], held["force"])
 
 
+@pytest.mark.parametrize(("degree", "elements"), [(2, 2), (2, 7), (3, 2), (3, 8), (4, 5)])
+def test_sections_of_splines_hold_the_load_whatever_their_points(degree, elements):
+    bar = fb.Section.circle(radius=0.01, E=2e11, rho=7800.0)
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=bar, elements=elements, degree=degree, interpolation="bspline")
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, -1e-3))))
+    s = np.linspace(0.0, 1.0, 17)
+    found = fb.section_forces(model, fb.solve_static(model).state, beam, s)
+    np.testing.assert_allclose(np.abs(found.M2[0]), 1e-3 * (1.0 - s), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(np.abs(found.Q3[0]), 1e-3, rtol=1e-9)
+
+
 def test_section_moments_converge_twice_as_fast_as_strains_would():
     errors = []
     for elements in (4, 8, 16):
