@@ -47,6 +47,8 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     n = min(n, found.values.size)
     damping = about.damping()
     span, frequencies = found.vectors, np.real(found.values)
+    round_off = np.finfo(float).eps * np.max(np.abs(frequencies), initial=0.0)
+    frequencies = np.where(np.abs(frequencies) <= round_off, 0.0, frequencies)
     small = span[:k].T @ (damping @ span[:k])
     # free motions are not damped by round-off, which is as large as the parts that cancel in them
     free, size = frequencies == 0.0, np.abs(span[:k])

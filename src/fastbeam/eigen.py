@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .linsolve import SMALL, load_mkl
-from .orthogonal import NOTHING, TINY, orthonormal, sizes_in
 from .saddle import Factors, equilibrated, signs_between
 
 Array = np.ndarray
@@ -47,6 +46,9 @@ NOISE = 8.0 * np.finfo(float).eps
 DISTINCT, GAPS, SHARES, DENSE = 1e-6, 3, (0.5, 0.3), 1500
 # growth of the number of Krylov vectors between two looks at what they give
 GROWTH = 1.04
+# what is left of a vector once others are taken out of it, and is round-off
+NOTHING = 1e-12
+TINY = 1e-300
 
 
 class Pencil(NamedTuple):
@@ -96,7 +98,6 @@ class Shifted:
         matrix = unit @ matrix @ unit
         diagonal = np.where(pencil.multiplier, -GIVE, 0.0)
         self.below: int | None = None
-        self.needs_no_refinement = False
         for idle in (0.0, IDLE):
             if idle:
                 # neither stiffness nor mass, such as the spin of a thin rod about its axis
@@ -125,8 +126,6 @@ class Shifted:
                 if self._is_good(test):
                     if self.pencil.is_symmetric and not factors.perturbed:
                         self.below = factors.negative - int(self.pencil.multiplier.sum())
-                        # where all pivots are positive none grows, whatever the right-hand side
-                        self.needs_no_refinement = factors.negative == 0 and self._is_round_off(test)
                     self.name = "PARDISO"
                     return True
         from scipy.sparse.linalg import splu
@@ -148,18 +147,10 @@ class Shifted:
             return False
         return True
 
-    def _is_round_off(self, right: Array) -> bool:
-        """Whether residuals of plain solutions are round-off."""
-        x = self._solve(right)
-        rest = np.linalg.norm(right - (self.matrix @ x.T).T, axis=1)
-        return bool(np.all(rest <= np.maximum(GOOD * np.linalg.norm(right, axis=1), LAST_BITS * np.linalg.norm(x, axis=1))))
-
     def _refined(self, right: Array) -> Array:
         """Solutions of the scaled equations [m, n], refined where that helps."""
         if len(right) < BLOCK:
             return self._refined(np.concatenate((right, np.zeros((BLOCK - len(right), right.shape[1])))))[:len(right)]
-        if self.needs_no_refinement:
-            return self._solve(right)
         return refined(self._solve, self.matrix, right, to_last_bits=False)[0]
 
     def solve(self, right: Array) -> Array:
@@ -244,8 +235,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
     h = np.zeros((basis.shape[1],) * 2)
     m, look = 0, min(n, most)
     first = applied(mass @ draw.standard_normal((k, BLOCK)))
-    block, _, heavy = orthonormal(first, sizes_in(first, mass), basis[:, :0], mass)
-    before = 0
+    block, _ = _orthonormal(first, _sizes(first, mass), basis[:, :0], mass)
     values, y = np.zeros(0, complex), np.zeros((0, 0))
     while block.shape[1]:
         b = block.shape[1]
@@ -254,19 +244,16 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             basis, weighed = (np.asfortranarray(np.pad(x, ((0, 0), (0, more)))) for x in (basis, weighed))
             h = np.pad(h, (0, more))
         basis[:, m:m + b] = block
-        weighed[:, m:m + b] = heavy
+        weighed[:, m:m + b] = mass @ block
         known, against = basis[:, :m + b], weighed[:, :m + b]
         image = applied(weighed[:, m:m + b])
-        removed = np.zeros(b)
-        # of a symmetric operator there is next to nothing along others than the last two blocks
-        for begin in (before if pencil.is_symmetric else 0, 0):
-            part = against[:, begin:].T @ image
-            image -= known[:, begin:] @ part
-            h[begin:m + b, m:m + b] += part
-            removed += np.sum(part * part, axis=0)
-        before = m
+        sizes = _sizes(image, mass)
+        for _ in range(2):
+            part = against.T @ image
+            image -= known @ part
+            h[:m + b, m:m + b] += part
         m += b
-        block, rest, heavy = orthonormal(image, removed, known, mass)
+        block, rest = _orthonormal(image, sizes, known, mass)
         if rest.size:
             h[m:m + len(rest), m - b:m] = rest
         if m < look and m < most and block.shape[1]:
@@ -284,10 +271,10 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         if not block.shape[1]:
             # closed under the operator: what is left, if anything, has equal eigenvalues
             block = applied(mass @ draw.standard_normal((k, BLOCK)))
-            sizes = sizes_in(block, mass)
+            sizes = _sizes(block, mass)
             for _ in range(2):
                 block -= known @ (against.T @ block)
-            block, _, heavy = orthonormal(block, sizes**2, known, mass)
+            block, _ = _orthonormal(block, sizes, known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None
     if not done and block.shape[1] and m < k:
@@ -329,6 +316,39 @@ def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array
         # zero eigenvalues drown the others
         better = -0.5 * float(np.min(elastic))
     return picks, done, better
+
+
+def _sizes(x: Array, mass: Any) -> Array:
+    """Norms of columns in the mass."""
+    return np.sqrt(np.maximum(np.sum(x * (mass @ x), axis=0), 0.0))
+
+
+def _orthonormal(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array, Array]:
+    """Columns of x, which were made orthogonal in the mass to known ones, made orthonormal to each other, and the triangle R
+    [j, m] with x = Q R, j <= m: those of which nothing is left next to their sizes before that are left out."""
+    m = x.shape[1]
+    q = np.zeros_like(x)
+    r = np.zeros((m, m))
+    kept = 0
+    for j in range(m):
+        column = x[:, j].copy()
+        last = float(_sizes(column[:, None], mass)[0])
+        while True:
+            part = q[:, :kept].T @ (mass @ column)
+            column -= q[:, :kept] @ part
+            r[:kept, j] += part
+            size = float(_sizes(column[:, None], mass)[0])
+            if size > 0.5 * last or not size > NOTHING * sizes[j]:
+                break
+            # what is left of a difference is orthogonal to no more than a few digits
+            column -= known @ (known.T @ (mass @ column))
+            last = size
+        if not size > max(NOTHING * float(sizes[j]), TINY):
+            continue
+        q[:, kept] = column / size
+        r[kept, j] = size
+        kept += 1
+    return q[:, :kept], r[:kept]
 
 
 def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array) -> Eigen:

@@ -11,7 +11,6 @@ from scipy import sparse
 from fastbeam import eigen
 from fastbeam.eigen import Pencil, Shifted, SingularError, lowest
 from fastbeam.linsolve import SuperLU
-from fastbeam.orthogonal import orthonormal
 from fastbeam.saddle import Saddle
 
 Array = np.ndarray
@@ -155,21 +154,3 @@ def test_a_small_pivot_of_a_band_is_left_to_others() -> None:
     matrix = sparse.csr_matrix(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]))
     saddle = Saddle(matrix, np.zeros(3, bool))
     assert saddle._clear_signs() is None and saddle.signs() == (1, 0)
-
-
-@pytest.mark.parametrize("near", [1.0, 1e-9])
-def test_blocks_become_orthonormal_in_the_mass(near: float) -> None:
-    """By Cholesky, and one by one where vectors are nearly dependent."""
-    draw = np.random.default_rng(5)
-    n = 40
-    mass = sparse.diags(draw.uniform(0.5, 2.0, n), format="csr")
-    known, _, _ = orthonormal(draw.standard_normal((n, 3)), np.zeros(3), np.zeros((n, 0)), mass)
-    x = draw.standard_normal((n, 4))
-    x[:, 3] = x[:, 2] + near * x[:, 3]
-    for _ in range(2):
-        x -= known @ (known.T @ (mass @ x))
-    q, r, heavy = orthonormal(x, np.zeros(4), known, mass)
-    np.testing.assert_allclose(q.T @ (mass @ q), np.eye(4), atol=1e-13)
-    np.testing.assert_allclose(known.T @ (mass @ q), np.zeros((3, 4)), atol=1e-12)
-    np.testing.assert_allclose(q @ r, x, atol=1e-12)
-    np.testing.assert_allclose(heavy, mass @ q, atol=1e-13)
