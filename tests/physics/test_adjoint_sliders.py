@@ -61,7 +61,8 @@ def check(case: dict[str, Any], found: dict[str, float], given: dict[str, Array]
     """Derivatives against differences of order 6 of runs on the same branch; 1e-8 of the derivative."""
     values = {**dict(EI=5.0, m=0.5, way=0.0, g=-9.81), **case}
     for name, by in found.items():
-        e = share * (values[name] or 1.0)
+        # by a viscous coefficient the derivative is small next to round-off of runs over the increment, which is larger for it
+        e = share * (values[name] or 1.0) * (20.0 if name == "viscous" else 1.0)
         exact = float(SIXTH @ [number(build(**{**case, name: values[name] + k * e}), given) for k in AWAY]) / e
         assert by == pytest.approx(exact, rel=1e-8), name
 
