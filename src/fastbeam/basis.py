@@ -243,9 +243,10 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
     def every(table: Array) -> Array:
         return np.broadcast_to(table, (n_elements, *table.shape[1:]))
 
-    point_s, weight, own, own_s = shapes(p)
     rule = points_of(p, sizes) if interpolation == "bspline" else None
-    if rule is not None:
+    if rule is None:
+        point_s, weight, own, own_s = shapes(p)
+    else:
         at, share = rule
         point_s, weight = ends[:-1, None] + at * sizes[:, None], share * sizes[:, None]
         own, own_s = bspline_shapes(p, knots, at)
