@@ -58,6 +58,12 @@ class Added:
         d = 3 if q.shape[1] == 12 else 2
         return np.asarray(self.along * np.einsum("ac,ac->a", q[self.node, d:2 * d], v[self.node, :d]))
 
+    def misfit(self, own: Array, q: Array, v: Array) -> float:
+        """The largest difference between velocities along d1 and those of the momenta in the history, m/s; own [A]; q, v [12 N]."""
+        there = self.along != 0.0
+        off = (own - self.momenta(q.reshape(-1, 12), v.reshape(-1, 12)))[there] / self.along[there]
+        return float(np.max(np.abs(off), initial=0.0))
+
     def add_to(self, own: Array, state: State, out: Array) -> None:
         """Kinetic energy and momenta to those of `observe.motion`; own: momenta in the history [A]."""
         q, v = (x.reshape(-1, 4, 3)[self.node] for x in (state.q, state.v))

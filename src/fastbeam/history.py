@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .kernels.twist import TWIST
+from .kernels.work import State
 
 Array = np.ndarray
 
@@ -40,11 +41,21 @@ class HistoryLayout:
         """Where the momenta of added mass begin."""
         return self.moving_place + (0 if self.moving is None else int(self.moving.size))
 
-    def start_added(self, history: Array, q: Array, v: Array) -> None:
-        """Momenta of added mass into a history, from coordinates and their rates [12 N], in a plane [4 N]."""
+    def start_momenta(self, history: Array, q: Array, v: Array) -> None:
+        """Momenta of added mass and of moving meshes into a history, from coordinates and their rates [12 N], in a plane [4 N]."""
+        if self.moving is not None:
+            self.moving.start_momenta(history, q, v)
         if self.added is not None:
             own = self.added.momenta(q.reshape(self.n_nodes, -1), v.reshape(self.n_nodes, -1))
             history[self.added_place:self.added_place + own.size] = own
+
+    def momenta_misfit(self, state: State) -> float:
+        """The largest difference between velocities of a state and those of the momenta in its history, m/s."""
+        out = 0.0 if self.moving is None else self.moving.misfit(state.history, state.q, state.v)
+        if self.added is not None:
+            own = state.history[self.added_place:self.added_place + self.added.size]
+            out = max(out, self.added.misfit(own, state.q, state.v))
+        return float(out)
 
     @property
     def moving_place(self) -> int:

@@ -130,7 +130,7 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
             _put_on_curve(model, k, fresh.s[k], own, before, known)
     _carry_history(model, names, state, fresh)
     fresh.q[:], fresh.v[:] = (follow(model, x).reshape(-1) for x in own)
-    model.start_added(fresh.history, fresh.q, fresh.v)
+    model.start_momenta(fresh.history, fresh.q, fresh.v)
     return fresh
 
 

@@ -385,9 +385,7 @@ class Model(HistoryLayout):
         history = np.zeros(self.history_size)
         if self.slider_forces is not None:
             history[:self.work_place] = self.slider_forces.initial_history
-        if self.moving is not None:
-            history[self.moving_place:][:self.moving.size] = self.moving.start(self.q0, self.v0)
-        self.start_added(history, self.q0, self.v0)
+        self.start_momenta(history, self.q0, self.v0)
         own = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
         history[history.size - len(own):] = own
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)

@@ -13,7 +13,7 @@ import numpy as np
 from .errors import SceneError
 from .kernels.work import State
 from .initial import tied_velocities
-from .moving_tables import Mesh, momenta
+from .moving_tables import Mesh, element_lengths, momenta
 from .numbered import Numbered, number
 from .scene import (BallJoint, Beam, Clamp, InitialVelocity, Load, MovingMesh, Pin, PointMass, RigidBody,
                     RigidConnection, RigidMotion, Scene, Slider, Spring)
@@ -76,10 +76,23 @@ class Moving(NamedTuple):
             raise SceneError(f"moving mesh with slider {self.names[0]!r}: {what} no elements that move; compile the scene "
                              "without MovingMesh" + (", contacts='exact' of solve_static has no mesh either" if static else ""))
 
-    def start(self, q: Array, v: Array) -> Array:
-        """These at coordinates and rates [12 N]."""
-        return np.concatenate([x for table in self.tables
-                               for x in (momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)).reshape(-1), np.zeros(1))])
+    def start_momenta(self, history: Array, q: Array, v: Array) -> None:
+        """Those of coordinates and rates [12 N] into a history."""
+        for table in self.tables:
+            first = int(table.place[0])
+            history[first:first + _size(table) - 1] = momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)).reshape(-1)
+
+    def misfit(self, history: Array, q: Array, v: Array) -> float:
+        """The largest difference between velocities and those of the momenta in a history, of spins times the length of the beam,
+        m/s; q, v [12 N]."""
+        q, v, worst = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3), 0.0
+        for table in self.tables:
+            first, of_rates = int(table.place[0]), momenta(table, q, v)
+            off = history[first:first + of_rates.size].reshape(of_rates.shape) - of_rates
+            off[:, :, 1:] *= table.length[0]
+            off /= element_lengths(table, q)[:, None, None, None]
+            worst = max(worst, float(np.max(np.linalg.norm(off, axis=3))))
+        return worst
 
     def work_of_weight(self, history: Array) -> float:
         """That of gravity on all moving beams since the start, J."""

@@ -123,6 +123,12 @@ def _reference(beam: Beam) -> Array:
     return mean
 
 
+def element_lengths(table: MovingBeam, q: Array) -> Array:
+    """Between the contacts at coordinates [N, 4, 3]: [E], m."""
+    ends = np.where(table.slot >= 0, q[table.places, 0, 0][table.slot], (0.0, table.length[0]))
+    return np.asarray((table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0]))
+
+
 def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
     """Of points of the elements, by mass, as the history has them [E, points, 4, 3], at coordinates and rates [N, 4, 3]; 0 for
     fields without inertia."""

@@ -30,6 +30,10 @@ AT_STOP = 1e-9
 # velocity of a slider across its curve, relative to the largest velocity, beyond which an event says so, and beyond which the
 # state is refused; it is not zero, because velocities at the end of a step satisfy constraints on positions to second order only
 SIDEWAYS, UNTRUE = 0.01, 0.5
+# velocity of a state against that of its momenta, relative to the largest velocity, from which the state is refused: in runs they
+# differ by the square of the step, by 0.05 with steps of a tenth of a swing
+EDITED = 0.1
+TURNS_AROUND = "contact forces alternate from step to step by as much as it takes to turn that around; use a smaller step"
 # misfits up to this share of the size of the scene, or of the fastest motion, are mended where that is asked for
 MENDABLE = 1e-2
 # factor on the mass of beams when places are mended, so that what slides moves rather than its beam
@@ -39,7 +43,7 @@ STIFF = 100.0
 @dataclass
 class Misfit:
     """What a state has against its model: what, by how much in which unit, what is allowed, what can be mended, and from what
-    size on it is worth a word."""
+    size on it is worth a word, and which."""
 
     what: str
     size: float
@@ -47,6 +51,7 @@ class Misfit:
     allowed: float
     mendable: float
     told: float = np.inf
+    word: str = TURNS_AROUND
 
 
 def own_state(model: Model, state: State) -> State:
@@ -102,12 +107,12 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
     state = own_state(model, state)
     if at_rest:
         state.v[:] = 0.0
+        model.start_momenta(state.history, state.q, state.v)
     notes: list[Any] = _moved_supports(model, state)
     found = misfits(model, state, step)
     worst = _worst(found)
     if worst is None:
-        notes += [("start", f"{m.what} {m.size:.3g} {m.unit} at the start: contact forces alternate from step to step by as "
-                            "much as it takes to turn that around; use a smaller step, or mend_start=True")
+        notes += [("start", f"{m.what} {m.size:.3g} {m.unit} at the start: {m.word}, or mend_start=True")
                   for m in found if m.size > m.told and not mend]
         if not mend or not any(m.size > m.told for m in found):
             return state, notes
@@ -195,6 +200,10 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
                           MENDABLE * (1.0 if link.law.is_angle else length)))
         out.append(Misfit(f"{link.name}: {what}", float(np.linalg.norm(rate)) * wide, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
+    of_momenta = model.momenta_misfit(state)
+    if of_momenta > 0.0:
+        out.append(Misfit("velocities differ from those of the momenta in State.history (of moving meshes, added mass) by", of_momenta, "m/s", EDITED * speed + noise, np.inf, SIDEWAYS * speed + noise,
+                          "the momenta count; give velocities to the parts of the scene"))
     return out
 
 
@@ -289,7 +298,7 @@ def mended(model: Model, state: State) -> State:
         right = _given_rates(model, across @ state.v) - across @ led
         found = nearest(mass, (across @ lift).tocsr(), right, found, free % 6 >= 3)
     out = State(q.reshape(-1), lift @ found + led, s, state.force.copy(), state.history.copy())
-    model.start_added(out.history, out.q, out.v)
+    model.start_momenta(out.history, out.q, out.v)
     return out
 
 

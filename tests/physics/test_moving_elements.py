@@ -140,6 +140,38 @@ def test_fine_meshes_stay_with_waves_that_pass() -> None:
     assert np.abs(np.diff(rate)).max() < 0.1
 
 
+def test_velocities_written_into_a_state() -> None:
+    """The step goes on with momenta in State.history: others are refused, told of where they are small, or taken on request."""
+    scene = bead_scene(2, (0, 0, 0))
+    model = fb.compile_scene(scene)
+    middle = model.state()
+    n = scene.beams[0].n_nodes
+
+    def bump(s: np.ndarray) -> np.ndarray:
+        return np.sin(np.pi * np.maximum(s - START, 0.0) / (1.0 - START))**2
+
+    def pushed(rate: float) -> object:
+        state = model.state()
+        state.v.reshape(-1, 4, 3)[:n, 0, 2] += rate * bump(state.q.reshape(-1, 4, 3)[:n, 0, 0])
+        return state
+
+    run = {"t_end": 0.02, "step": 2e-3, "progress": False}
+    with pytest.raises(fb.SceneError, match="velocities differ from those of the momenta .* mend_start=True"):
+        fb.simulate(model, start=pushed(0.3), **run)
+    told = fb.simulate(model, start=pushed(0.02), **run)
+    assert [x for x in told.events if x["kind"] == "start" and "the momenta count" in x["text"]]
+    given = fb.Scene(*[x for x in scene.parts if not isinstance(x, fb.MovingMesh)],
+                     fb.MovingMesh(scene.beams[0], scene.sliders[0], velocity=lambda s: np.outer(0.3 * bump(s), (0, 0, 1))))
+    wanted = fb.simulate(fb.compile_scene(given), **run)
+    taken = fb.simulate(model, start=pushed(0.3), mend_start=True, **run)
+    assert np.max(np.abs(taken.state.q - wanted.state.q)) < 1e-6 < np.max(np.abs(taken.state.q - middle.q))
+    # what a run leads to starts the next one, and states carried to another model bring momenta of their velocities
+    again = fb.simulate(model, start=taken.state, **run)
+    assert not [x for x in again.events if x["kind"] == "start"]
+    brought = taken.state_for(fb.compile_scene(scene))
+    assert model.momenta_misfit(brought) < 1e-12 < np.max(np.abs(brought.v - middle.v))
+
+
 def test_contact_force_is_what_the_bead_takes() -> None:
     h = 0.0025
     result = fb.simulate(fb.compile_scene(bead_scene(2, (0, -6, 0))), t_end=0.2, step=h, progress=False,
