@@ -59,7 +59,7 @@ class Added:
         return np.asarray(self.along * np.einsum("ac,ac->a", q[self.node, d:2 * d], v[self.node, :d]))
 
     def misfit(self, own: Array, q: Array, v: Array) -> float:
-        """The largest difference between velocities along d1 and those of the momenta in the history, m/s; own [A]; q, v [12 N]."""
+        """The largest difference between velocities along d1 and those of momenta own [A], m/s; q, v [12 N]."""
         there = self.along != 0.0
         off = (own - self.momenta(q.reshape(-1, 12), v.reshape(-1, 12)))[there] / self.along[there]
         return float(np.max(np.abs(off), initial=0.0))

@@ -42,7 +42,7 @@ class HistoryLayout:
         return self.moving_place + (0 if self.moving is None else int(self.moving.size))
 
     def start_momenta(self, history: Array, q: Array, v: Array) -> None:
-        """Momenta of added mass and of moving meshes into a history, from coordinates and their rates [12 N], in a plane [4 N]."""
+        """Momenta of added mass and moving meshes into a history, from coordinates and their rates [12 N], in a plane [4 N]."""
         if self.moving is not None:
             self.moving.start_momenta(history, q, v)
         if self.added is not None:

@@ -9,10 +9,10 @@ import io
 import json
 import time
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from .places import check_regular
 from .result import Result, ResultHeader
 
 Array = np.ndarray
+T = TypeVar("T")
 FORMAT, VERSION = "fastbeam-result", 2
 COUNTS = ("rows", "snapshots", "events", "final_info")
 # bytes that a writer claims beyond its data, for what HDF5 adds of its own
@@ -45,12 +46,23 @@ def load_result(path: str | PathLike[str]) -> Result:
     """
     h5py = import_h5py()
     path = Path(path)
+    return beside_writer(path, lambda left_open: _load(h5py, path, left_open))
+
+
+def beside_writer(path: Path, read: Callable[[bool], T]) -> T:
+    """What read(left_open) returns; called again where it fails on a file whose writer may be running.
+
+    Raises
+    ------
+    ResultFileError
+        It is no HDF5 file, or that of the last call.
+    """
     for attempt in reversed(range(ATTEMPTS)):
         left_open = check_file(path)
         try:
-            return _load(h5py, path, left_open)
+            return read(left_open)
         except ResultFileError:
-            # beside a running writer something may be half written for a moment
+            # something may be half written for a moment
             if not (left_open and attempt):
                 raise
             time.sleep(0.1)

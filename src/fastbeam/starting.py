@@ -112,8 +112,9 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
     found = misfits(model, state, step)
     worst = _worst(found)
     if worst is None:
-        notes += [("start", f"{m.what} {m.size:.3g} {m.unit} at the start: {m.word}, or mend_start=True")
-                  for m in found if m.size > m.told and not mend]
+        if not mend:
+            notes += [("start", f"{m.what} {m.size:.3g} {m.unit} at the start: {m.word}, or mend_start=True")
+                      for m in found if m.size > m.told]
         if not mend or not any(m.size > m.told for m in found):
             return state, notes
         worst = max(found, key=lambda m: m.size / m.told)
@@ -202,7 +203,8 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         out[-1].told = SIDEWAYS * speed + noise
     of_momenta = model.momenta_misfit(state)
     if of_momenta > 0.0:
-        out.append(Misfit("velocities differ from those of the momenta in State.history (of moving meshes, added mass) by", of_momenta, "m/s", EDITED * speed + noise, np.inf, SIDEWAYS * speed + noise,
+        out.append(Misfit("velocities differ from those of the momenta of moving meshes and added mass by", of_momenta,
+                          "m/s", EDITED * speed + noise, np.inf, SIDEWAYS * speed + noise,
                           "the momenta count; give velocities to the parts of the scene"))
     return out
 

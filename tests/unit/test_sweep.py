@@ -271,3 +271,29 @@ def test_columns_of_a_table_are_arrays_of_numbers() -> None:
     assert table.column("a").tolist() == [4.0, -1.0, 9.0] and [row["run"] for row in table[1:]] == [1, 2]
     with pytest.raises(fb.SceneError, match="no case has a number 'word'; there are 'run', 'a', 'root'"):
         table.column("word")
+
+
+def test_a_file_is_read_again_while_its_writer_is_at_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from fastbeam import sweep_file
+    wanted = fb.sweep(slow, {"a": [1, 2]}, workers=1, file=tmp_path / "s.h5", progress=False)
+    tried = []
+
+    def half_written(path: Path) -> bool:
+        tried.append(path)
+        return True
+
+    read = sweep_file._row
+
+    def row(raw: object, numbers: np.ndarray) -> object:
+        if len(tried) < 3:
+            raise OSError("addr overflow")
+        return read(raw, numbers)
+
+    monkeypatch.setattr("fastbeam.reading.check_file", half_written)
+    monkeypatch.setattr(sweep_file, "_row", row)
+    assert same(wanted, fb.load_sweep(tmp_path / "s.h5")) and len(tried) == 3
+    monkeypatch.setattr("fastbeam.reading.check_file", lambda path: bool(tried.append(path)))
+    tried.clear()
+    with pytest.raises(fb.ResultFileError, match="damaged .* addr overflow"):
+        fb.load_sweep(tmp_path / "s.h5")
+    assert len(tried) == 1
