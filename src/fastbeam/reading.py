@@ -46,10 +46,10 @@ def load_result(path: str | PathLike[str]) -> Result:
     """
     h5py = import_h5py()
     path = Path(path)
-    return beside_writer(path, lambda left_open: _load(h5py, path, left_open))
+    return read_again(path, lambda left_open: _load(h5py, path, left_open))
 
 
-def beside_writer(path: Path, read: Callable[[bool], T]) -> T:
+def read_again(path: Path, read: Callable[[bool], T]) -> T:
     """What read(left_open) returns; called again where it fails on a file whose writer may be running.
 
     Raises

@@ -23,7 +23,7 @@ import numpy as np
 
 from .errors import ResultFileError
 from .places import check_new
-from .reading import LeftOpen, Reader, beside_writer, import_h5py
+from .reading import LeftOpen, Reader, read_again, import_h5py
 from .store import lock
 
 Array = np.ndarray
@@ -179,7 +179,7 @@ def read_sweep(path: Path) -> tuple[dict[str, Any], list[Row]]:
         The file is missing, no sweep, or damaged.
     """
     h5py = import_h5py()
-    return beside_writer(path, lambda left_open: _read(h5py, path, left_open))
+    return read_again(path, lambda left_open: _read(h5py, path, left_open))
 
 
 def _read(h5py: Any, path: Path, left_open: bool) -> tuple[dict[str, Any], list[Row]]:
