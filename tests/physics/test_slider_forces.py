@@ -388,6 +388,7 @@ def test_friction_goes_there_and_back(flips: int, planar: Any) -> None:
 
 def iterate(stepper: Stepper, h: float) -> None:
     """Newton's method around the compiled solver, its parts called one by one."""
+    stepper._augment(h)
     for _ in range(25):
         kernels.assemble_all(*stepper.records, h)
         kernels.fill_right(*stepper.records)

@@ -244,7 +244,7 @@ class Kernels:
         """Residual and tangent at a trial step."""
         m, state, work = self.model, self.state, self.work
         state.q[:], state.v[:] = trial.q_n.reshape(-1), trial.v_n.reshape(-1)
-        m.start_added(state.history, state.q, state.v)
+        m.start_momenta(state.history, state.q, state.v)
         state.s[:], state.force[:], work.s_end[:] = trial.s_n, trial.force.reshape(-1), trial.s_end
         self.load()
         if m.sliders is not None:
