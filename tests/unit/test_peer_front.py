@@ -95,8 +95,10 @@ def test_distance_is_the_largest_over_all_points_relative_to_the_length() -> Non
 
 @pytest.mark.slow  # where the environment of the peer is made
 def test_names_and_program_of_the_page_for_those_who_come_from_exudyn(
-        capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "perf" / "peers"))
+    # Exudyn writes a folder `solution` where it stands
+    monkeypatch.chdir(tmp_path)
     names = importlib.import_module("names")
     trouble = importlib.import_module("environments").trouble
     if trouble("exudyn"):
