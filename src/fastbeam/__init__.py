@@ -100,7 +100,9 @@ if not TYPE_CHECKING:
             if new is None:
                 raise AttributeError(f"module 'fastbeam' has no attribute {name!r}")
             return getattr(import_module(__name__), new)
-        value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+        from ._collection import held
+        with held():
+            value = getattr(import_module(f".{_HOME[name]}", __name__), name)
         globals()[name] = value
         return value
 

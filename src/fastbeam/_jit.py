@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 import os
 import pickle
 import sys
@@ -112,7 +113,10 @@ def _compiled(function: F, one: bool = False, alone: bool = False, **options: An
 
 def _fast(function: Any, one: bool, alone: bool, options: dict[str, Any]) -> Any:
     parts, sealed = _FAST
+    # numba asks twice for it, which takes a tenth of the time that kernels load in
+    function.__signature__ = inspect.signature(function)
     compiled = numba.njit(_nrt=False, no_cfunc_wrapper=True, pipeline_class=parts.WholeCompiler, **OPTIONS, **options)(function)
+    del function.__signature__
     compiled._cache = sealed.KernelCache(function, parts.WholeCache, _FOLDER)
     parts.Part(compiled, one, alone, sealed.KernelCache(function, parts.PartCache, _FOLDER))
     if _outside.is_outside(function):

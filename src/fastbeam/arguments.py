@@ -69,13 +69,18 @@ def shown(value: Any) -> str:
     return text if len(text) <= 100 else text[:97] + "..."
 
 
+def is_masked(value: Any) -> bool:
+    """Whether it is an array that says which of its numbers count; without a look at `numpy.ma`, which takes a while to load."""
+    return isinstance(value, np.ndarray) and hasattr(value, "mask")
+
+
 def real(value: Any) -> float | None:
     """The value as a float where it is one real number, else None."""
     if type(value) is float:
         return value
     if isinstance(value, NO_NUMBERS):
         return None
-    if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf" or isinstance(value, np.ma.MaskedArray)):
+    if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf" or is_masked(value)):
         return None
     try:
         return float(value)
@@ -93,7 +98,7 @@ def whole(value: Any) -> int | None:
 
 def numbers(value: Any) -> Array | None:
     """The value as an array of floats where it holds nothing but real numbers, else None."""
-    if isinstance(value, (str, bytes, bytearray, memoryview, bool)) or value is None or isinstance(value, np.ma.MaskedArray):
+    if isinstance(value, (str, bytes, bytearray, memoryview, bool)) or value is None or is_masked(value):
         return None
     if isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE:
         return None
@@ -104,7 +109,7 @@ def numbers(value: Any) -> Array | None:
     if raw.dtype.kind in "iuf":
         # among numbers True would pass for 1
         short = type(value) in (list, tuple) and len(value) <= SHORT
-        mixed = short and any(isinstance(x, (bool, np.bool_, np.ma.MaskedArray)) for x in value)
+        mixed = short and any(isinstance(x, (bool, np.bool_)) or is_masked(x) for x in value)
         with np.errstate(over="ignore"):
             return None if mixed else raw.astype(float, copy=False)
     if raw.dtype.kind == "O" and raw.ndim and 0 < raw.size <= 10_000:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, real, shown, take
+from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, is_masked, real, shown, take
 from .dynamic_stiffness import PUSHED, DynamicStiffness, with_still
 from .eigen import Eigen, Pencil, Shifted, SingularError
 from .errors import ConvergenceError, SceneError
@@ -390,7 +390,7 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None) ->
 def _vector(who: str, value: Any) -> Array:
     """Three finite numbers, which may be complex."""
     flat = isinstance(value, (tuple, list)) or isinstance(value, np.ndarray) and value.ndim == 1
-    items = list(value) if flat and not isinstance(value, np.ma.MaskedArray) else []
+    items = list(value) if flat and not is_masked(value) else []
     if len(items) != 3:
         raise SceneError(f"frequency_response: {who} must be 3 finite numbers, m, which may be complex, got {shown(value)}")
     return np.array([_complex(who, x) for x in items])

@@ -20,7 +20,7 @@ import numpy as np
 from ._jit import link_library
 from .errors import BackendError, SceneError
 from .halves import Each, Halves, cut, on_threads, settings
-from .kernels import band
+from .inertia import Blocks, Signs
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
 from .pattern import Pattern
@@ -35,12 +35,6 @@ BACKENDS = ("auto", "pardiso", "superlu")
 HALVES_FROM = 8000
 # relative residual up to which a solution of slender beams may be round-off of their stiff directions; its backward error decides
 ILL_CONDITIONED = 1e-2
-# eigenvalues of a matrix scaled to a diagonal of 1: smaller ones are round-off
-ZERO_EIGENVALUE = 1e-13
-# where all pivots lie above this share of their diagonal entries no eigenvalue is zero
-CLEAR_PIVOT = 1e-6
-# of a matrix that is factored as a band to count signs: entries beside its diagonal, and operations
-WIDEST, MOST_IN_BAND = 128, 2e7
 
 
 def check_backend(backend: str) -> None:
@@ -179,8 +173,7 @@ class SuperLU:
 
     def __init__(self, rows: Array, columns: Array, n: int, size: int) -> None:
         self.n, self.size = n, size
-        self._columns = np.ascontiguousarray(columns)
-        self._indptr = np.searchsorted(rows, np.arange(n + 1))
+        self._rows, self._columns = np.ascontiguousarray(rows), np.ascontiguousarray(columns)
         self.solves = 0
         self.worst_residual = 0.0
 
@@ -208,53 +201,15 @@ class SuperLU:
         return None
 
     def signs(self, blocks: Array, symmetric: bool) -> tuple[int, int] | None:
-        """Numbers of negative eigenvalues of a matrix that is symmetric but for round-off, and of those that are zero to it.
-
-        Of one that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
-        (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
-        neither decides, or the eigenvalues cannot be counted.
-        """
-        clear = self._clear_signs(blocks)
-        if clear is not None and (symmetric or clear == (0, 0)):
-            return clear
-        matrix = self.matrix(blocks)
-        found = clear or _inertia(0.5 * (matrix + matrix.T))
-        if symmetric or found == (0, 0):
-            return found
-        # next to the diagonal: stiffnesses differ by many powers of ten
-        scale = np.sqrt(1.0 / _diagonal(matrix))
-        skew = (matrix - matrix.T).tocoo()
-        if np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0) <= 1e-8:
-            return found
-        return (1, 0) if self._determinant_sign(matrix) < 0 else None
-
-    def _clear_signs(self, blocks: Array) -> tuple[int, int] | None:
-        """The same from pivots in the order of the rows; None where the band is wide or a pivot is small."""
-        rows = np.repeat(np.arange(self.n), np.diff(self._indptr))
-        upper = band_of(self.size * self.n, self.size * (int(np.max(np.abs(rows - self._columns), initial=0)) + 1) - 1)
-        if upper is None:
-            return None
-        band.add_blocks(rows, self._columns, blocks, self.size, upper)
-        return clear_signs(upper)
-
-    @staticmethod
-    def _determinant_sign(matrix: Any) -> int:
-        """1, -1, or 0 where the matrix is singular."""
-        from scipy.sparse.linalg import splu
-        try:
-            factors = splu(matrix)
-        except RuntimeError:
-            return 0
-        signs = np.concatenate((np.sign(factors.L.diagonal()), np.sign(factors.U.diagonal())))
-        turns = _is_odd(factors.perm_r) ^ _is_odd(factors.perm_c)
-        return int(np.prod(signs)) * (-1 if turns else 1)
+        """As `inertia.Signs.count`, of the matrix of blocks [n_blocks, size, 8]."""
+        return Signs(self._of(blocks)).count(symmetric)
 
     def matrix(self, blocks: Array) -> Any:
         """The matrix of blocks [n_blocks, size, 8] by columns."""
-        from scipy import sparse
-        data = np.ascontiguousarray(blocks[:, :, :self.size])
-        n = self.size * self.n
-        return sparse.bsr_matrix((data, self._columns, self._indptr), shape=(n, n)).tocsc()
+        return self._of(blocks).matrix
+
+    def _of(self, blocks: Array) -> Blocks:
+        return Blocks(self.size * self.n, self._rows, self._columns, blocks, self.size)
 
     @staticmethod
     def _backward_error(matrix: Any, x: Array, b: Array) -> float:
@@ -268,79 +223,6 @@ class SuperLU:
         size = np.linalg.norm(b, axis=1)
         worst = float(np.max(np.linalg.norm(b - (matrix @ x.T).T, axis=1) / np.where(size > 0.0, size, 1.0)))
         return worst if np.isfinite(worst) else np.inf
-
-
-def band_of(n: int, width: int) -> Array | None:
-    """Room for a symmetric matrix [n, n] with so many entries beside its diagonal (`kernels.band`); None where that is no way to
-    count its signs."""
-    return None if width > WIDEST or n * width * width > MOST_IN_BAND else np.zeros((n, width + 2))
-
-
-def clear_signs(upper: Array) -> tuple[int, int] | None:
-    """Numbers of negative and of zero eigenvalues of the matrix in a band, which is overwritten; None where a pivot is small."""
-    count = int(band.negative_pivots(upper, CLEAR_PIVOT))
-    return None if count < 0 else (count, 0)
-
-
-def _inertia(matrix: Any) -> tuple[int, int] | None:
-    """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
-    (Sylvester). None where row exchanges spoil the count or eigenvalues are not found.
-
-    Round-off makes the sign of a pivot of a free motion arbitrary, and in long beams grows in it to 1e-9 of the diagonal. Where
-    a pivot is small, the eigenvalues nearest to zero are therefore computed, and negative ones counted behind the gap next to
-    those that vanish."""
-    from scipy import sparse
-    diagonal = np.abs(matrix.diagonal())
-    pivots = _pivots(matrix)
-    if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
-        return int(np.sum(pivots < 0.0)), 0
-    scale = sparse.diags(np.sqrt(1.0 / _diagonal(matrix)), format="csc")
-    scaled = scale @ matrix @ scale
-    near = _nearest_to_zero(scaled)
-    if near is None:
-        return None
-    zero = np.abs(near) <= ZERO_EIGENVALUE
-    next_one = np.min(np.abs(near[~zero]), initial=1.0)
-    shift = np.sqrt(ZERO_EIGENVALUE * next_one)
-    pivots = _pivots((scaled + shift * sparse.identity(scaled.shape[0], format="csc")).tocsc())
-    return None if pivots is None else (int(np.sum(pivots < 0.0)), int(np.sum(zero)))
-
-
-def _diagonal(matrix: Any) -> Array:
-    """Sizes of its entries, 1 for those that vanish."""
-    diagonal = np.abs(matrix.diagonal())
-    return np.where(diagonal > 0.0, diagonal, 1.0)
-
-
-def _pivots(matrix: Any) -> Array | None:
-    """Pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
-    from scipy.sparse.linalg import splu
-    try:
-        factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except RuntimeError:
-        return None
-    # perm_c[j] is where column j went
-    return factors.U.diagonal()[factors.perm_c] if np.array_equal(factors.perm_r, factors.perm_c) else None
-
-
-def _nearest_to_zero(matrix: Any) -> Array | None:
-    """Eigenvalues nearest to zero of a symmetric matrix with a diagonal of 1, so many that one at least is no round-off; None
-    where they cannot be found."""
-    from scipy.sparse.linalg import ArpackError, eigsh
-    n = matrix.shape[0]
-    if n <= 100:
-        return np.linalg.eigvalsh(matrix.toarray())
-    count = 4
-    while count < n // 2:
-        try:
-            # about a point beside zero, where the matrix is not singular
-            near = eigsh(matrix, count, sigma=-1e-11, v0=np.ones(n), return_eigenvectors=False)
-        except (ArpackError, RuntimeError):
-            return None
-        if np.any(np.abs(near) > ZERO_EIGENVALUE):
-            return near
-        count *= 4
-    return None
 
 
 class LinearSystem:
@@ -421,15 +303,3 @@ class LinearSystem:
             return (f"PARDISO{kind}, {t.counts[0]} factorisations, used again {t.counts[2]} times, {t.counts[1]} refined, "
                     f"largest relative residual {t.worst[0]:.1e}, {fell}")
         return "SuperLU" + (f" ({self._why})" if self._why else "")
-
-
-def _is_odd(order: Array) -> bool:
-    """Whether a permutation takes an odd number of exchanges: those of each of its cycles are one less than its length."""
-    seen = np.zeros(order.size, bool)
-    cycles = 0
-    for k in range(order.size):
-        cycles += not seen[k]
-        while not seen[k]:
-            seen[k] = True
-            k = order[k]
-    return bool((order.size - cycles) % 2)

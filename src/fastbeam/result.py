@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
+from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, is_masked, shown
 from .errors import SceneError
 from .exchanged import balance_of, joint_of
 from .exports import Exports
@@ -122,7 +122,7 @@ class Series:
     def __call__(self, value: Any) -> np.ndarray:
         try:
             huge = isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE
-            foreign = value is None or huge or isinstance(value, (np.ma.MaskedArray, bytearray, memoryview))
+            foreign = value is None or huge or isinstance(value, (bytearray, memoryview)) or is_masked(value)
             clean = None if foreign else np.asarray(value)
         except Exception:          # ragged lists, and what foreign objects raise
             clean = None

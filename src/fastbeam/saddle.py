@@ -22,11 +22,11 @@ import numpy as np
 
 from .errors import BackendError
 from .halves import on_threads, settings
-from .kernels import band
+from .inertia import SKEW, Entries, Signs, inertia
 from .kernels import sparse as kernels
 from .kernels.scaling import balance
 from .kernels.sparse import PardisoTables
-from .linsolve import SuperLU, _inertia, band_of, clear_signs, load_mkl
+from .linsolve import load_mkl
 
 Array = np.ndarray
 # sweeps of the equilibration; each halves the exponent of what is missing
@@ -339,14 +339,12 @@ class Saddle:
 
     def signs(self, symmetric: bool = True) -> tuple[int, int] | None:
         """Numbers of negative and of zero directions of A among the motions that the constraints allow, B x = 0; as
-        `SuperLU.signs` where the matrix is not symmetric. None where they are not found.
+        `inertia.Signs.count` where the matrix is not symmetric. None where they are not found.
 
         A + p B^T B has on these motions the signs of A, whatever p is. Its negative eigenvalues less those of
         B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
         if not self.multiplier.any():
-            clear = self._clear_signs()
-            if clear is not None and (symmetric or clear == (0, 0)):
-                return clear
+            return Signs(Entries(self.matrix)).count(symmetric)
         # the same factor for a row and its column
         row, column = self._measure
         factor = np.sqrt(np.abs(row * column))
@@ -355,23 +353,13 @@ class Saddle:
         found = signs_between(whole, self.multiplier)
         if symmetric or found == (0, 0):
             return found
-        skew = (self.matrix - self.matrix.T).tocoo()
-        if np.max(np.abs(skew.data) * factor[skew.row] * factor[skew.col], initial=0.0) <= 1e-8:
+        if Signs(Entries(self.matrix)).skew(factor) <= SKEW:
             return found
         return (1, 0) if self.determinant_sign() < 0 else None
 
-    def _clear_signs(self) -> tuple[int, int] | None:
-        """The same from pivots in the order of the rows; None where the band is wide or a pivot is small."""
-        n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
-        upper = band_of(n, int(np.max(np.abs(indices - np.repeat(np.arange(n), np.diff(indptr))), initial=0)))
-        if upper is None:
-            return None
-        band.add_entries(indptr, indices, self.matrix.data, upper)
-        return clear_signs(upper)
-
     def determinant_sign(self) -> int:
         """Of A among the motions that the constraints allow: 1, -1, or 0 where it is singular."""
-        return SuperLU._determinant_sign(self.matrix.tocsc()) * (-1)**int(np.sum(self.multiplier))
+        return Signs(Entries(self.matrix)).determinant() * (-1)**int(np.sum(self.multiplier))
 
 
 def _norm(x: Array) -> float:
@@ -442,7 +430,7 @@ def _signs(a: Any, b: Any) -> tuple[int, int] | None:
     found = None
     for penalty in PENALTIES:
         stiff = (a + penalty * (b.T @ b)).tocsc()
-        found = _inertia(stiff)
+        found = inertia(stiff)
         if found is not None and (found[0] == 0 or b.shape[0] == 0):
             return found
         if found is None or found[1] or b.shape[0] > DENSE:
@@ -461,7 +449,7 @@ def signs_between(matrix: Any, multiplier: Array) -> tuple[int, int] | None:
     """Numbers of negative and of zero directions of a symmetric matrix [n, n] among the motions that its constraints, the rows of
     multipliers [n], allow; None where they are not found."""
     if not multiplier.any():
-        return _inertia(matrix.tocsc())
+        return inertia(matrix.tocsc())
     return _signs(matrix[~multiplier][:, ~multiplier].tocsc(), matrix[multiplier][:, ~multiplier].tocsc())
 
 

@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg as dense
 from scipy import sparse
 
-from fastbeam import eigen
+from fastbeam import eigen, inertia
 from fastbeam.eigen import Pencil, Shifted, SingularError, lowest
 from fastbeam.linsolve import SuperLU
 from fastbeam.saddle import Saddle
@@ -146,11 +146,43 @@ def test_negative_eigenvalues_are_counted_as_pivots_of_a_band(shift: float) -> N
     whole = whole.reshape(n * size, n * size)
     values = np.linalg.eigvalsh(0.5 * (whole + whole.T))
     solver = SuperLU(rows, columns, n, size)
-    assert solver._clear_signs(blocks) == (int(np.sum(values < 0.0)), 0) == solver.signs(blocks, True)
-    assert Saddle(sparse.csr_matrix(whole), np.zeros(n * size, bool)).signs() == (int(np.sum(values < 0.0)), 0)
+    saddle = Saddle(sparse.csr_matrix(whole), np.zeros(n * size, bool))
+    assert inertia.Signs(inertia.Entries(saddle.matrix)).clear() == (int(np.sum(values < 0.0)), 0) == saddle.signs() == solver.signs(blocks, True)
 
 
 def test_a_small_pivot_of_a_band_is_left_to_others() -> None:
     matrix = sparse.csr_matrix(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]))
     saddle = Saddle(matrix, np.zeros(3, bool))
-    assert saddle._clear_signs() is None and saddle.signs() == (1, 0)
+    assert inertia.Signs(inertia.Entries(saddle.matrix)).clear() is None and saddle.signs() == (1, 0)
+
+
+@pytest.mark.parametrize("narrow", [True, False])
+def test_signs_of_a_determinant_and_skew_parts_of_bands_and_others(narrow: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    draw = np.random.default_rng(7)
+    if not narrow:
+        monkeypatch.setattr(inertia, "WIDEST", -1)
+    seen = set()
+    for n, width in ((1, 0), (6, 5), (40, 3), (41, 7)):
+        for _ in range(6):
+            whole = np.where(np.abs(np.subtract.outer(np.arange(n), np.arange(n))) <= width, draw.standard_normal((n, n)), 0.0)
+            signs, scale = inertia.Signs(inertia.Entries(sparse.csr_matrix(whole))), draw.uniform(0.5, 2.0, n)
+            assert (signs._whole is not None) == narrow
+            seen.add(signs.determinant())
+            assert signs.determinant() == np.linalg.slogdet(whole)[0]
+            np.testing.assert_allclose(signs.skew(scale), np.max(np.abs(whole - whole.T) * np.outer(scale, scale)), rtol=1e-14)
+    assert seen == {1, -1}
+    assert inertia.Signs(inertia.Entries(sparse.csr_matrix(np.diag([1.0, 0.0])))).determinant() == 0
+
+
+@pytest.mark.parametrize("pivot", [-3e-7, -1e-9, 3e-7])
+def test_an_unsymmetric_matrix_is_positive_where_its_symmetric_part_is(pivot: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    # the last pivot is what a soft end of a beam leaves; a skew part beside it, with a positive determinant
+    whole = np.diag(np.ones(5))
+    whole[3, 4] = whole[4, 3] = np.sqrt(1.0 - pivot)
+    whole[0, 1], whole[1, 0] = 0.4, -0.4
+    whole[2, 4], whole[4, 2] = 0.1, -0.1
+    sure: list[float] = []
+    monkeypatch.setattr(inertia, "inertia", lambda matrix, whole=inertia.inertia: sure.append(0.0) or whole(matrix))
+    assert Saddle(sparse.csr_matrix(whole), np.zeros(5, bool)).signs(False) == ((0, 0) if pivot > 0.0 else None)
+    # a negative pivot that is no round-off decides without the eigenvalues
+    assert bool(sure) == (pivot > -1e-8)
