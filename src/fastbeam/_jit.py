@@ -32,8 +32,8 @@ from ._folder import cache_folder
 F = TypeVar("F", bound=Callable[..., Any])
 
 __all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background",
-           "compile_counts", "compiled_force", "compiled_law", "compiled_tension", "compiled_wind", "inlined", "kernel",
-           "link_library", "one_variant", "separate", "work"]
+           "compile_counts", "compiled_force", "compiled_law", "compiled_slopes", "compiled_tension", "compiled_tension_slopes",
+           "compiled_wind", "inlined", "kernel", "link_library", "one_variant", "separate", "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -233,6 +233,32 @@ def compiled_tension(law: Callable[..., float], n: int) -> tuple[Any, Any]:
     @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
     def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
         carray(found, (1,))[0] = inner(t, given[0], given[1], carray(parameters, (n,)))
+    return entry, inner
+
+
+def compiled_slopes(derivative: Callable[..., None], n: int) -> tuple[Any, Any]:
+    """The derivative of a law of a user force, as `compiled_force`."""
+    from numba import carray, types
+    inner, pointer = numba.njit(error_model="numpy")(derivative), types.CPointer(types.float64)
+
+    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
+    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
+        x = carray(given, (18,))
+        inner(t, x[:3], x[3:12].reshape((3, 3)), x[12:15], x[15:18], carray(parameters, (n,)), carray(found, (6, 18)))
+    return entry, inner
+
+
+def compiled_tension_slopes(derivative: Callable[..., tuple[float, float]], n: int) -> tuple[Any, Any]:
+    """The derivative of a law of a force along a line, as `compiled_force`."""
+    from numba import carray, types
+    inner, pointer = numba.njit(error_model="numpy")(derivative), types.CPointer(types.float64)
+
+    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
+    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
+        by_length, by_rate = inner(t, given[0], given[1], carray(parameters, (n,)))
+        out = carray(found, (2,))
+        out[0] = by_length
+        out[1] = by_rate
     return entry, inner
 
 

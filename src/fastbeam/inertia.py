@@ -1,7 +1,7 @@
 """Signs of the eigenvalues of sparse matrices: how many directions of an equilibrium are unstable, and how many free.
 
-They are the signs of the pivots of a symmetric matrix (Sylvester's law of inertia), and the sign of the determinant where a matrix
-is not symmetric. Matrices of a small bandwidth are factored as bands, others by SuperLU.
+They are the signs of the pivots of a symmetric matrix (Sylvester's law of inertia), and the sign of the determinant where a
+matrix is not symmetric. Matrices of a small bandwidth are factored as bands, others by SuperLU.
 """
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ._jit import compiled_force, compiled_tension, compiled_wind
+from ._jit import compiled_force, compiled_slopes, compiled_tension, compiled_tension_slopes, compiled_wind
 from .arguments import shown
 from .errors import SceneError
 from .kernels.drag import NoWind, Wind
@@ -61,11 +61,12 @@ class Loaded:
         addresses = []
         for k, force in enumerate(self.forces):
             address, compiled = compiled_law(force)
-            try_law(force, compiled, q[self.node[np.argmax(self.of == k)]])
-            addresses.append(address)
+            at = q[self.node[np.argmax(self.of == k)]]
+            try_law(force, compiled, at)
+            addresses.append((address, slopes_of(force, compiled, _given(at))))
         return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, starts[self.of],
                           np.concatenate([np.zeros(0), *(force.parameters for force in self.forces)]), np.array([place]),
-                          Laws(np.array(addresses, np.int64)[self.of]), law_work())
+                          _laws(addresses, self.of), law_work())
 
 
 def line_forces(ends: Any) -> LineForces:
@@ -85,10 +86,9 @@ def line_forces(ends: Any) -> LineForces:
         address, compiled = compiled_law(force)
         given = 0.0, length, 0.0, np.array(force.parameters)
         _agree(force.label, [np.array([_called(force.label, function, given)]) for function in (force.law, compiled)], "tension")
-        addresses.append(address)
+        addresses.append((address, slopes_of(force, compiled, np.array([length, 0.0]))))
     parameters = np.concatenate([np.zeros(0), *(force.parameters for force in ends.parts)])
-    return LineForces(ends.node, ends.row, ends.block, ends.place, starts, parameters, Laws(np.array(addresses, np.int64)),
-                      law_work())
+    return LineForces(ends.node, ends.row, ends.block, ends.place, starts, parameters, _laws(addresses), law_work())
 
 
 def force_elements(ends: Any) -> ForceElements:
@@ -109,11 +109,121 @@ def force_elements(ends: Any) -> ForceElements:
     addresses = []
     for part, place in zip(parts, start):
         address, compiled = compiled_law(part)
-        try_law(part, compiled, np.concatenate((place[None], np.eye(3))))
-        addresses.append(address)
+        at = np.concatenate((place[None], np.eye(3)))
+        try_law(part, compiled, at)
+        addresses.append((address, slopes_of(part, compiled, _given(at))))
     parameters = np.concatenate([np.zeros(0), *(part.parameters for part in parts)])
     return ForceElements(node, ends.row, ends.block, ends.place, turn.reshape(-1), starts, parameters,
-                         Laws(np.array(addresses, np.int64)), law_work())
+                         _laws(addresses), law_work())
+
+
+def _laws(addresses: list[tuple[int, int]], of: Array | None = None) -> Laws:
+    """Of laws and their derivatives; of: which of them, one after the other without it."""
+    both = np.array(addresses, np.int64).reshape(-1, 2)
+    both = both if of is None else both[of]
+    return Laws(both[:, 0].copy(), both[:, 1].copy())
+
+
+def _given(q: Array) -> Array:
+    """What a law is given, [18], of a node with coordinates [4, 3] at rest."""
+    return np.concatenate((q.reshape(-1), np.zeros(6)))
+
+
+def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Array) -> int:
+    """Address of the derivative of a law, 0 where it has none; law: compiled, as in Python.
+
+    Raises
+    ------
+    SceneError
+        numba cannot compile it, it fails, or it is not the derivative of the law.
+    """
+    if force.derivative is None:
+        return 0
+    who, n = f"{force.kind} {force.name!r}", force.parameters.size
+    on_line = isinstance(force, LineForce)
+    try:
+        entry, compiled = (_tension_slopes if on_line else _slopes)(force.derivative, n)
+        address = int(entry.address)
+    except Exception as failed:
+        text = " ".join(str(failed).split())[:300]
+        raise SceneError(f"{who}: numba cannot compile its derivative ({text}); use numbers, indices, loops, math and numpy "
+                         "functions") from failed
+    check_slopes(who, law, compiled, given, np.array(force.parameters), on_line)
+    return address
+
+
+def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: Array, on_line: bool) -> None:
+    """Refuse a derivative that is not finite at the start, or not that of the law there with some velocity. At a kink of the law
+    it may be what it is on either side, or between.
+
+    Raises
+    ------
+    SceneError
+    """
+    rates = slice(1, 2) if on_line else slice(12, 18)
+    for speed in (0.0, 0.1):
+        at = given.copy()
+        at[rates] += speed * np.linspace(1.0, 0.5, at[rates].size)
+        try:
+            with np.errstate(all="ignore"):
+                found = _derivative(derivative, at, parameters, on_line)
+        except Exception as failed:
+            raise SceneError(f"{who}: its derivative failed at the start, {type(failed).__name__}: "
+                             f"{str(failed)[:200]}") from failed
+        base = _law(law, at, parameters, on_line)
+        for j in range(at.size):
+            size = 1e-6 * max(1e-3, abs(at[j]))
+            sides = []
+            for step in (-size, size):
+                moved = at.copy()
+                moved[j] += step
+                sides.append((_law(law, moved, parameters, on_line) - base) / step)
+            # of differences on one side: their curvature and round-off
+            slack = 1e-3 * np.max(np.abs(sides)) + 1e-13 * np.max(np.abs(base)) / size
+            low, high = np.minimum(*sides) - slack, np.maximum(*sides) + slack
+            # slopes of speeds vanish at rest
+            wrong = ~((found[:, j] >= low) & (found[:, j] <= high) if speed else np.isfinite(found[:, j]))
+            if wrong.any():
+                i = int(np.argmax(wrong))
+                what, by = ("tension", ("length", "rate")[j]) if on_line else (_name(i, FOUND_NAMES), _name(j, GIVEN_NAMES))
+                raise SceneError(f"{who}: its derivative gives {found[i, j]:.6g} for the change of {what} with {by}, differences "
+                                 f"of its law give {0.5 * (sides[0][i] + sides[1][i]):.6g}; correct it, or leave derivative= out")
+
+
+GIVEN_NAMES, FOUND_NAMES = ("position", "directors", "velocity", "spin"), ("force", "moment")
+
+
+def _name(at: int, names: tuple[str, ...]) -> str:
+    """Of a number among three of each, nine of directors."""
+    for name in names:
+        size = 9 if name == "directors" else 3
+        if at < size:
+            return f"{name}[{at // 3}, {at % 3}]" if size == 9 else f"{name}[{at}]"
+        at -= size
+    raise IndexError(at)
+
+
+def _law(law: Any, given: Array, parameters: Array, on_line: bool) -> Array:
+    """What it gives, [6] or [1]."""
+    if on_line:
+        return np.array([law(0.0, given[0], given[1], parameters)])
+    out = np.zeros(6)
+    law(0.0, *_parts_of(given), parameters, out[:3], out[3:])
+    return out
+
+
+def _derivative(derivative: Any, given: Array, parameters: Array, on_line: bool) -> Array:
+    """What it gives, [6, 18] or [1, 2]."""
+    if on_line:
+        return np.array([derivative(0.0, given[0], given[1], parameters)], dtype=float)
+    out = np.zeros((6, 18))
+    derivative(0.0, *_parts_of(given), parameters, out)
+    return out
+
+
+def _parts_of(given: Array) -> tuple[Array, ...]:
+    """Position, directors, velocity and spin."""
+    return given[:3].copy(), given[3:12].reshape(3, 3).copy(), given[12:15].copy(), given[15:].copy()
 
 
 def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
@@ -144,6 +254,7 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
 
 
 _compiled, _tension, _blowing = cache(compiled_force), cache(compiled_tension), cache(compiled_wind)
+_slopes, _tension_slopes = cache(compiled_slopes), cache(compiled_tension_slopes)
 
 
 def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
@@ -181,7 +292,7 @@ def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
         addresses[k] = address
     starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
     parameters = np.concatenate([np.zeros(0), *(drag.parameters for drag in drags)])
-    return Wind(Laws(addresses[part]), starts[part], parameters, law_work())
+    return Wind(Laws(addresses[part], np.zeros(part.size, np.int64)), starts[part], parameters, law_work())
 
 
 def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:

@@ -147,7 +147,8 @@ def test_negative_eigenvalues_are_counted_as_pivots_of_a_band(shift: float) -> N
     values = np.linalg.eigvalsh(0.5 * (whole + whole.T))
     solver = SuperLU(rows, columns, n, size)
     saddle = Saddle(sparse.csr_matrix(whole), np.zeros(n * size, bool))
-    assert inertia.Signs(inertia.Entries(saddle.matrix)).clear() == (int(np.sum(values < 0.0)), 0) == saddle.signs() == solver.signs(blocks, True)
+    exact = int(np.sum(values < 0.0)), 0
+    assert inertia.Signs(inertia.Entries(saddle.matrix)).clear() == exact == saddle.signs() == solver.signs(blocks, True)
 
 
 def test_a_small_pivot_of_a_band_is_left_to_others() -> None:

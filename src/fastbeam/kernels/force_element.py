@@ -18,7 +18,7 @@ from .algebra import call_force, cross, dot
 from .joint_conditions import direction
 from .kinds import add_to, position, zero_vector
 from .terms import account, assemble, spread_nodes
-from .user_force import FOUND, GIVEN, INCREMENT, KEPT, OTHER, RATES, TIME, WRENCH, Laws, displace
+from .user_force import (FOUND, GIVEN, INCREMENT, KEPT, ORIGIN, OTHER, RATES, SLOPES, TIME, WRENCH, Laws, displace, find_slopes)
 
 
 class ForceElements(NamedTuple):
@@ -59,16 +59,23 @@ def give_both(term, k, q0, q1, h, dofs):
 
 
 @kernel
-def evaluate_both(term, k, q0, q1, h, dofs):
-    """Force and moment on a, then on b, in space, into the work array."""
+def evaluate_both(term, k, q0, q1, h, dofs, is_linear):
+    """Force and moment on a, then on b, in space, into the work array; of the law, or of its linear form about the origin."""
     w = term.work
     give_both(term, k, q0, q1, h, dofs)
-    for i in range(6):
-        w[FOUND + i] = 0.0
     for i in range(12):
         w[WRENCH + i] = 0.0
-    base = w.ctypes.data
-    call_force(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * FOUND)
+    if is_linear:
+        for i in range(6):
+            w[FOUND + i] = w[ORIGIN + 18 + i]
+            for j in range(18):
+                w[FOUND + i] += w[SLOPES + 18 * i + j] * (w[GIVEN + j] - w[ORIGIN + j])
+    else:
+        for i in range(6):
+            w[FOUND + i] = 0.0
+        base = w.ctypes.data
+        call_force(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k],
+                   base + 8 * FOUND)
     force, moment = zero_vector(dofs), zero_vector(dofs)
     for i in range(3):
         axis = 0.5 * (direction.call(dofs, term, k, 0, i, q0) + direction.call(dofs, term, k, 0, i, q1))
@@ -83,9 +90,11 @@ def evaluate_both(term, k, q0, q1, h, dofs):
 
 
 @kernel
-def add_slopes(term, k, side, system, h):
-    """The derivative by the end of the step of one node, by central differences."""
+def add_differences(term, k, side, system, h):
+    """The derivative by the end of the step of one node, by central differences; of the law in its linear form where its
+    derivative is given."""
     work, w = system.work, term.work
+    is_linear = term.laws.slopes[k] != 0
     q0, q1, o, turn = system.state.q, work.q_end, 12 * term.node[k, side], term.work[KEPT:]
     for j in range(12):
         turn[9 + j] = q1[o + j]
@@ -94,13 +103,13 @@ def add_slopes(term, k, side, system, h):
     for c in range(6):
         size = INCREMENT * (system.length if c < 3 else 1.0)
         displace(q1, o, c, size, turn)
-        evaluate_both(term, k, q0, q1, h, system.dofs)
+        evaluate_both(term, k, q0, q1, h, system.dofs, is_linear)
         for i in range(12):
             w[OTHER + i] = w[WRENCH + i]
         for j in range(12):
             q1[o + j] = turn[9 + j]
         displace(q1, o, c, -size, turn)
-        evaluate_both(term, k, q0, q1, h, system.dofs)
+        evaluate_both(term, k, q0, q1, h, system.dofs, is_linear)
         for j in range(12):
             q1[o + j] = turn[9 + j]
         for i in range(12):
@@ -113,11 +122,16 @@ def add_slopes(term, k, side, system, h):
 def assemble_force_elements(term, method, system, h):
     work, w = system.work, term.work
     for k in range(term.place.shape[0]):
-        evaluate_both(term, k, system.state.q, work.q_end, h, system.dofs)
+        evaluate_both(term, k, system.state.q, work.q_end, h, system.dofs, False)
         for i in range(12):
             work.r[8 * term.row[k, i // 6] + i % 6] -= w[WRENCH + i]
+        if term.laws.slopes[k] != 0:
+            find_slopes(term, k)
+            # what was given and found stands side by side
+            for i in range(24):
+                w[ORIGIN + i] = w[GIVEN + i]
         for side in range(2):
-            add_slopes(term, k, side, system, h)
+            add_differences(term, k, side, system, h)
 
 
 @account.register(ForceElements)
@@ -130,7 +144,7 @@ def account_force_elements(term, system, h):
             # where the last increment led them
             n = term.node[k, side]
             spread_nodes.call(system.dofs, system.method, state, work, h, n, n + 1)
-        evaluate_both(term, k, state.q, work.q_end, h, system.dofs)
+        evaluate_both(term, k, state.q, work.q_end, h, system.dofs, False)
         total = 0.0
         for side in range(2):
             n = term.node[k, side]

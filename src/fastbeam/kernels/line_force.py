@@ -17,7 +17,7 @@ from .._jit import kernel
 from .algebra import call_force, dot
 from .spring import add_pair, difference
 from .terms import account, assemble, spread_nodes
-from .user_force import FOUND, GIVEN, INCREMENT, TIME, Laws
+from .user_force import FOUND, GIVEN, INCREMENT, SLOPES, TIME, Laws, find_slopes
 
 
 class LineForces(NamedTuple):
@@ -59,9 +59,13 @@ def assemble_lines(lines, method, system, h):
         before, after = dot(start, start)**0.5, dot(end, end)**0.5
         both = before + after
         tension = tension_at(lines, k, 0.5 * both, over * (after - before))
-        size = INCREMENT * both
-        slope = (tension_at(lines, k, 0.5 * (both + size), over * (after + size - before))
-                 - tension_at(lines, k, 0.5 * (both - size), over * (after - size - before))) / (2.0 * size)
+        if lines.laws.slopes[k] != 0:
+            find_slopes(lines, k)
+            slope = 0.5 * lines.work[SLOPES] + over * lines.work[SLOPES + 1]
+        else:
+            size = INCREMENT * both
+            slope = (tension_at(lines, k, 0.5 * (both + size), over * (after + size - before))
+                     - tension_at(lines, k, 0.5 * (both - size), over * (after - size - before))) / (2.0 * size)
         share = 2.0 * tension / both
         add_pair(lines, k, share * mean, 0.5 * share, ((2.0 * slope - share) / (both * after)) * mean, end, work, dofs)
 

@@ -17,8 +17,9 @@ from .algebra import call_force
 from .terms import account, assemble, put_loads, spread_nodes
 
 # places in the work array: time, factor of the loads, what a law is given, force and moment, rates; then what differences keep:
-# triads, coordinates, force and moment; of force elements what acts on both nodes, twice, and rates of their rotation
-TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SIZE = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97
+# triads, coordinates, force and moment; of force elements what acts on both nodes, twice, and rates of their rotation; slopes of
+# the six numbers that a law finds by the 18 that it is given, and where these are taken
+TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SLOPES, ORIGIN, SIZE = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97, 205, 229
 # increments of differences, of positions relative to the size of the scene, and of turns
 INCREMENT = 1e-6
 
@@ -27,6 +28,7 @@ class Laws(NamedTuple):
     """Addresses of compiled functions (double t, double *given, double *parameters, double *found)."""
 
     address: np.ndarray    # int64 [K]
+    slopes: np.ndarray     # int64 [K]: of their derivatives, 0 where these are taken by differences
 
 
 class UserForces(NamedTuple):
@@ -109,7 +111,49 @@ def assemble_user_forces(term, method, system, h):
         evaluate(term, k, system.state.q, work.q_end, h)
         for i in range(6):
             work.r[8 * term.row[k] + i] -= factor * w[FOUND + i]
-        add_differences(term, k, factor, system, h)
+        if term.laws.slopes[k] == 0:
+            add_differences(term, k, factor, system, h)
+        else:
+            add_slopes(term, k, factor, system, h)
+
+
+@kernel
+def find_slopes(term, k):
+    """The derivative of law k by what it was given, [6, 18] into the work array."""
+    w = term.work
+    for i in range(108):
+        w[SLOPES + i] = 0.0
+    base = w.ctypes.data
+    call_force(term.laws.slopes[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * SLOPES)
+
+
+@kernel
+def add_slopes(term, k, factor, system, h):
+    """The derivative by the end of the step, from that of the law: position and directors enter as means of both ends, the spin
+    is half the sum of D_a x (d_a at the end - d_a at the start) / h."""
+    work, w = system.work, term.work
+    q0, q1, o = system.state.q, work.q_end, 12 * term.node[k]
+    over = 1.0 / h if h != 0.0 else 0.0
+    find_slopes(term, k)
+    for i in range(6):
+        s = SLOPES + 18 * i
+        to = 48 * term.block[k] + 8 * i
+        for c in range(3):
+            change = 0.5 * w[s + c] + over * w[s + 12 + c]
+            # d_a at the end changes by e_c x d_a, of which components n and m = c + 1, c + 2 are -d_m and d_n
+            n, m = (c + 1) % 3, (c + 2) % 3
+            turn = 0.0
+            for a in range(3):
+                p = o + 3 + 3 * a
+                x, y = -q1[p + m], q1[p + n]
+                turn += 0.5 * (w[s + 3 + 3 * a + n] * x + w[s + 3 + 3 * a + m] * y)
+                # of the spin, twice: (e_c x d_a) / 2 x the rate of d_a, and D_a x (e_c x d_a) / h
+                r, u, v = over * (q1[p + c] - q0[p + c]), over * (q1[p + n] - q0[p + n]), over * (q1[p + m] - q0[p + m])
+                d, e, f = (w[GIVEN + 3 + 3 * a + c], w[GIVEN + 3 + 3 * a + n], w[GIVEN + 3 + 3 * a + m])
+                turn += 0.5 * (w[s + 15 + c] * (0.5 * (x * v - y * u) + over * (e * y - f * x))
+                               + w[s + 15 + n] * (0.5 * y * r - over * d * y) + w[s + 15 + m] * (over * d * x - 0.5 * x * r))
+            work.blocks[to + c] -= factor * change
+            work.blocks[to + 3 + c] -= factor * turn
 
 
 @kernel

@@ -18,10 +18,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SIGNATURE = "(t, position, rotation, velocity, spin, parameters, force, moment)"
+DERIVATIVE = "(t, position, rotation, velocity, spin, parameters, out)"
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a force element has two ends, write one for every pair"),
-         law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"), directors=Rotation())
+         law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"), directors=Rotation(),
+         derivative=Function(DERIVATIVE))
 @dataclass(frozen=True, eq=False)
 class ForceElement(Link):
     """A force and a moment between two points with triads by a function that is compiled into the step: tyres, mounts, couplings.
@@ -34,10 +36,9 @@ class ForceElement(Link):
     position of b as seen from a [3] (m) and of the matrix of its rotation [3, 3] (columns: the axes that b carries, equal to
     those of a at t = 0), the rate of that position [3] (m/s) and the relative spin [3] (rad/s), as somebody on a sees them.
     It writes force[:] (N) and moment[:] (N m) on b, in the same axes, both 0 when it is called. At the point of b the
-    opposite acts on a, so that both momenta stay (theory.md (4.33)). Its derivatives are taken by differences; what it takes
-    from the energy, elastic or not, is `work taken by ...` in `Result.balance`. In space, with conserving steps, of order 4
-    by two runs; in statics, also in `solve_path`, velocity and spin are 0, and it acts in full at every load factor, as
-    springs do.
+    opposite acts on a, so that both momenta stay (theory.md (4.33)). What it takes from the energy, elastic or not, is
+    `work taken by ...` in `Result.balance`. In space, with conserving steps, of order 4 by two runs; in statics, also in
+    `solve_path`, velocity and spin are 0, and it acts in full at every load factor, as springs do.
 
     Parameters
     ----------
@@ -49,6 +50,10 @@ class ForceElement(Link):
         Numbers for the law. Another law or other numbers compile no other part of the step again.
     directors : array_like (3, 3), optional
         The axes as rows, directions in space at t = 0; default: x, y, z.
+    derivative : callable, optional
+        The derivative of the law, called as `derivative(t, position, rotation, velocity, spin, parameters, out)`: it writes
+        out[i, j] (6, 18), 0 when it is called, how number i of (force, moment) changes with number j of (position, rotation row
+        by row, velocity, spin), each for itself. Default: by differences. It is compared with them at the start.
 
     Raises
     ------
@@ -73,6 +78,7 @@ class ForceElement(Link):
     law: Callable[..., None] | None = None
     parameters: ArrayLike = ()
     directors: FilledArray = None
+    derivative: Callable[..., None] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

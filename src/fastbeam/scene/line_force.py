@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a force has two ends, write one for every pair"),
-         law=Function("(t, length, rate, parameters)"), parameters=Numbers((None,), "a list of numbers for the law"))
+         law=Function("(t, length, rate, parameters)"), parameters=Numbers((None,), "a list of numbers for the law"),
+         derivative=Function("(t, length, rate, parameters)"))
 @dataclass(frozen=True, eq=False)
 class LineForce(Link):
     """A force along the line of two points by a function that is compiled into the step: actuators, buffers, muscles.
@@ -29,9 +30,9 @@ class LineForce(Link):
 
     with the time in the middle of a step (s), the mean of the lengths at both of its ends (m) and their difference over the step
     (m/s). Tension (N) pulls both points together with the same force, so that momenta stay. Linear springs and dampers come out
-    as `Spring` and `Damper` to round-off (theory.md (4.29)). Its derivatives are taken by differences; what it takes from the
-    energy, elastic or not, is `work taken by ...` in `Result.balance`. In space and in a plane, with conserving steps, of order 4
-    by two runs; in statics, also in `solve_path`, the rate is 0, and it acts in full at every load factor, as springs do.
+    as `Spring` and `Damper` to round-off (theory.md (4.29)). What it takes from the energy, elastic or not, is
+    `work taken by ...` in `Result.balance`. In space and in a plane, with conserving steps, of order 4 by two runs; in statics,
+    also in `solve_path`, the rate is 0, and it acts in full at every load factor, as springs do.
 
     Parameters
     ----------
@@ -41,6 +42,9 @@ class LineForce(Link):
     law : callable
     parameters : array_like [n]
         Numbers for the law. Another law or other numbers compile no other part of the step again.
+    derivative : callable, optional
+        The derivative of the law, called as the law; it returns how the tension changes with length (N/m) and rate (N s/m).
+        Default: by differences. It is compared with them at the start.
 
     Raises
     ------
@@ -64,6 +68,7 @@ class LineForce(Link):
     _: KW_ONLY
     law: Callable[..., float] | None = None
     parameters: ArrayLike = ()
+    derivative: Callable[..., tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

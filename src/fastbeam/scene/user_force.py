@@ -16,6 +16,7 @@ from fastbeam.scene.parts import Node
 
 Array = np.ndarray
 SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)"
+DERIVATIVE = "(t, position, directors, velocity, spin, parameters, out)"
 
 
 class NodeOrBeam:
@@ -26,7 +27,7 @@ class NodeOrBeam:
 
 
 @checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"),
-         dissipates=Flag())
+         dissipates=Flag(), derivative=Function(DERIVATIVE))
 @noun
 class UserForce:
     """A force and a moment on a node or body, or per length along a beam, by a function that is compiled into the step.
@@ -37,8 +38,8 @@ class UserForce:
 
     with the time in the middle of a step (s), means of both ends of the step of position [3] (m) and directors [3, 3] (rows d1,
     d2, d3), mean velocity [3] (m/s) and spin [3] (rad/s), and `parameters`. It writes force[:] (N, along a beam N/m) and
-    moment[:] (N m, N m/m), both 0 when it is called. Its derivatives are taken by differences; its work is among the loads of
-    `Result.balance`. Scenes with such forces run in space, with the conserving step.
+    moment[:] (N m, N m/m), both 0 when it is called. Its work is among the loads of `Result.balance`. Scenes with such forces
+    run in space, with the conserving step.
 
     Parameters
     ----------
@@ -50,6 +51,10 @@ class UserForce:
         Numbers for the law. Another law or other numbers compile no other part of the step again.
     dissipates : bool
         False for a law of time, position and directors alone, with which order 4 takes one run instead of two.
+    derivative : callable, optional
+        The derivative of the law, called as `derivative(t, position, directors, velocity, spin, parameters, out)`: it writes
+        out[i, j] (6, 18), 0 when it is called, how number i of (force, moment) changes with number j of (position, directors
+        row by row, velocity, spin), each for itself. Default: by differences. It is compared with them at the start.
 
     Raises
     ------
@@ -75,6 +80,7 @@ class UserForce:
     _: KW_ONLY
     parameters: ArrayField = ()
     dissipates: bool = True
+    derivative: Callable[..., None] | None = None
 
     def __post_init__(self) -> None:
         checks.fill(self, parameters=np.array(self.parameters, dtype=float))
