@@ -34,7 +34,7 @@ from .model import Model
 from .outcome import Outcome
 from .released import own_supports
 from .starting import own_state
-from .twisting import check_twist, start_twisting
+from .twisting import start_twisting
 from .workspace import check_border, contact_of, entries_of, factored_contact_of, inner_of, law_work, work_of
 
 Array = np.ndarray
@@ -134,7 +134,6 @@ class Stepper:
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size)
-        check_twist(model, static)
         if model.moving is not None:
             model.moving.check(method.name if compared else None, static)
         if core.motions is not None and core.motions.rows.size:

@@ -34,7 +34,6 @@ from .starting import check_start
 from .static_sliders import SlidingSolver
 from .statics import START, TOLD, WHERE, check_slider_forces
 from .supports import check_supports
-from .twisting import check_twist
 from .winches import refuse_winches
 
 Array = np.ndarray
@@ -114,7 +113,6 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     refuse_added("relax", model, "no equilibrium depends on it; leave it out")
     check_backend(backend)
     check_at_rest("relax", model.motions)
-    check_twist(model, True)
     if model.released is not None:
         raise SceneError("relax: a support lets go or takes hold (until=, since=); leave that out for the equilibrium, or run in "
                          "time")

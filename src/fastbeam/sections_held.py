@@ -26,6 +26,12 @@ class Section(NamedTuple):
     axes: Array     # float64 [3, 3]: D_1, D_2, D_3
     pairs: int      # 3, or 2 where the twist is free
 
+    def turned_by(self, angle: float) -> Section:
+        """The same with D_2, D_3 turned about D_1, so that the section at this angle is held there."""
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+        return self._replace(turn=turn @ self.turn, axes=turn @ self.axes, pairs=3)
+
     def values(self, derivative: int = 0) -> Array:
         """D_i . d_j [P], or a derivative of them by s."""
         d = np.einsum("a,ajc->jc", self.shapes[derivative], self.d)

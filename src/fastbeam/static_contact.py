@@ -99,6 +99,8 @@ class StaticContacts:
         at = (12 * np.unique(ends)[:, None] + np.arange(12)).reshape(-1)
         # what joints are given, in their order; None: they stay
         self.given: Array | None = None
+        # of sections that friction holds in their sleeves, by the number of the sleeve, rad
+        self.angles: dict[int, float] = {}
         # which of those that friction or rigid stops may hold are free, None: none
         self.loose: Array | None = None
         self._joint_ties, self._joint_nodes = reduced(sparse.csr_matrix(
@@ -258,6 +260,7 @@ class StaticContacts:
         assert self._s is not None
         for o, ((k, _), section) in enumerate(zip(model.sleeve_pairs, sections(model, self._s, q.reshape(-1, 4, 3)))):
             mine = force[at + count * o:at + count * (o + 1)]
+            section = section.turned_by(self.angles[o]) if o in self.angles else section
             within = np.eye(section.pairs) if self.axes is None else model.plane.moments[o:o + 1, :section.pairs]
             out.append((int(k), section, within, mine if self.axes is None else mine[0] * model.plane.moments[o]))
         return out

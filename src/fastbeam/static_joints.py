@@ -1,6 +1,8 @@
-"""Friction and rigid stops of joints in equilibria (theory.md 8): which coordinates rest, and where the others come to rest.
+"""Friction and rigid stops of joints, and friction of beams that turn in sleeves, in equilibria (theory.md 8): which
+coordinates rest, and where the others come to rest.
 
-Every such coordinate x is held at a place in each equilibrium; G is the force that holds it. It rests where |G| <= G_max, or
+Every such coordinate x, of a joint or the angle of a section in its sleeve, is held at a place in each equilibrium; G is the
+force that holds it. It rests where |G| <= G_max, or
 where a rigid stop is pushed. One that does not goes to where G = -sigma G_max, (8.5), sigma the direction in which it slips: from
 place to place by Newton's method on G(x), downhill, with dG/dx from the equations of the equilibrium.
 """
@@ -10,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .kernels import twist as twists
 from .kernels.joint_coordinates import VALUE
 from .kernels.joint_friction import AGAINST, SIGN, STICKS
 from .kernels.step import NOT_CONVERGED, OK
+from .sections_held import sections
+from .twisting import angle_of
 
 if TYPE_CHECKING:
     from .static_sliders import SlidingSolver
@@ -27,46 +32,41 @@ RESERVE = 1e-5
 MOST_ROUNDS, MOST_HALVES, MOST_CHANGES = 100, 8, 4
 
 
-class StaticJoints:
-    """R coordinates of joints with friction or rigid stops in the equilibria of a solver.
+class JointCoordinates:
+    """R coordinates of joints with friction or rigid stops.
 
-    Parameters
+    Attributes
     ----------
-    solver : SlidingSolver
+    values : float64 [R]
+        Where they are at first, rad or m.
+    stops, scales : float64 [R, 2], [R]
+        Rigid stops, infinite without, and sizes of coordinates.
+    rows : int64 [R]
+        Where what holds one stands among the forces, -1 where nothing does.
+    has_friction : bool [R]
+    labels : list of str
     """
 
     def __init__(self, solver: SlidingSolver) -> None:
-        self.solver, self.model = solver, solver.stepper.model
+        self.solver = solver
         self.motions = solver.core.motions
         self.holds = holds = self.motions.holds
-        self.left = holds.left_of_rubs()
         state = solver.stepper.core_state
-        self.values = self.motions.own(state.history, solver.core.motion_place)[holds.rubs, VALUE].copy()
         self.stops, self.scales = holds.ends, holds.scales
+        self.values = self.motions.own(state.history, solver.core.motion_place)[holds.rubs, VALUE]
         self.values = np.clip(self.values, *self.stops.T)
-        near = np.abs(self.values[:, None] - self.stops) <= 1e-9 * self.scales[:, None]
-        # -1 or 1: at rest against the first or last stop
-        self.at_stop = np.where(near[:, 1], 1, np.where(near[:, 0], -1, 0))
-        # those that are held whatever that takes
-        self.kept = np.zeros(holds.rubs.size, bool)
         self.has_friction = np.array([holds.parts[k].has_friction for k in holds.rubs], bool)
+        self.labels = [holds.parts[k].label for k in holds.rubs]
         kept = solver.contacts.model.kept
         sizes = [len(solver.contacts._within(link)) for link in kept]
-        dim = solver.core.dim
-        self._begin = dim * solver.core.n_sliders + np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
-        self._first = len(kept) - holds.rubs.size
+        self._begin = solver.core.dim * solver.core.n_sliders + np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
+        self.rows = np.full(holds.rubs.size, -1)
+        left = holds.left_of_rubs()
+        self.rows[left] = self._begin[len(kept) - holds.rubs.size:][:-1][left]
 
-    @property
-    def loose(self) -> Array:
-        """Which are free for small motions: without friction and away from stops, bool [R]."""
-        return ~self.has_friction & (self.at_stop == 0)
-
-    def forces(self) -> Array:
-        """What holds them, N or N m, [R]."""
-        out = np.zeros(self.holds.rubs.size)
-        at = self._begin[self._first:][:-1][self.left]
-        out[self.left] = self.solver.stepper.core_state.force[at]
-        return out
+    def hold(self, values: Array) -> None:
+        """Where equilibria have them from now on."""
+        self.solver.resting = values
 
     def most(self) -> Array:
         """Largest friction under the present forces, [R]."""
@@ -86,11 +86,114 @@ class StaticJoints:
                 out[i] += self.holds.shares[i, j] * float(np.linalg.norm(mine if j == 0 else mine[:2]))
         return out
 
+    def remember(self, values: Array, at_stop: Array) -> None:
+        """Into the history of the state: all rest, by friction or at stops."""
+        state = self.solver.stepper.core_state
+        own = self.holds.numbers(state.history)
+        own[:, SIGN], own[:, AGAINST] = 0.0, at_stop
+        own[:, STICKS] = self.has_friction & (at_stop == 0)
+        self.motions.own(state.history, self.solver.core.motion_place)[self.holds.rubs, VALUE] = values
+
+
+class SectionAngles:
+    """Angles of the sections of beams in R sleeves that rub as they turn; as `JointCoordinates`, in space."""
+
+    def __init__(self, solver: SlidingSolver) -> None:
+        self.solver, self.model = solver, solver.contacts.model
+        state = solver.stepper.core_state
+        self.of = self.model.twisting
+        every = sections(self.model, state.s, state.q.reshape(-1, 4, 3))
+        known = self._numbers(state.history)[:, twists.ANGLE]
+        self.values = np.array([angle_of(every[o], x) for o, x in zip(self.of.tolist(), known.tolist())])
+        self.stops, self.scales = np.tile((-np.inf, np.inf), (self.of.size, 1)), np.ones(self.of.size)
+        self.has_friction = np.ones(self.of.size, bool)
+        names = self.model.names["sliders"]
+        self.sliders = self.model.sleeve_pairs[self.of, 0]
+        self.labels = [f"{names[k]}: twist" for k in self.sliders]
+        self.rows = state.force.size - 3 * len(self.model.sleeve_pairs) + 3 * self.of + 2
+
+    def _numbers(self, history: Array) -> Array:
+        return history[self.model.twist_place:][:twists.TWIST * self.of.size].reshape(-1, twists.TWIST)
+
+    def hold(self, values: Array) -> None:
+        """Where equilibria have them from now on."""
+        self.solver.contacts.angles = dict(zip(self.of.tolist(), values.tolist()))
+
+    def most(self) -> Array:
+        """Largest moment of friction under the present forces, N m [R]."""
+        state = self.solver.stepper.core_state
+        every = sections(self.model, state.s, state.q.reshape(-1, 4, 3))
+        press, _ = self.solver.contacts._edges(state.force)
+        out = np.zeros(self.of.size)
+        for i, (o, k) in enumerate(zip(self.of.tolist(), self.sliders.tolist())):
+            force, axis = state.force[3 * k:3 * k + 3], every[o].axes[0]
+            across = force - (force @ axis) / (axis @ axis) * axis
+            out[i] = self.model.sleeves.twist.arm[o] * (np.linalg.norm(across) + press[k])
+        return out
+
+    def remember(self, values: Array, at_stop: Array) -> None:
+        """Into the history of the state: friction holds all."""
+        own = self._numbers(self.solver.stepper.core_state.history)
+        own[:, twists.ANGLE], own[:, twists.SIGN], own[:, twists.STICKS], own[:, twists.MOST] = values, 0.0, 1.0, self.most()
+
+
+def static_joints(solver: SlidingSolver) -> StaticJoints | None:
+    """Those of a solver, None where nothing has friction or rigid stops."""
+    motions = solver.core.motions
+    parts: list[JointCoordinates | SectionAngles] = []
+    if motions is not None and motions.holds.rubs.size:
+        parts.append(JointCoordinates(solver))
+    # nothing twists in a plane
+    if solver.stepper.plane is None and solver.contacts.model.twisting.size:
+        parts.append(SectionAngles(solver))
+    return StaticJoints(solver, parts) if parts else None
+
+
+class StaticJoints:
+    """R coordinates of joints with friction or rigid stops, and of sections that rub in their sleeves, in the equilibria of a
+    solver.
+
+    Parameters
+    ----------
+    solver : SlidingSolver
+    parts : list of JointCoordinates or SectionAngles
+    """
+
+    def __init__(self, solver: SlidingSolver, parts: list[JointCoordinates | SectionAngles]) -> None:
+        self.solver, self._parts = solver, parts
+        self._cuts = np.cumsum([x.values.size for x in parts])[:-1]
+        self.values, self.stops, self.scales, self.rows, self.has_friction = (
+            np.concatenate([getattr(x, name) for x in parts]) for name in ("values", "stops", "scales", "rows", "has_friction"))
+        near = np.abs(self.values[:, None] - self.stops) <= 1e-9 * self.scales[:, None]
+        # -1 or 1: at rest against the first or last stop
+        self.at_stop = np.where(near[:, 1], 1, np.where(near[:, 0], -1, 0))
+        # those that are held whatever that takes
+        self.kept = np.zeros(self.values.size, bool)
+
+    @property
+    def loose(self) -> Array:
+        """Which of those of joints are free for small motions: without friction and away from stops, bool."""
+        loose = ~self.has_friction & (self.at_stop == 0)
+        return loose[:sum(x.values.size for x in self._parts if isinstance(x, JointCoordinates))]
+
+    def hold(self) -> None:
+        """Have them where they are in the next equilibrium."""
+        for part, values in zip(self._parts, np.split(self.values, self._cuts)):
+            part.hold(values)
+
+    def forces(self) -> Array:
+        """What holds them, N or N m, [R]."""
+        return np.where(self.rows >= 0, self.solver.stepper.core_state.force[self.rows], 0.0)
+
+    def most(self) -> Array:
+        """Largest friction under the present forces, [R]."""
+        return np.concatenate([x.most() for x in self._parts])
+
     def _slopes(self, moving: Array) -> Array | None:
         """dG/dx of the coordinates that move, [n, n]; None where the equations are singular."""
         solver = self.solver
         saddle, right = solver._assembled(solver.sliding)
-        at = self._begin[self._first:][:-1][moving]
+        at = self.rows[moving]
         first = right.size - solver.core.n_forces
         out = np.zeros((moving.size, moving.size))
         for column, row in enumerate(at.tolist()):
@@ -187,11 +290,8 @@ class StaticJoints:
 
     def _remember(self) -> None:
         """Into the history of the state: all rest, by friction or at stops."""
-        state = self.solver.stepper.core_state
-        own = self.holds.numbers(state.history)
-        own[:, SIGN], own[:, AGAINST] = 0.0, self.at_stop
-        own[:, STICKS] = self.has_friction & (self.at_stop == 0)
-        self.motions.own(state.history, self.solver.core.motion_place)[self.holds.rubs, VALUE] = self.values
+        for part, *own in zip(self._parts, np.split(self.values, self._cuts), np.split(self.at_stop, self._cuts)):
+            part.remember(*own)
 
     def margin(self, i: int) -> float:
         """The share of its friction that coordinate i has left; all of it where it is pressed against a rigid stop."""
@@ -205,7 +305,8 @@ class StaticJoints:
         reserve."""
         force, most = self.forces(), self.most()
         out = {}
+        labels = [label for part in self._parts for label in part.labels]
         for i in np.flatnonzero(self.has_friction).tolist():
-            out[self.holds.parts[self.holds.rubs[i]].label] = {
+            out[labels[i]] = {
                 "force": float(force[i]), "cone": float(most[i]), "sticks": bool(abs(force[i]) < most[i] * (1.0 - 2.0 * RESERVE))}
         return out

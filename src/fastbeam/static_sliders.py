@@ -18,7 +18,7 @@ from .model import Model
 from .saddle import Saddle, factors_for
 from .static_along import RESERVE, StaticAlong
 from .static_contact import Border, SaddleMatrix, StaticContacts
-from .static_joints import StaticJoints
+from .static_joints import static_joints
 from .static_motion import coordinates_of
 from .steady import SteadyForces
 
@@ -99,10 +99,9 @@ class SlidingSolver(StaticSolver):
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
         self._gone = 0.0
-        # those that friction or rigid stops may hold
-        self.joints: StaticJoints | None = None
-        if core.motions is not None and core.motions.holds.rubs.size:
-            self.joints = StaticJoints(self)
+        # those that friction or rigid stops may hold, and where those of joints are
+        self.joints, self.resting = static_joints(self), np.zeros(0)
+        if self.joints is not None:
             self.hold_joints()
         # the slider that ran off its beam, and one at a kink of its curve
         self.runaway = self.stuck = -1
@@ -129,7 +128,9 @@ class SlidingSolver(StaticSolver):
     def hold_joints(self) -> None:
         """Where coordinates of joints stand that are given, or that friction and rigid stops hold."""
         given = [] if self.given is None else [(1.0 - self._gone) * self.given[0] + self._gone * self.given[1]]
-        given += [] if self.joints is None else [self.joints.values]
+        if self.joints is not None:
+            self.joints.hold()
+            given.append(self.resting)
         if given:
             self.contacts.given = np.concatenate(given)
 

@@ -33,6 +33,7 @@ from .static_motion import StaticMotion
 from .static_sliders import SlidingSolver
 from .steady import Spin, SteadyForces, Travel, check_steady, which_motion
 from .supports import check_supports
+from .twisting import check_twist
 
 Array = np.ndarray
 TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
@@ -135,11 +136,10 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True, and one whose moments
         leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
         0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
-        (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for all that
-        rubs, sliders and joints, its friction `force`, the most that it could be, `cone`, and whether it `sticks`;
-        `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the others with friction
-        staying where they are; NaN where
-        that is not found.
+        (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for all that rubs,
+        sliders, joints and twists in sleeves ("s: twist"), its friction `force`, the most that it could be, `cone`, and whether
+        it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the others
+        with friction staying where they are; NaN where that is not found.
 
     Raises
     ------
@@ -180,6 +180,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         if steady is not None:
             raise SceneError("solve_static: contacts='exact' knows no steady motion; leave contacts out, or steady")
         check_at_rest("solve_static(contacts='exact')", model.motions, drives=True)
+        check_twist("solve_static(contacts='exact')", model)
         solver = ExactSolver(model, start, max_iterations, stays, backend, at_time or 0.0)
     elif model.n_constraints or steady is not None:
         solver = sliding = SlidingSolver(model, start, max_iterations, stays, None if steady is None else False, backend,
@@ -324,6 +325,8 @@ def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = Fa
         Names the slider and the function that was called.
     """
     forces = model.slider_forces
+    if not rubbing:
+        check_twist(who, model)
     if forces is None:
         return
     off = np.flatnonzero(forces.off_at_start)

@@ -51,8 +51,9 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     model : Model
     slider : str
         One with Coulomb friction, or a joint with friction= or coefficient=; of a joint with several such coordinates one of them
-        as `solve_static` names it in `info["friction"]`, "distance of cylindrical joint 'c'". Where the loads of `load_factor`
-        make it slip, it comes to rest first, which leaves it at the end of its interval.
+        as `solve_static` names it in `info["friction"]`, "distance of cylindrical joint 'c'"; the twist of a beam in the sleeve
+        "s" that rubs with `radius=` is "s: twist". Where the loads of `load_factor` make it slip, it comes to rest first, which
+        leaves it at the end of its interval.
     load_factor : float
         Of the loads of the equilibrium in the interval.
     within : (float, float)
@@ -130,6 +131,9 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
         There is none of that name, or nothing that could hold it.
     """
     names = model.names["sliders"]
+    turning = [f"{names[k]}: twist" for k in model.sleeve_pairs[model.twisting, 0]] if model.twisting.size else []
+    if slider in turning and slider not in names:
+        return _HeldJoint, turning.index(slider) + (0 if model.motions is None else model.motions.holds.rubs.size)
     if slider not in names and model.motions is not None:
         holds = model.motions.holds
         rubs = [holds.parts[k] for k in holds.rubs]

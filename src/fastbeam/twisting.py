@@ -40,18 +40,26 @@ def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[
                  for x in terms if not isinstance(x, Rubbing))
 
 
-def check_twist(model: Model, static: bool) -> None:
-    """Refuse what knows no friction of twist.
+def check_twist(who: str, model: Model) -> None:
+    """Refuse friction of twist in an analysis that does not know it.
 
     Raises
     ------
     SceneError
+        Names the sleeve and the function that was called.
     """
-    if static and model.twisting.size:
+    if model.twisting.size:
         name = model.names["sliders"][model.sleeve_pairs[model.twisting[0], 0]]
-        raise SceneError(f"sleeve {name!r}: radius: equilibria and modes know no friction of a beam that turns in its "
-                         "sleeve, which leaves a range of them; leave radius out, hold the twist by keyed=True, or run until it "
-                         "rests")
+        raise SceneError(f"{who}: sleeve {name!r} rubs on a beam that turns in it (radius=), which this analysis does not know; "
+                         "leave radius out, or hold the twist by keyed=True. Equilibria with it are found by solve_static, or by "
+                         "a run until it rests")
+
+
+def angle_of(section: Section, known: float) -> float:
+    """Angle of a section in its sleeve, rad, of all turns the one next to `known`."""
+    up, across = (float(section.axes[1] @ x) for x in np.einsum("a,ajc->jc", section.shapes[0], section.d)[1:])
+    found = float(np.arctan2(across, up))
+    return found + 2.0 * np.pi * float(np.round((known - found) / (2.0 * np.pi)))
 
 
 def start_twisting(model: Model, history: Array, q: Array, v: Array, s: Array) -> None:
@@ -62,9 +70,7 @@ def start_twisting(model: Model, history: Array, q: Array, v: Array, s: Array) -
     for i, o in enumerate(model.twisting.tolist()):
         own = history[model.twist_place + TWIST * i:][:TWIST]
         section, k = every[o], int(model.sleeve_pairs[o, 0])
-        up, across = (float(section.axes[1] @ x) for x in np.einsum("a,ajc->jc", section.shapes[0], section.d)[1:])
-        found = np.arctan2(across, up)
-        found += 2.0 * np.pi * np.round((own[ANGLE] - found) / (2.0 * np.pi))
+        found = angle_of(section, float(own[ANGLE]))
         if abs(found - own[ANGLE]) > STALE * (1.0 + abs(found)):
             own[ANGLE] = found
         rate = rate_of(model, section, k, q, v, s, own[ANGLE])

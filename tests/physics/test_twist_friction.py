@@ -23,18 +23,19 @@ SOFT = fb.Section(EA=1e5, GA2=1e5, GA3=1e5, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1e-3,
 
 
 def shaft(spin: float = 0.0, torque: float = 0.0, clamped: bool = False, weight: float = WEIGHT, planar: Any = False,
-          **changes: Any) -> fb.Model:
+          time: Any = None, soft_elements: int = 1, **changes: Any) -> fb.Model:
     """A disc on a rod of 1 m, in a sleeve at the disc that is fixed in space and carries a weight; clamped: at the end of a soft
-    rod of 1 m, with 1 N m/rad."""
+    rod of 1 m, with 1 N m/rad; time: of the torque."""
     rod = fb.Beam.straight("rod", (-0.5, 0, 0), (0.5, 0, 0), section=STIFF, elements=2)
-    soft = fb.Beam.straight("soft", (-1.5, 0, 0), (-0.5, 0, 0), section=SOFT, elements=1)
+    soft = fb.Beam.straight("soft", (-1.5, 0, 0), (-0.5, 0, 0), section=SOFT, elements=soft_elements)
     beams = (rod, soft, fb.RigidConnection(soft.end, rod.start), fb.Clamp(soft.start)) if clamped else (rod,)
     disc = fb.RigidBody("disc", mass=1.0, inertia=(INERTIA, 1e-3, 1e-3), position=(0, 0, 0), spin=(spin, 0, 0))
     holder = fb.RigidBody("holder", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0))
     sleeve = fb.Sleeve("s", holder, rod, at=0.5, **{"keyed": False, "length": 0.2, "friction": MU, "radius": RADIUS, **changes})
     return fb.compile_scene(fb.Scene(
         *beams, disc, holder, fb.RigidConnection(disc, rod.node(rod.n_nodes // 2)), fb.Clamp(holder), sleeve,
-        fb.Load("weight", disc.center, force=(0, 0, -weight), moment=(torque, 0, 0)), fb.RigidMotion((rod,), spin=(spin, 0, 0)),
+        fb.Load("weight", disc.center, force=(0, 0, -weight)), fb.Load("torque", disc.center, moment=(torque, 0, 0), time=time),
+        fb.RigidMotion((rod,), spin=(spin, 0, 0)),
         project_velocities=True), planar=planar)
 
 
@@ -134,9 +135,44 @@ def test_supports_take_the_moment_of_friction() -> None:
     np.testing.assert_allclose(result.reaction(name)["moment"][1:, 0], result.slider("s")["twist_moment"][1:], rtol=2e-6)
 
 
-def test_statics_know_no_friction_of_a_twist() -> None:
-    with pytest.raises(fb.SceneError, match="sleeve 's': radius"):
-        fb.solve_static(shaft())
+@pytest.mark.parametrize("torque", [0.2, 0.299, 0.31, -0.8, 2.0])
+def test_in_equilibria_friction_takes_its_limit_from_the_torque(torque: float) -> None:
+    # a bar of 1 N m/rad behind the sleeve
+    result = fb.solve_static(shaft(torque=torque, clamped=True, soft_elements=30))
+    s, twist = result.slider("s"), result.info["friction"]["s: twist"]
+    exact = np.sign(torque) * max(abs(torque) - MOST, 0.0)
+    # half of the rod adds to it; a section that slips comes to rest with 1e-5 of its friction in reserve
+    assert abs(s["twist"][-1] - exact * (1.0 + 0.5 / STIFF.GJ)) < 1.2e-5 * MOST
+    np.testing.assert_allclose(s["twist_moment"][-1], exact - torque, rtol=0.0, atol=1.2e-5 * MOST)
+    assert twist["sticks"] == (abs(torque) < MOST) and twist["cone"] == pytest.approx(MOST, rel=1e-6)
+    assert twist["force"] == pytest.approx(-s["twist_moment"][-1]) and result.info["unstable_directions"] == 0
+
+
+def test_a_slow_history_of_torques_leaves_what_friction_holds() -> None:
+    state, held = None, 0.0
+    for torque in (0.2, 0.5, 0.8, 0.5, 0.3, 1e-3, -0.5, 1e-3, 0.8):
+        model = shaft(torque=torque, clamped=True)
+        result = fb.solve_static(model, **({} if state is None else dict(start=state, raise_loads=False)))
+        state = result.state
+        # the angle follows the torque within a band of the limit: play
+        held = min(max(held, torque - MOST), torque + MOST)
+        assert abs(result.slider("s")["twist"][-1] - held) < 2e-5, torque
+    rests = run(model, 0.02, 1e-3, start=state)
+    assert np.ptp(rests.slider("s")["twist"]) == 0.0 and np.max(rests.series["kinetic"]) < 1e-15
+
+
+def test_torques_that_friction_of_a_twist_holds_are_an_interval() -> None:
+    # the weight stays, the torque is 0.1 N m times the load factor
+    held = fb.stick_interval(shaft(torque=0.1, clamped=True, time=lambda t: t), "s: twist", at_time=(0.0, 1.0), load_factor=0.5)
+    assert held.low == -np.inf and held.high == pytest.approx(10.0 * MOST, rel=1e-6)
+
+
+@pytest.mark.parametrize("call, text", [
+    (fb.solve_path, "solve_path: sleeve 's' rubs"), (fb.modes, "modes: sleeve 's' rubs"), (fb.relax, "relax: sleeve 's' rubs"),
+    (lambda model: fb.solve_static(model, contacts="exact"), r"solve_static\(contacts='exact'\): sleeve 's' rubs")])
+def test_other_analyses_know_no_friction_of_a_twist(call: Any, text: str) -> None:
+    with pytest.raises(fb.SceneError, match=text):
+        call(shaft())
 
 
 @pytest.mark.slow
