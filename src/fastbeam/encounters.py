@@ -233,6 +233,8 @@ class Encounters:
     def impact(self, slider: int, t: float, end: str, last: float) -> None:
         """A slider, or behind these a coordinate of a joint, has met a rigid stop: go on with the velocities behind that."""
         self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step, last))
+        if slider < self.model.n_sliders and self.control is None:
+            self.watch.blow(slider, t, self.step)
         if self.impacts.number <= MOST_NAMED:
             kind, names, k = "slider", self.model.names["sliders"], slider
             if slider >= self.model.n_sliders:

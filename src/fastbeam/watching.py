@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from .axial_waves import braking_time
 from .dynamics import UNRESOLVED_TURN
 from .model import Model
 from .newton import Stepper
@@ -35,6 +36,7 @@ class Watch:
                  t_end: float) -> None:
         self.model, self.stepper, self.event, self.t_start, self.t_end = model, stepper, event, t_start, t_end
         self._turns_are_resolved = True
+        self._struck: set[int] = set()
         self._resolution: Resolution | None = None
         self._next_look, self._steps_to_look = t_start, STEPS_A_LOOK
 
@@ -57,6 +59,20 @@ class Watch:
             self.event({"kind": "unresolved", "time": t,
                         "text": f"{self.model.node_label(node)} turns by {turn:.3g} rad in a step of {h:.3g} s that ends at t = "
                                 f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
+
+    def blow(self, k: int, t: float, h: float) -> None:
+        """An event where steps of size h do not resolve what the impact of slider k on a rigid stop sends along the beam, once a
+        run and slider."""
+        if k in self._struck or len(self._struck) >= MOST_NAMED:
+            return
+        self._struck.add(k)
+        time = braking_time(self.model, self.stepper.state, k)
+        if h > time:
+            self.event({"kind": "unresolved", "time": t,
+                        "text": f"slider {self.model.names['sliders'][k]!r} meets a rigid stop at t = {t:.6g} s: the wave that "
+                                f"this sends along the beam takes its momentum within m/sqrt(EA rhoA) = {time:.2g} s, which "
+                                f"steps of {h:.3g} s do not resolve. How fast it bounces back depends on the step, up to as if "
+                                f"there were no wave; use steps below {0.3 * time:.1g} s, or an elastic stop, stiffness="})
 
     def drift(self, t: float, result: Result, conserved: Iterable[str]) -> None:
         """An event where the conserving step did not conserve: then its equations were not solved."""

@@ -169,3 +169,26 @@ def test_a_slider_rests_against_a_stop_for_long(angle: float, friction: float | 
     held = (friction or 0.0) * 0.01 * 9.81 * np.cos(np.radians(angle))
     np.testing.assert_allclose(bead["stop_force"][late], pushed - held, rtol=1e-8)
     np.testing.assert_array_equal(result.series["iterations"][late], result.series["iterations"][-1])
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+@pytest.mark.parametrize("interpolation, degree", [("lagrange", 3), ("bspline", 2)])
+def test_steps_that_miss_the_wave_of_an_impact_are_told_of(planar: Any, interpolation: str, degree: int) -> None:
+    section = fb.Section(EA=1e8, GA2=3e7, GA3=3e7, GJ=1e-2, EI2=1e-2, EI3=1e-2, rhoA=0.1, rhoI2=1e-7, rhoI3=1e-7)
+    beam = fb.Beam.straight("wire", (0, 0, 0), (10, 0, 0), section=section, elements=10, prestress=1e4, degree=degree,
+                            interpolation=interpolation)
+    bead = fb.PointMass("bead", mass=0.1)
+    slider = fb.Slider("s", bead, beam, at=7.95, rate=6.0, stops=fb.Stops(end=8.0, restitution=0.5))
+    model = fb.compile_scene(fb.Scene(beam, bead, fb.Pin(beam.start), fb.Pin(beam.end), slider, project_velocities=True),
+                             planar=planar)
+    # m/sqrt(EA rhoA) = 3.2e-5 s
+    for step, told in ((1e-3, 1), (1e-4, 1), (2e-5, 0)):
+        result = fb.simulate(model, t_end=0.0085 + step, step=step, progress=False)
+        texts = [x["text"] for x in result.events if x["kind"] == "unresolved"]
+        assert len(impacts_of(result)) > 0 and len(texts) == told
+        assert all("slider 's' meets a rigid stop" in text and "3.2e-05 s" in text for text in texts)
+
+
+def test_what_supports_hold_sends_no_wave() -> None:
+    result = fb.simulate(rail(60.0, 1.05, stops=fb.Stops(1.0, 3.0, restitution=0.3)), t_end=0.2, step=0.01, progress=False)
+    assert impacts_of(result) and not [x for x in result.events if x["kind"] == "unresolved"]

@@ -1,0 +1,52 @@
+"""Waves along beams that impacts on rigid stops send out (theory.md 5.6): what a step has to resolve."""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .kernels.kinds import SPACE
+from .kernels.layout import CONSTANTS, LIST, NODES, POINTS, layout_of
+from .kernels.work import State
+from .mapping import shapes_at
+from .maps import free_unknowns, tie_map
+from .model import Model
+
+Array = np.ndarray
+
+
+def braking_time(model: Model, state: State, k: int) -> float:
+    """Time in which a wave along the beam takes the momentum of the body that slider k carries, m / sqrt(EA rhoA), s; infinite
+    for what is no body, on no beam, or where supports hold the beam."""
+    if model.sliders is None:
+        return math.inf
+    nodes = shapes_at(model, k, float(state.s[k]))[0]
+    # those of a c1 curve on either side of the contact that supports do not hold
+    free = np.isin(6 * nodes[:, None] + np.arange(3), free_unknowns(model, state)).any(axis=1)
+    mass = _mass(model, int(model.sliders.point[k]))
+    resistance = _resistance(model, nodes[free]) if mass > 0.0 and free.any() else 0.0
+    return mass / resistance if resistance > 0.0 else math.inf
+
+
+def _mass(model: Model, node: int) -> float:
+    """Of the bodies that carry a node, kg; 0 without."""
+    if model.bodies is None:
+        return 0.0
+    carriers = np.unique(tie_map(model)[12 * node].indices // 12)
+    of = np.isin(model.bodies.node, carriers)
+    return float(np.sum(model.bodies.inertia.reshape(-1, 16)[of, 0]))
+
+
+def _resistance(model: Model, nodes: Array) -> float:
+    """sqrt(EA rhoA) of the stiffest element at some nodes, kg/s; 0 without."""
+    found, lanes = 0.0, np.arange(8)
+    for tables in (model.simo, model.green):
+        shapes = np.zeros((0, 2), int) if tables is None else np.unique(tables.meta[:, [NODES, POINTS]], axis=0)
+        for nn, points in shapes.tolist():
+            meta = tables.meta[np.all(tables.meta[:, [NODES, POINTS]] == (nn, points), axis=1)]
+            at = meta[:, LIST][:, None, None] + 8 * np.arange(nn)[:, None] + lanes
+            here = np.isin(tables.nodes[at], nodes).any(axis=1) & (tables.rows[at[:, 0]] != model.n_nodes)
+            stiff = meta[:, CONSTANTS][:, None] + lanes
+            dense = stiff + layout_of(SPACE, nn, points).inertia
+            found = max(found, float(np.max(tables.tab[stiff][here] * tables.tab[dense][here], initial=0.0)))
+    return math.sqrt(found)
