@@ -9,7 +9,7 @@ from .kernels.kinds import SPACE
 from .kernels.layout import CONSTANTS, LIST, NODES, POINTS, layout_of
 from .kernels.work import State
 from .mapping import shapes_at
-from .maps import free_unknowns, tie_map
+from .maps import tie_map
 from .model import Model
 
 Array = np.ndarray
@@ -17,22 +17,22 @@ Array = np.ndarray
 
 def braking_time(model: Model, state: State, k: int) -> float:
     """Time in which a wave along the beam takes the momentum of the body that slider k carries, m / sqrt(EA rhoA), s; infinite
-    for what is no body, on no beam, or where supports hold the beam."""
+    for what is no body, on no beam, or where supports hold either."""
     if model.sliders is None:
         return math.inf
+    is_free = model.held_in(state) & 7 != 7
     nodes = shapes_at(model, k, float(state.s[k]))[0]
-    # those of a c1 curve on either side of the contact that supports do not hold
-    free = np.isin(6 * nodes[:, None] + np.arange(3), free_unknowns(model, state)).any(axis=1)
-    mass = _mass(model, int(model.sliders.point[k]))
-    resistance = _resistance(model, nodes[free]) if mass > 0.0 and free.any() else 0.0
+    nodes = nodes[is_free[nodes]]
+    mass = _mass(model, int(model.sliders.point[k]), is_free)
+    resistance = _resistance(model, nodes) if mass > 0.0 and nodes.size else 0.0
     return mass / resistance if resistance > 0.0 else math.inf
 
 
-def _mass(model: Model, node: int) -> float:
-    """Of the bodies that carry a node, kg; 0 without."""
-    if model.bodies is None:
-        return 0.0
+def _mass(model: Model, node: int, is_free: Array) -> float:
+    """Of the bodies that carry a node, kg; 0 without, or where a support holds one."""
     carriers = np.unique(tie_map(model)[12 * node].indices // 12)
+    if model.bodies is None or not is_free[carriers].all():
+        return 0.0
     of = np.isin(model.bodies.node, carriers)
     return float(np.sum(model.bodies.inertia.reshape(-1, 16)[of, 0]))
 

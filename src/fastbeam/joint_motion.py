@@ -198,7 +198,7 @@ class Motions:
         self.holds.start(t, own[:, VALUE], found)
         if self.holds.rubs.size:
             self.holds.check_within(found)
-            self.holds.start_rubbing(state.history[self.holds.place:].reshape(-1, RUB), self.rates(q, v),
+            self.holds.start_rubbing(self.holds.numbers(state.history), self.rates(q, v),
                                      float(np.max(np.abs(v), initial=0.0)))
 
     def given_between(self, history: Array, place: int, t: float) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from .kernels.joint_coordinates import VALUE
 from .kernels.joint_friction import AGAINST, SIGN, STICKS
 from .kernels.step import NOT_CONVERGED, OK
 from .sections_held import sections
-from .twisting import angle_of
+from .twisting import angle_of, twist_label
 
 if TYPE_CHECKING:
     from .static_sliders import SlidingSolver
@@ -30,6 +30,8 @@ SMALL_WAY, ROUND_OFF = 1e-13, 1e-11
 # one that slips comes to rest with this share of its friction in reserve, so that round-off does not move it in a run from there
 RESERVE = 1e-5
 MOST_ROUNDS, MOST_HALVES, MOST_CHANGES = 100, 8, 4
+# one that went as far as it may so many times in a row, its force the same within this share, is resisted by nothing
+IN_VAIN, SAME = 5, 1e-6
 
 
 class JointCoordinates:
@@ -109,7 +111,7 @@ class SectionAngles:
         self.has_friction = np.ones(self.of.size, bool)
         names = self.model.names["sliders"]
         self.sliders = self.model.sleeve_pairs[self.of, 0]
-        self.labels = [f"{names[k]}: twist" for k in self.sliders]
+        self.labels = [twist_label(names[k]) for k in self.sliders]
         self.rows = state.force.size - 3 * len(self.model.sleeve_pairs) + 3 * self.of + 2
 
     def _numbers(self, history: Array) -> Array:
@@ -169,6 +171,7 @@ class StaticJoints:
         self.at_stop = np.where(near[:, 1], 1, np.where(near[:, 0], -1, 0))
         # those that are held whatever that takes
         self.kept = np.zeros(self.values.size, bool)
+        self.labels = [label for x in parts for label in x.labels]
 
     @property
     def loose(self) -> Array:
@@ -210,7 +213,8 @@ class StaticJoints:
         before, sign, changes = self.values.copy(), np.zeros(self.values.size, np.int64), np.zeros(self.values.size, np.int64)
         status, sizes = self._at(self.values, factors)
         reach = np.full(self.values.size, LARGEST_WAY)
-        last = np.zeros(self.values.size)
+        last, force_before, in_vain = np.zeros(self.values.size), np.full(self.values.size, np.inf), 0
+        self.solver.unresisted = ""
         for _ in range(MOST_ROUNDS):
             if status != OK:
                 return status, sizes
@@ -252,6 +256,13 @@ class StaticJoints:
             if stable and np.all((np.abs(way) <= SMALL_WAY * self.scales[moving]) | (np.abs(left) <= size[moving] * 1e-3)):
                 self._remember()
                 return OK, sizes
+            same = np.abs(force[moving] - force_before[moving]) <= SAME * np.abs(force[moving])
+            far = same & (np.abs(way) >= 0.99 * reach[moving] * self.scales[moving])
+            in_vain = in_vain + 1 if far.any() else 0
+            if in_vain >= IN_VAIN:
+                self.solver.unresisted = self.labels[moving[np.argmax(far)]]
+                return NOT_CONVERGED, sizes
+            force_before[:] = force
             goal = self.values.copy()
             goal[moving] += way
             low, high = self.stops.T
@@ -305,8 +316,7 @@ class StaticJoints:
         reserve."""
         force, most = self.forces(), self.most()
         out = {}
-        labels = [label for part in self._parts for label in part.labels]
         for i in np.flatnonzero(self.has_friction).tolist():
-            out[labels[i]] = {
+            out[self.labels[i]] = {
                 "force": float(force[i]), "cone": float(most[i]), "sticks": bool(abs(force[i]) < most[i] * (1.0 - 2.0 * RESERVE))}
         return out

@@ -264,6 +264,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                 text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
                 bar.close()
                 coarse = look_at_mesh(reached)
+                if solver.unresisted:
+                    coarse += (f"; {solver.unresisted!r} slips beyond its friction there, and nothing else resists: hold it, "
+                               "load it less, or give it a spring")
                 raise ConvergenceError(f"{text}{coarse}{_slack(model, solver.state)}; a limit or buckling point may lie there, a "
                                        "part may be free to move, or stiffnesses are too far apart for round-off (beams more "
                                        "slender than 1e6). The last equilibrium is in .state, everything computed in .result",

@@ -18,6 +18,7 @@ from .starting import check_start
 from .static_sliders import SlidingSolver
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports
+from .twisting import twist_label
 
 Array = np.ndarray
 # first increment of a load factor, with 1 added to its size, and the smallest
@@ -84,6 +85,10 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     stays = held_sliders(model, held)
     check_slider_forces("stick_interval", model, stays, rubbing=True)
     kind, k = _number_of(model, slider, stays)
+    # nothing twists in a plane
+    flat = False if kind is _HeldJoint and slider in _twists(model) else None
+    if flat is False and model.asked_for_plane:
+        raise SceneError(f"stick_interval: {slider!r}: nothing twists in a plane; compile the scene without planar=True")
     check_backend(backend)
     if not within[0] <= load_factor <= within[1]:
         raise SceneError(f"within: {tuple(within)} must enclose load_factor={load_factor:.6g}")
@@ -97,7 +102,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     t = at_time[1] if isinstance(at_time, tuple) else at_time or 0.0
 
     def solver_of(state: State | None, held: Array) -> SlidingSolver:
-        solver = SlidingSolver(model, state, max_iterations, held, backend=backend, at_time=t)
+        solver = SlidingSolver(model, state, max_iterations, held, flat, backend, t)
         solver.move_to(1.0)
         return solver
 
@@ -131,9 +136,9 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
         There is none of that name, or nothing that could hold it.
     """
     names = model.names["sliders"]
-    turning = [f"{names[k]}: twist" for k in model.sleeve_pairs[model.twisting, 0]] if model.twisting.size else []
-    if slider in turning and slider not in names:
-        return _HeldJoint, turning.index(slider) + (0 if model.motions is None else model.motions.holds.rubs.size)
+    if slider in _twists(model) and slider not in names:
+        of_joints = 0 if model.motions is None else model.motions.holds.rubs.size
+        return _HeldJoint, of_joints + _twists(model).index(slider)
     if slider not in names and model.motions is not None:
         holds = model.motions.holds
         rubs = [holds.parts[k] for k in holds.rubs]
@@ -154,6 +159,11 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
         raise SceneError(f"stick_interval: slider {slider!r} has no Coulomb friction that could hold it, or is held or driven by "
                          "a prescribed motion; name one with friction=")
     return _HeldSlider, k
+
+
+def _twists(model: Model) -> list[str]:
+    """Names of the twists of beams in sleeves that rub, as in `info["friction"]`."""
+    return [twist_label(model.names["sliders"][k]) for k in model.sleeve_pairs[model.twisting, 0]] if model.twisting.size else []
 
 
 class _Held(ABC):

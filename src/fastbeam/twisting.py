@@ -55,6 +55,11 @@ def check_twist(who: str, model: Model) -> None:
                          "a run until it rests")
 
 
+def twist_label(slider: str) -> str:
+    """Name of the twist in the sleeve of a slider, where friction is told of."""
+    return f"{slider}: twist"
+
+
 def angle_of(section: Section, known: float) -> float:
     """Angle of a section in its sleeve, rad, of all turns the one next to `known`."""
     up, across = (float(section.axes[1] @ x) for x in np.einsum("a,ajc->jc", section.shapes[0], section.d)[1:])

@@ -171,15 +171,17 @@ def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: 
             raise SceneError(f"{who}: its derivative failed at the start, {type(failed).__name__}: "
                              f"{str(failed)[:200]}") from failed
         base = _law(law, at, parameters, on_line)
+        far, largest = float(np.max(np.abs(at))), float(np.max(np.abs(np.nan_to_num(found))))
+        scale = np.array([far, 0.1]) if on_line else np.repeat([max(1e-3, np.max(np.abs(at[:3]))), 1.0, 0.1], [3, 9, 6])
         for j in range(at.size):
-            size = 1e-6 * max(1e-3, abs(at[j]))
+            size = 1e-6 * max(scale[j], 1e-6 * far)
             sides = []
             for step in (-size, size):
                 moved = at.copy()
                 moved[j] += step
                 sides.append((_law(law, moved, parameters, on_line) - base) / step)
             # of differences on one side: their curvature and round-off
-            slack = 1e-3 * np.max(np.abs(sides)) + 1e-13 * np.max(np.abs(base)) / size
+            slack = 1e-3 * np.max(np.abs(sides)) + (1e-13 * np.max(np.abs(base)) + ROUND_OFF * largest * far) / size
             low, high = np.minimum(*sides) - slack, np.maximum(*sides) + slack
             # slopes of speeds vanish at rest
             wrong = ~((found[:, j] >= low) & (found[:, j] <= high) if speed else np.isfinite(found[:, j]))
@@ -190,6 +192,8 @@ def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: 
                                  f"of its law give {0.5 * (sides[0][i] + sides[1][i]):.6g}; correct it, or leave derivative= out")
 
 
+# of what a law computes of numbers that it is given
+ROUND_OFF = 1e-15
 GIVEN_NAMES, FOUND_NAMES = ("position", "directors", "velocity", "spin"), ("force", "moment")
 
 

@@ -15,8 +15,8 @@ from .result import Result
 STEPS_A_LOOK = 50
 # relative drift of an invariant beyond which round-off cannot be all
 LARGEST_DRIFT = 1e-6
-# events of one kind that name a part each
-MOST_NAMED = 100
+# events of one kind that name a part each, and impacts of a slider that are looked at
+MOST_NAMED, MOST_BLOWS = 100, 5
 
 
 class Watch:
@@ -36,7 +36,7 @@ class Watch:
                  t_end: float) -> None:
         self.model, self.stepper, self.event, self.t_start, self.t_end = model, stepper, event, t_start, t_end
         self._turns_are_resolved = True
-        self._struck: set[int] = set()
+        self._struck: dict[int, int] = {}
         self._resolution: Resolution | None = None
         self._next_look, self._steps_to_look = t_start, STEPS_A_LOOK
 
@@ -63,11 +63,13 @@ class Watch:
     def blow(self, k: int, t: float, h: float) -> None:
         """An event where steps of size h do not resolve what the impact of slider k on a rigid stop sends along the beam, once a
         run and slider."""
-        if k in self._struck or len(self._struck) >= MOST_NAMED:
+        looks = self._struck.get(k, 0)
+        if looks >= MOST_BLOWS or len(self._struck) >= MOST_NAMED:
             return
-        self._struck.add(k)
         time = braking_time(self.model, self.stepper.state, k)
+        self._struck[k] = looks + 1
         if h > time:
+            self._struck[k] = MOST_BLOWS
             self.event({"kind": "unresolved", "time": t,
                         "text": f"slider {self.model.names['sliders'][k]!r} meets a rigid stop at t = {t:.6g} s: the wave that "
                                 f"this sends along the beam takes its momentum within m/sqrt(EA rhoA) = {time:.2g} s, which "

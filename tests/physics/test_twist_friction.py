@@ -167,6 +167,44 @@ def test_torques_that_friction_of_a_twist_holds_are_an_interval() -> None:
     assert held.low == -np.inf and held.high == pytest.approx(10.0 * MOST, rel=1e-6)
 
 
+@pytest.mark.parametrize("planar", ["auto", True])
+def test_nothing_twists_in_a_plane_whose_scene_has_an_interval_in_space(planar: Any) -> None:
+    # the torque of the first load is none; the second one lies in the axis, out of the plane
+    model = shaft(torque=0.0, clamped=True, planar=planar)
+    assert model.plane is not None
+    if planar is True:
+        with pytest.raises(fb.SceneError, match="'s: twist': nothing twists in a plane"):
+            fb.stick_interval(model, "s: twist")
+    else:
+        held = fb.stick_interval(model, "s: twist", within=(0.5, 2.0))
+        assert held.low == -np.inf and held.high == np.inf
+
+
+def test_a_torque_that_nothing_resists_is_named() -> None:
+    with pytest.raises(fb.ConvergenceError, match="'s: twist' slips beyond its friction there, and nothing else resists"):
+        fb.solve_static(shaft(torque=0.5))
+
+
+def test_joints_and_sleeves_that_rub_side_by_side() -> None:
+    rod = fb.Beam.straight("rod", (-0.5, 0, 0), (0.5, 0, 0), section=STIFF, elements=2)
+    soft = fb.Beam.straight("soft", (-1.5, 0, 0), (-0.5, 0, 0), section=SOFT, elements=30)
+    holder = fb.RigidBody("holder", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0))
+    arm = fb.RigidBody("arm", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(3, 0, 0))
+    sleeve = fb.Sleeve("s", holder, rod, at=0.5, keyed=False, length=0.2, friction=MU, radius=RADIUS)
+    hinge = fb.RevoluteJoint(fb.GROUND, arm.center, "hinge", axis=(1, 0, 0), friction=0.5, stiffness=2.0)
+    model = fb.compile_scene(fb.Scene(
+        rod, soft, fb.RigidConnection(soft.end, rod.start), fb.Clamp(soft.start), holder, fb.Clamp(holder), sleeve, arm, hinge,
+        fb.Load("weight", rod.node(rod.n_nodes // 2), force=(0, 0, -WEIGHT), moment=(0.7, 0, 0)),
+        fb.Load("turn", arm.center, moment=(0.9, 0, 0))))
+    rest = fb.solve_static(model)
+    told = rest.info["friction"]
+    assert set(told) == {"s", "s: twist", "revolute joint 'hinge'"} and not told["s: twist"]["sticks"]
+    assert abs(rest.slider("s")["twist"][-1] - (0.7 - MOST) * (1.0 + 0.5 / STIFF.GJ)) < 1.2e-5 * MOST
+    later = run(model, 0.02, 2e-3, start=rest.state)
+    angle = later.joint("hinge")["angle"]
+    assert np.ptp(later.slider("s")["twist"]) == 0.0 and np.ptp(angle) < 1e-12 and abs(angle[0] - (0.9 - 0.5) / 2.0) < 1e-5
+
+
 @pytest.mark.parametrize("call, text", [
     (fb.solve_path, "solve_path: sleeve 's' rubs"), (fb.modes, "modes: sleeve 's' rubs"), (fb.relax, "relax: sleeve 's' rubs"),
     (lambda model: fb.solve_static(model, contacts="exact"), r"solve_static\(contacts='exact'\): sleeve 's' rubs")])

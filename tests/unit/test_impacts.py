@@ -189,6 +189,16 @@ def test_steps_that_miss_the_wave_of_an_impact_are_told_of(planar: Any, interpol
         assert all("slider 's' meets a rigid stop" in text and "3.2e-05 s" in text for text in texts)
 
 
+def test_a_holder_that_is_held_carries_no_momentum() -> None:
+    rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=SOFT, elements=4)
+    holder = fb.RigidBody("holder", mass=1e-3, inertia=(1e-6, 1e-6, 1e-6), position=(0.5, 0, 0))
+    sleeve = fb.Sleeve("s", holder, rod, at=0.5, rate=-6.0, stops=fb.Stops(0.48, 0.9, restitution=0.5))
+    model = fb.compile_scene(fb.Scene(rod, holder, fb.Clamp(holder), sleeve, fb.RigidMotion((rod,), velocity=(6, 0, 0)),
+                                      project_velocities=True))
+    result = fb.simulate(model, t_end=0.01, step=1e-3, progress=False)
+    assert impacts_of(result) and not [x for x in result.events if x["kind"] == "unresolved"]
+
+
 def test_what_supports_hold_sends_no_wave() -> None:
     result = fb.simulate(rail(60.0, 1.05, stops=fb.Stops(1.0, 3.0, restitution=0.3)), t_end=0.2, step=0.01, progress=False)
     assert impacts_of(result) and not [x for x in result.events if x["kind"] == "unresolved"]

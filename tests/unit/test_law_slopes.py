@@ -140,6 +140,25 @@ def test_a_derivative_that_is_none_is_refused(derivative: Any, text: str) -> Non
         fb.compile_scene(fb.Scene(body, fb.UserForce("law", body, law, parameters=(3.0, 0.2), derivative=derivative)))
 
 
+def lever(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+    for i in range(3):
+        force[i] = -parameters[0] * (position[i] + 0.5 * directors[0, i] - parameters[1 + i])
+
+
+def its_lever(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, out: Any) -> None:
+    for i in range(3):
+        out[i, i] = -parameters[0]
+        out[i, 3 + i] = -0.5 * parameters[0]
+
+
+@pytest.mark.parametrize("far", [1.0, 1e3, 1e6])
+def test_a_derivative_is_taken_far_from_the_origin(far: float) -> None:
+    body = fb.RigidBody("body", mass=0.4, inertia=(0.02, 0.03, 0.025), position=(far, -far, 0.4))
+    force = fb.UserForce("law", body, lever, parameters=(10.0, far, -far, 0.4), derivative=its_lever)
+    model = fb.compile_scene(fb.Scene(body, force))
+    assert model.n_nodes == 1
+
+
 def test_a_derivative_of_a_tension_with_a_wrong_sign_is_refused() -> None:
     ball = fb.PointMass("ball", mass=1.0, position=(0, 0, 1))
     force = fb.LineForce(fb.GROUND.point((0, 0, 0)), ball, "law", law=stiffening, parameters=(3.0, 0.2), derivative=off_by_a_sign)
