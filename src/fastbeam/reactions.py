@@ -12,6 +12,8 @@ from .equilibrium import StaticSolver
 from .errors import SceneError
 from .kernels import step as kernels
 from .kernels.drag import Drag
+from .kernels.joint_conditions import JointConditions
+from .kernels.slider import Sliding
 from .kernels.step import OK
 from .kernels.terms import Conserving, Equilibrium
 from .kernels.work import State
@@ -49,7 +51,7 @@ class Reactions:
         # the air, and shares of loads by laws, are those of the run
         own_terms = {type(term): term for term in of.terms if isinstance(term, (Drag, *LAWS))}
         known = with_known_twist(tuple(own_terms.get(type(term), term) for term in terms), of.terms)
-        self.terms = Record(tuple(term for term in known if id(term) not in left_out))
+        self.terms = Record(tuple(_at_nodes(term) for term in known if id(term) not in left_out))
         self.ties = None if core.ties is None else Record((core.ties,))
         self._system: Record | None = None
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
@@ -115,7 +117,12 @@ class Reactions:
     def _evaluate(self, system: Any, q: Array, h: float) -> Array:
         holding, x = self.holding, q[:, 0]
         self._system = record_of(system, self._system)
+        # nodes that share the spin of another turn like it
+        theta = self.own.work.theta.reshape(len(x), -1)
+        before = theta.copy()
+        theta[:] = theta[self.own.model.spin_root]
         kernels.assemble_all(self.terms, self._system, h)
+        theta[:] = before
         force, moment = self._rows()
         out = np.full((self.count, 2, 3), np.nan)
         s = len(holding.supports)
@@ -167,6 +174,14 @@ class Reactions:
         out = np.stack((on_b, sign * total[below, 3:] - np.cross(x[a], on_b)), axis=1)
         out[~(holding.determined[a] & (outward | (holding.parent[a] == b)))] = np.nan
         return out
+
+
+def _at_nodes(term: Any) -> Any:
+    """A term whose moments act on the nodes themselves, not on those that connections let their spins belong to: connections have
+    to carry them."""
+    if isinstance(term, Sliding):
+        return term._replace(sliders=term.sliders._replace(spin_root=np.arange(term.sliders.spin_root.size)))
+    return term._replace(spin_row=term.row) if isinstance(term, JointConditions) else term
 
 
 class StaticReactions:

@@ -348,9 +348,11 @@ class StaticContacts:
             at += len(within)
         return out
 
-    def loads(self, weights: Weights, q: Array, force: Array) -> Array:
-        """The forces of all constraints as loads on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
+    def loads(self, weights: Weights, q: Array, force: Array, at_roots: bool = True) -> Array:
+        """The forces of all constraints as loads on the rows, flat as `Work.f_ext` [8 (N + 1)]; moments at the nodes that spins
+        belong to, or at the nodes themselves, whose connections have to carry them."""
         n = self.model.n_nodes
+        root_of = self.model.spin_root if at_roots else np.arange(n)
         flat = self.axes is not None
         own = self.model.n_sliders * (2 if flat else 3)
         f = force[:own].reshape(-1, 2) @ self.axes[:2] if self.axes is not None else force[:own]
@@ -360,7 +362,7 @@ class StaticContacts:
         for link, part in zip(self.model.kept, self._parts(force[own:])):
             for node, by_v, by_spin in link.by_motion(x[list(link.node)]):
                 of_node[node] += by_v.T @ part
-                turning.append((int(self.model.spin_root[node]), by_spin.T @ part))
+                turning.append((int(root_of[node]), by_spin.T @ part))
         if flat:
             of_node = of_node @ self.axes[:2].T  # type: ignore[index]
         out = np.zeros((n + 1, 8))
@@ -373,7 +375,7 @@ class StaticContacts:
             moments = np.einsum("p,pac->ac", mu[:section.pairs], np.concatenate((of_nodes, of_holder[:, None]), axis=1))
             if self.axes is not None:
                 moments = moments @ self.axes[2:].T
-            np.add.at(out[:, d:d + moments.shape[1]], self.model.pattern.row_of[section.roots], moments)
+            np.add.at(out[:, d:d + moments.shape[1]], self.model.pattern.row_of[root_of[section.nodes]], moments)
         return out.reshape(-1)
 
 

@@ -235,7 +235,7 @@ class SlidingSolver(StaticSolver):
     def load_all(self, factors: Array) -> None:
         self._load(factors)
         self._border()
-        self.work.f_ext[:] += self.contacts.loads(self._weights, self.state.q, self.stepper.core_state.force)
+        self.work.f_ext[:] += self.contacts.loads(self._weights, self.state.q, self.stepper.core_state.force, False)
         if self.steady is not None:
             self.work.f_ext[:] += self.steady.loads(self.state.q)
 

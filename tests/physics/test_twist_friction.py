@@ -213,6 +213,20 @@ def test_other_analyses_know_no_friction_of_a_twist(call: Any, text: str) -> Non
         call(shaft())
 
 
+@pytest.mark.parametrize("keyed", [False, True])
+def test_connections_under_a_sleeve_carry_what_acts_on_them_alone(keyed: bool) -> None:
+    # the disc is connected to the node of the rod on which the sleeve acts
+    options: dict[str, Any] = {"keyed": True, "radius": None} if keyed else {}
+    model = shaft(torque=0.1, clamped=True, **options)
+    rest = fb.solve_static(model, observe=("energy", "reaction"))
+    moving = run(model, 4e-3, 1e-3, start=rest.state, observe=("energy", "slider", "reaction"))
+    for result in (rest, moving):
+        (name,) = [x for x in result.names["reactions"] if "disc" in x]
+        held = result.reaction(name)
+        np.testing.assert_allclose(held["moment"][-1], (0.1, 0.0, 0.0), rtol=0.0, atol=1e-7)
+        np.testing.assert_allclose(held["force"][-1], (0.0, 0.0, -WEIGHT), rtol=0.0, atol=1e-4)
+
+
 @pytest.mark.slow
 def test_a_plane_has_no_twist() -> None:
     flat, without = (shaft(planar=True, radius=radius) for radius in (RADIUS, None))

@@ -513,9 +513,9 @@ def calls(folder: Path) -> dict[str, Call]:
                         "velocity", "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "LineForce": Call(fb.LineForce, dict(a=BEAM.end, b=BODY, law=tension), dict(
-            a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR)),
+            a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR, derivative=is_function)),
         "ForceElement": Call(fb.ForceElement, dict(a=BEAM.end, b=BODY, law=between), dict(
-            a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR, directors=is_array(2))),
+            a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR, derivative=is_function, directors=is_array(2))),
         "Winch": Call(fb.Winch, dict(name="w", drum=BEAM.start, load=BODY, stiffness=1e3, mass_per_length=1.0), dict(
             name=is_text, drum=NODE, load=NODE, stiffness=is_real, mass_per_length=is_real, length=is_real, total=is_real,
             inertia=is_real, speed=is_real, length_at=is_function, tension=OF_TIME, segments=is_count)),
@@ -525,7 +525,7 @@ def calls(folder: Path) -> dict[str, Call]:
             name=is_text, law=is_function, period=is_real, start=is_real, memory=VECTOR, points=one_of(Mapping))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
             name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
-            dissipates=is_flag)),
+            derivative=is_function, dissipates=is_flag)),
         "section_forces": Call(fb.section_forces, dict(model=model(), shapes=model().state(), beam=BEAM), dict(
             model=one_of(Model), shapes=one_of(State, fb.Result), beam=one_of(fb.Beam), s=either(is_real, VECTOR))),
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),
