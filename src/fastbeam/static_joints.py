@@ -2,9 +2,9 @@
 coordinates rest, and where the others come to rest.
 
 Every such coordinate x, of a joint or the angle of a section in its sleeve, is held at a place in each equilibrium; G is the
-force that holds it. It rests where |G| <= G_max, or
-where a rigid stop is pushed. One that does not goes to where G = -sigma G_max, (8.5), sigma the direction in which it slips: from
-place to place by Newton's method on G(x), downhill, with dG/dx from the equations of the equilibrium.
+force that holds it. It rests where |G| <= G_max, or where a rigid stop is pushed. One that does not goes to where
+G = -sigma G_max, (8.5), sigma the direction in which it slips: from place to place by Newton's method on G(x), downhill, with
+dG/dx from the equations of the equilibrium.
 """
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .kernels.joint_coordinates import VALUE
 from .kernels.joint_friction import AGAINST, SIGN, STICKS
 from .kernels.step import NOT_CONVERGED, OK
 from .sections_held import sections
-from .twisting import angle_of, twist_label
+from .twisting import angle_of, numbers_of, twist_label
 
 if TYPE_CHECKING:
     from .static_sliders import SlidingSolver
@@ -105,7 +105,7 @@ class SectionAngles:
         state = solver.stepper.core_state
         self.of = self.model.twisting
         every = sections(self.model, state.s, state.q.reshape(-1, 4, 3))
-        known = self._numbers(state.history)[:, twists.ANGLE]
+        known = numbers_of(self.model, state.history)[:, twists.ANGLE]
         self.values = np.array([angle_of(every[o], x) for o, x in zip(self.of.tolist(), known.tolist())])
         self.stops, self.scales = np.tile((-np.inf, np.inf), (self.of.size, 1)), np.ones(self.of.size)
         self.has_friction = np.ones(self.of.size, bool)
@@ -113,9 +113,6 @@ class SectionAngles:
         self.sliders = self.model.sleeve_pairs[self.of, 0]
         self.labels = [twist_label(names[k]) for k in self.sliders]
         self.rows = state.force.size - 3 * len(self.model.sleeve_pairs) + 3 * self.of + 2
-
-    def _numbers(self, history: Array) -> Array:
-        return history[self.model.twist_place:][:twists.TWIST * self.of.size].reshape(-1, twists.TWIST)
 
     def hold(self, values: Array) -> None:
         """Where equilibria have them from now on."""
@@ -135,7 +132,7 @@ class SectionAngles:
 
     def remember(self, values: Array, at_stop: Array) -> None:
         """Into the history of the state: friction holds all."""
-        own = self._numbers(self.solver.stepper.core_state.history)
+        own = numbers_of(self.model, self.solver.stepper.core_state.history)
         own[:, twists.ANGLE], own[:, twists.SIGN], own[:, twists.STICKS], own[:, twists.MOST] = values, 0.0, 1.0, self.most()
 
 

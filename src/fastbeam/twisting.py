@@ -60,6 +60,11 @@ def twist_label(slider: str) -> str:
     return f"{slider}: twist"
 
 
+def numbers_of(model: Model, history: Array) -> Array:
+    """Of every sleeve that rubs in a history, float64 [R, 4], see `kernels.twist`."""
+    return history[model.twist_place:][:TWIST * model.twisting.size].reshape(-1, TWIST)
+
+
 def angle_of(section: Section, known: float) -> float:
     """Angle of a section in its sleeve, rad, of all turns the one next to `known`."""
     up, across = (float(section.axes[1] @ x) for x in np.einsum("a,ajc->jc", section.shapes[0], section.d)[1:])
@@ -72,8 +77,7 @@ def start_twisting(model: Model, history: Array, q: Array, v: Array, s: Array) -
     at rest stays there."""
     every = sections(model, s, q)
     fastest = float(np.max(np.abs(v), initial=0.0))
-    for i, o in enumerate(model.twisting.tolist()):
-        own = history[model.twist_place + TWIST * i:][:TWIST]
+    for own, o in zip(numbers_of(model, history), model.twisting.tolist()):
         section, k = every[o], int(model.sleeve_pairs[o, 0])
         found = angle_of(section, float(own[ANGLE]))
         if abs(found - own[ANGLE]) > STALE * (1.0 + abs(found)):
@@ -96,7 +100,7 @@ def rate_of(model: Model, section: Section, k: int, q: Array, v: Array, s: Array
 def angles(model: Model, history: Array) -> Array:
     """Angle by which the section has turned about d_1 in every sleeve since t = 0, rad, [O]; 0 of those that do not rub."""
     out = np.zeros(len(model.sleeve_pairs))
-    out[model.twisting] = -history[model.twist_place:][:TWIST * model.twisting.size].reshape(-1, TWIST)[:, ANGLE]
+    out[model.twisting] = -numbers_of(model, history)[:, ANGLE]
     return out
 
 
