@@ -60,7 +60,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                 raise SceneError(f"{text}: project_velocities does not know winches; give velocities that agree")
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
-            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving))
+            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving), default=(0.0, ""))
             if size > 1e-7 * max(scale, _speed(nodes, v, omega)):
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
@@ -176,9 +176,10 @@ def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
             at = nodes.span(part)
             v[at] += motion.velocity + np.cross(motion.spin, nodes.phi[at] - motion.about)
             omega[at] += motion.spin
-    for owner_node, arm in nodes.arm_owner:
-        omega[arm] = omega[owner_node]
-        v[arm] = v[owner_node] + np.cross(omega[owner_node], nodes.phi[arm] - nodes.phi[owner_node])
+    if nodes.arm_owner:
+        owner, arm = np.array(nodes.arm_owner).T
+        omega[arm] = omega[owner]
+        v[arm] = v[owner] + np.cross(omega[owner], nodes.phi[arm] - nodes.phi[owner])
     return v, omega
 
 
@@ -239,8 +240,10 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             amount = np.linalg.norm(error[k], axis=1)
             worst = int(np.argmax(amount))
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
+    moving_nodes = (np.any(v, axis=1) | np.any(omega, axis=1)).tolist()
     for link in kept:
-        if not link.law.holds:
+        at_rest = not (moving_nodes[link.node[0]] or moving_nodes[link.node[1]] or link.law.rate)
+        if at_rest or not link.law.holds:
             continue
         rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_motion(nodes.coordinates(link.node)))
         rates = rates - link.rates()

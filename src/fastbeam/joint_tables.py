@@ -117,16 +117,19 @@ class Conditions:
         return np.eye(len(self.pairs))[self.left_in_plane(axes[2])]
 
 
-def frame_of(part: Any, nodes: tuple[int, int], phi: Array, directors: Array) -> Frame:
-    """The directions of a joint: D_1 is its axis, the others are at a right angle to it."""
-    pair = list(nodes)
-    x = np.concatenate((phi[pair, None], directors[pair]), axis=1)
-    axis, other = part.axes
+def frames_of(parts: list[Any], nodes: Array, phi: Array, directors: Array) -> list[Frame]:
+    """The directions of joints: D_1 is the axis, the others are at a right angle to it; nodes int64 [L, 2]."""
+    if not parts:
+        return []
+    triads = directors[nodes]
+    x = np.concatenate((phi[nodes][:, :, None], triads), axis=2)
     # directions of the nodes come first: in a plane one of them is its normal
-    hints = np.concatenate((directors[pair].reshape(-1, 3), np.eye(3)))
-    across = other if not np.array_equal(axis, other) else _across(axis, hints) if part.across is None else part.across
-    frame = np.stack((axis, across, np.cross(axis, across)))
-    return Frame(frame @ directors[pair].transpose(0, 2, 1), x)
+    hints = np.concatenate((triads.reshape(-1, 6, 3), np.broadcast_to(np.eye(3), (len(parts), 3, 3))), axis=1)
+    axis = np.array([part.axes[0] for part in parts])
+    across = np.array([other if not np.array_equal(one, other) else _across(one, near) if part.across is None else part.across
+                       for part, (one, other), near in zip(parts, [part.axes for part in parts], hints)])
+    frame = np.stack((axis, across, np.cross(axis, across)), axis=1)
+    return [Frame(turn, at) for turn, at in zip(frame[:, None] @ triads.transpose(0, 1, 3, 2), x)]
 
 
 def conditions_of(part: Any, frame: Frame) -> list[tuple[str, Conditions]]:

@@ -16,7 +16,7 @@ from .bushings import bushings
 from .connections import Connections
 from .errors import SceneError
 from .coordinates import Coordinate
-from .joint_tables import conditions_of, frame_of, joint_conditions
+from .joint_tables import conditions_of, frames_of, joint_conditions
 from .multipliers import Distance, KeptLink, Law, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
@@ -271,8 +271,8 @@ class Links:
                                  f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
         with_axes = [x for x in scene.links if isinstance(x, AxisJoint)]
         # joints with axes, their nodes and directions
-        self.with_axes = [(x, at, frame_of(x, at, nodes.phi, nodes.directors))
-                          for x, at in zip(with_axes, _nodes_of(with_axes, nodes).tolist())]
+        ends = _nodes_of(with_axes, nodes)
+        self.with_axes = list(zip(with_axes, ends.tolist(), frames_of(with_axes, ends, nodes.phi, nodes.directors)))
         for entry in REGISTRY:
             parts: list[Any] = [x for x in scene.links if entry.holds(x)]
             node = _nodes_of(parts, nodes)

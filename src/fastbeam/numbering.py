@@ -19,11 +19,11 @@ class Labels(Sequence):
 
     def __init__(self) -> None:
         self._starts: list[int] = []
-        self._owners: list[Beam | Net | str] = []
+        self._owners: list[Beam | Net | NodeRef | str] = []
         self._n = 0
 
-    def add(self, owner: Beam | Net | str, count: int = 1) -> None:
-        """The next nodes belong to this part, or have this text."""
+    def add(self, owner: Beam | Net | NodeRef | str, count: int = 1) -> None:
+        """The next nodes belong to this part, or are this point, or have this text."""
         self._starts.append(self._n)
         self._owners.append(owner)
         self._n += count
@@ -39,6 +39,8 @@ class Labels(Sequence):
         owner, local = self._owners[i], k - self._starts[i]
         if isinstance(owner, str):
             return owner
+        if isinstance(owner, NodeRef):
+            return owner.label
         if isinstance(owner, Net):
             beam = owner.beam_at(local)
             owner, local = owner.beam(beam), local - int(owner.node_start[beam])
@@ -56,14 +58,14 @@ class NodeList:
         self.labels = Labels()
         phi: list[Array] = []
         directors: list[Array] = []
-        rank: list[Array] = []
+        rank: list[tuple[int, int]] = []
 
-        def add(label: Beam | Net | str, p: Array, d: Array, r: int) -> int:
+        def add(label: Beam | Net | NodeRef | str, p: Array, d: Array, r: int) -> int:
             first = len(self.labels)
             self.labels.add(label, len(p))
             phi.append(p)
             directors.append(d)
-            rank.append(np.full(len(p), r))
+            rank.append((r, len(p)))
             return first
 
         for beam in scene.beams:
@@ -71,9 +73,9 @@ class NodeList:
             self.first[id(beam)] = add(beam, beam.basis.fit_positions(p), d, 3)
         for net in scene.nets:
             self.first[id(net)] = add(net, net.positions, net.directors, 3)
+        upright = np.eye(3)
         for part in [*scene.bodies, *scene.masses]:
-            self.first[id(part)] = add(part.label, scene.position_of(part)[None],
-                                       np.array(getattr(part, "directors", np.eye(3)))[None],
+            self.first[id(part)] = add(part.label, scene.position_of(part)[None], getattr(part, "directors", upright)[None],
                                        2 if isinstance(part, RigidBody) else 9)
         self.arms: dict[tuple[int, tuple[float, ...]], int] = {}
         self.arm_owner: list[tuple[int, int]] = []
@@ -89,14 +91,14 @@ class NodeList:
             if isinstance(node.owner, Beam) or (node.is_center and not fixed) or key in self.arms:
                 continue
             if fixed:
-                self.arms[key] = add(node.label, node.offset[None], np.array(node.owner.directors)[None], 2)
+                self.arms[key] = add(node, node.offset[None], node.owner.directors[None], 2)
                 self.ground.append(self.arms[key])
                 continue
-            self.arms[key] = add(node.label, scene.position_of(node)[None], np.array(node.owner.directors)[None], 4)
+            self.arms[key] = add(node, scene.position_of(node)[None], node.owner.directors[None], 4)
             self.arm_owner.append((self.first[id(node.owner)], self.arms[key]))
         self.phi = np.concatenate(phi)
         self.directors = np.concatenate(directors)
-        self.rank = np.concatenate(rank)
+        self.rank = np.repeat(*np.array(rank).T)
 
     def __len__(self) -> int:
         return len(self.labels)

@@ -11,6 +11,7 @@ from .arc_length import Direction, PathSolver, root
 from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .interrupt import Interrupts
 from .kernels.work import State
+from .load_steps import RECORDED
 from .model import Model
 from .observe import Observer
 from .path_stops import Wanted
@@ -19,7 +20,6 @@ from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .scene.checks import Place
-from .statics import RECORDED
 
 Array = np.ndarray
 # steps in which the path turns by more (cosine) are halved

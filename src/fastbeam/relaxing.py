@@ -21,6 +21,7 @@ from .kernels.joint_coordinates import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .linsolve import check_backend
+from .load_steps import TOLD, WHERE
 from .load_times import load_factors_at
 from .model import Model, check_model
 from .newton import Stepper
@@ -32,7 +33,7 @@ from .result import Result, ResultBuffer
 from .scene.checks import Place
 from .starting import check_start
 from .static_sliders import SlidingSolver
-from .statics import START, TOLD, WHERE, check_slider_forces
+from .statics import START, check_slider_forces
 from .supports import check_supports
 from .winches import refuse_winches
 

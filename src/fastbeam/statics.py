@@ -1,51 +1,30 @@
 """Equilibrium: Newton on the unknowns of every node with load steps that adapt (theory.md 8)."""
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .arguments import Anything, Count, Flag, Instance, Listing, Name, Number, Numbers, Refusal, Word, checked, shown
-from .dynamics import failure
-from .equilibrium import StaticSolver
-from .errors import ConvergenceError, Interrupted, SceneError, carry
-from .exact_contact import ExactSolver, Observed
-from .interrupt import Interrupts
-from .joint_motion import check_at_rest
-from .kernels.step import OK, SLIDER_END
+from .errors import ConvergenceError, Interrupted, SceneError
 from .kernels.work import State
 from .linsolve import check_backend
+from .load_steps import LoadSteps, StaticTask
 from .load_times import load_factors_at
 from .model import Model, check_model
-from .outcome import Outcome
-from .observe import OBSERVED, POINTS, Observer
-from .progress import Progress
-from .reactions import StaticReactions
-from .resolution import Resolution
-from .result import Result, ResultBuffer
+from .observe import OBSERVED, POINTS
+from .result import Result
 from .scene.checks import Place
-from .spring_laws import SpringRows
 from .starting import check_start
-from .static_motion import StaticMotion
-from .static_sliders import SlidingSolver
-from .steady import Spin, SteadyForces, Travel, check_steady, which_motion
-from .supports import check_supports
+from .steady import Spin, Travel, check_steady, which_motion
 from .twisting import check_twist
 
 Array = np.ndarray
-TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
-                    "passed on the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a "
-                    "run in time finds a stable one",
-        "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or "
-                "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
-WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
+# load steps in the second attempt, where the first led to an unstable equilibrium
+SMALLER = 0.2
 SHARE = Number(above=0.0, most=1.0)
 CONTACTS = ("mesh", "exact")
-# of `simulate`'s what there is at rest
-RECORDED = ("energy", "spring", "section", "reaction")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
@@ -73,7 +52,7 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
          rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS), steady=which_motion)
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
-                 smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
+                 smallest_step: float = 1e-9, at_time: float | None = None, start: State | None = None,
                  observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None, max_iterations: int = 20,
                  backend: str = "auto", threads: int | None = None, mend_start: bool = False,
                  held: bool | str | Sequence[str] = False,
@@ -132,7 +111,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         places, and `info["force_along"]` has what holds each of them along its beam, N; NaN where it stands on a node that
         other parts refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the
         negative and the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling
-        or limit load was passed, or is met, or something is held by nothing; `modes` shows them. `info["counted_in"]` is
+        or limit load was passed, or is met, or something is held by nothing; `modes` shows them. Where the first are not 0, and
+        there is no `start`, the equilibrium is looked for a second time with load steps of a fifth, because a large one may end
+        in a remote equilibrium, and that of both with fewer is returned. `info["counted_in"]` is
         "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True, and one whose moments
         leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
         0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
@@ -175,147 +156,20 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     notes: list[Any] = []
     if start is not None:
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
-    solver: StaticSolver
-    if contacts == "exact" and model.n_sliders:
-        if steady is not None:
-            raise SceneError("solve_static: contacts='exact' knows no steady motion; leave contacts out, or steady")
-        check_at_rest("solve_static(contacts='exact')", model.motions, drives=True)
-        check_twist("solve_static(contacts='exact')", model)
-        solver = ExactSolver(model, start, max_iterations, stays, backend, at_time or 0.0)
-    elif model.n_constraints or steady is not None:
-        solver = sliding = SlidingSolver(model, start, max_iterations, stays, None if steady is None else False, backend,
-                                         at_time or 0.0)
-        if steady is not None:
-            sliding.steady = SteadyForces("solve_static", sliding.stepper.model, steady, sliding.contacts, 6)
-    else:
-        solver = StaticSolver(model, start, max_iterations, backend, threads)
-    if model.prescribed is not None and at_time is not None:
-        solver.motion = StaticMotion(model, solver.state.q, start is None, at_time)
-    flat = solver.stepper.plane is not None
-    # what spins may fly freely
-    held_in_space = steady is not None or check_supports(model, flat)
-    Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
-    observed = "slider", *(kind for kind in observe if kind in RECORDED)
-    observer = Observer(model, observed, points)
-    reactions = StaticReactions(solver) if observer.reactions else None
-    info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
-                            **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
-    buffer = ResultBuffer(observer.header(info))
-    begin = time.perf_counter()
-
-    def record(factor: float, iterations: int, size: float) -> None:
-        state = shown = solver.state
-        row = {**observer.row(at_time or 0.0, state), "iterations": iterations, "step_size": size}
-        loads = factor * factors if raise_loads else factors
-        if observer.needs_forces:
-            found = reactions.at(loads, state) if reactions else ()
-            observer.add_forces(row, np.concatenate((state.force, found)), factor)
-        if isinstance(solver, ExactSolver) and solver.found is not None:
-            row |= solver.row(Observed(observed, points or {}), at_time or 0.0, loads, factor)
-            shown = solver.shown
-        buffer.append(row, factor)
-        q = shown.q.reshape(-1, 4, 3)
-        buffer.snapshot(factor, q[:, 0], q[:, 1:])
-
-    def finish() -> Result:
-        result = buffer.close(info | {"solver": solver.name, "steps": len(solver.history),
-                                      "iterations": sum(solver.history), "wall_time": time.perf_counter() - begin})
-        result.state = State(*(x.copy() for x in solver.state))
+    task = StaticTask(model, start, notes, factors, stops, stays, asked, smallest_step, at_time, observe, points, max_iterations,
+                      backend, threads, raise_loads, contacts, steady)
+    result = LoadSteps(task).find(load_step, largest_load_step)
+    if not result.info["unstable_directions"] or start is not None:
         return result
-
-    def look_at_mesh(factor: float) -> str:
-        """Events where elements are too coarse for the last equilibrium; the first as a text."""
-        resolution = Resolution(model)
-        resolution.look(factor, solver.state.q)
-        found = resolution.events()
-        for event in found:
-            buffer.event(event)
-        return f"; {found[0]['text']}" if found else ""
-
-    bar = Progress(1.0, f"{model.scene_name}: load")
-    for kind, text in notes:
-        buffer.event({"kind": kind, "time": 0.0, "text": text})
-    reached, step = 0.0, load_step
-    with _interruptible(solver, buffer, finish, bar):
-        record(0.0, 0, 0.0)
-        while reached < 1.0:
-            solver.interrupts.serve()
-            stop = next(level for level in stops if level > reached)
-            size = min(step, stop - reached)
-            target = stop if reached + size > stop - 1e-12 else reached + size
-            solver.set_time(at_time or 0.0, target if raise_loads else 1.0)
-            solver.move_to(target)
-            status, sizes = solver.equilibrium(target * factors if raise_loads else factors)
-            if status == OK:
-                solver.history.append(len(sizes))
-                record(target, len(sizes), size)
-                bar.update(target - reached)
-                reached = target
-                # a step that was cut to meet a level says nothing against the size planned
-                grown = size * (2.0 if solver.longest <= 6 else 1.4 if solver.longest <= 9 else 1.0)
-                step = min(max(grown, step if size < step else 0.0), largest_load_step)
-                continue
-            if status == SLIDER_END and isinstance(solver, SlidingSolver) and max(solver.runaway, solver.stuck) >= 0:
-                bar.close()
-                raise _no_rest(solver, target, reached, finish())
-            if size <= smallest_step * (1.0 + 1e-12):
-                failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
-                error = failure(solver.stepper, failed, reached, len(solver.history))
-                text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
-                bar.close()
-                coarse = look_at_mesh(reached)
-                if solver.unresisted:
-                    coarse += (f"; {solver.unresisted!r} slips beyond its friction there, and nothing else resists: hold it, "
-                               "load it less, or give it a spring")
-                raise ConvergenceError(f"{text}{coarse}{_slack(model, solver.state)}; a limit or buckling point may lie there, a "
-                                       "part may be free to move, or stiffnesses are too far apart for round-off (beams more "
-                                       "slender than 1e6). The last equilibrium is in .state, everything computed in .result",
-                                       step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
-                                       state=State(*(x.copy() for x in solver.state)), result=finish())
-            step = max(smallest_step, 0.25 * size)
-        bar.close()
-        if isinstance(solver, SlidingSolver):
-            info |= solver.at_rest(asked, factors)
-        if isinstance(solver, ExactSolver):
-            info["force_along"] = solver.forces_along()
-        counted_in = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
-        counted = None if steady is not None else solver.signs(factors, counted_in == "plane")
-        if counted is None and flat and counted_in == "space":
-            # about the normal of a plane moments have a potential
-            counted_in, counted = "plane", solver.signs(factors, True)
-        look_at_mesh(1.0)
-        info["counted_in"] = counted_in
-        for (kind, text), found in zip(TOLD.items(), counted or (None, None)):
-            info[kind + "_directions"] = found
-            if found:
-                buffer.event({"kind": kind, "time": 1.0, "text": text.format(found, WHERE[counted_in])})
-    return finish()
-
-
-@contextmanager
-def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
-    """Ctrl-C waits for the end of a load step, or of an iteration where these are called from Python, and brings the result.
-
-    Raises
-    ------
-    Interrupted
-    """
+    # a large load step may end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first
     try:
-        with Interrupts() as solver.interrupts:
-            yield
+        again = LoadSteps(task).find(SMALLER * load_step, min(largest_load_step, SMALLER))
     except ConvergenceError:
+        return result
+    except Interrupted as stopped:
+        stopped.result, stopped.state = result, result.state
         raise
-    except Exception as failed:
-        bar.close()
-        buffer.event({"kind": "failed", "time": bar.done, "text": f"{type(failed).__name__}: {failed}"})
-        carry(failed, finish)
-        raise
-    except KeyboardInterrupt as stopped:
-        bar.close()
-        text = "interrupted; the last equilibrium is in .state, everything until then in .result"
-        buffer.event({"kind": "interrupted", "time": bar.done, "text": f"at load factor {bar.done:.6g}: interrupted"})
-        result = finish()
-        raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
+    return again if again.info["unstable_directions"] < result.info["unstable_directions"] else result
 
 
 def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = False) -> None:
@@ -389,31 +243,3 @@ def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> 
             there = f"its sliders are {', '.join(repr(x) for x in names[:12])}" if names else "it has no sliders"
             raise SceneError(f"{what}: scene {model.scene_name!r} has no slider {name!r}; {there}")
     return np.array([name in held for name in names], bool)
-
-
-def _slack(model: Model, state: State) -> str:
-    """Which springs are slack, for the message of a failed load step."""
-    rows = [] if model.find_springs is None else model.find_springs(model.links)
-    names = [name for springs in rows if isinstance(springs, SpringRows) for name in springs.slack(state)]
-    if not names:
-        return ""
-    return (f"; {len(names)} of the springs that only pull or push are slack ({', '.join(map(repr, names[:4]))}"
-            f"{', ...' if len(names) > 4 else ''}), and hold nothing: start= from a shape in which they carry")
-
-
-def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
-    """The error of a slider that finds no place on its beam."""
-    names = solver.stepper.model.names["sliders"]
-    name = names[max(solver.runaway, solver.stuck)]
-    if solver.runaway >= 0:
-        text = (f"slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold it where it is "
-                f"(held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it")
-    elif isinstance(solver, ExactSolver) and solver.why_stuck:
-        text = solver.why_stuck
-    else:
-        text = (f"slider {name!r} is pushed to the same place from both sides, near s = {solver.last_s[solver.stuck]:.6g} m: a "
-                "kink of its curve at an element end, where it has no direction to rest on. Let it run on curve='c1', or hold "
-                f"it (held=({name!r},))")
-    return ConvergenceError(
-        f"load factor {target:.6g}: {text}. The last equilibrium is in .state, everything computed in .result",
-        step=len(solver.history), time=reached, state=State(*(x.copy() for x in solver.state)), result=result)

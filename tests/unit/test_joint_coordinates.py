@@ -10,7 +10,7 @@ import fastbeam as fb
 from fastbeam._records import Record
 from fastbeam.assembly import system_of
 from fastbeam.coordinates import Coordinate
-from fastbeam.joint_tables import frame_of
+from fastbeam.joint_tables import frames_of
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.joint_coordinates import VALUE
 from fastbeam.kernels.terms import Conserving, Equilibrium
@@ -141,7 +141,7 @@ def test_a_coordinate_has_the_derivatives_and_the_rate_of_differences(shape: Any
     class Part:
         axes, across = (AXIS, AXIS), None
 
-    frame = frame_of(Part(), (0, 1), rng.standard_normal((2, 3)), triads)
+    frame, = frames_of([Part()], np.array([[0, 1]]), rng.standard_normal((2, 3)), triads)
     law = Coordinate(shape, frame)
     assert abs(law.misses(frame.reference, 0.0)) < 1e-15
     y = frame.reference + 0.2 * rng.standard_normal((2, 4, 3))

@@ -133,7 +133,7 @@ class NodeRef:
     @property
     def is_center(self) -> bool:
         """True when the point is the node itself (no offset)."""
-        return not np.any(self.offset)
+        return not self.offset.any()
 
     @property
     def label(self) -> str:
