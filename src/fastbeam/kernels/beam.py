@@ -294,17 +294,29 @@ def evaluate_at(method, strains, constants, reference, scratch, at, case, mass_f
         project_node(scratch, at, a, dofs)
 
 
-@kernel
+@separate
 def evaluate(method, strains, constants, reference, scratch, at, case, mass_factor, dofs):
-    """`evaluate_at` for any numbers of nodes and points."""
+    """`evaluate_at` for any numbers of nodes and points. What is the same for all motions of a method, and for elements with and
+    without inner nodes that are eliminated, is compiled once."""
     evaluate_at(method, strains, constants, reference, scratch, at, case, mass_factor, dofs)
 
 
-@kernel
-def evaluate_of(nn, nq, method, strains, constants, reference, scratch, case, mass_factor, dofs):
-    """`evaluate_at` for nn nodes and nq points that stand as numbers in the source of the caller: lengths of loops and offsets
-    are known when it is compiled."""
-    evaluate_at(method, strains, constants, reference, scratch, layout(dofs, nn, nq), case, mass_factor, dofs)
+@separate
+def evaluate_linear(method, strains, constants, reference, scratch, case, mass_factor, dofs):
+    """`evaluate_at` for 2 nodes and 1 point: lengths of loops and offsets are known when it is compiled."""
+    evaluate_at(method, strains, constants, reference, scratch, layout(dofs, 2, 1), case, mass_factor, dofs)
+
+
+@separate
+def evaluate_quadratic(method, strains, constants, reference, scratch, case, mass_factor, dofs):
+    """The same for 3 nodes and 2 points."""
+    evaluate_at(method, strains, constants, reference, scratch, layout(dofs, 3, 2), case, mass_factor, dofs)
+
+
+@separate
+def evaluate_cubic(method, strains, constants, reference, scratch, case, mass_factor, dofs):
+    """The same for 4 nodes and 3 points."""
+    evaluate_at(method, strains, constants, reference, scratch, layout(dofs, 4, 3), case, mass_factor, dofs)
 
 
 @generic
@@ -324,11 +336,11 @@ def evaluate_in_plane(dofs, method, strains, constants, reference, scratch, at, 
     """With code of their own for Lagrange elements of degree 1 to 3: loops over so few nodes are too short for their beginnings
     and ends. Elements of B-splines may have as many nodes and fewer points."""
     if at.nn == 2 and at.nq == 1:
-        evaluate_of(2, 1, method, strains, constants, reference, scratch, case, mass_factor, dofs)
+        evaluate_linear(method, strains, constants, reference, scratch, case, mass_factor, dofs)
     elif at.nn == 3 and at.nq == 2:
-        evaluate_of(3, 2, method, strains, constants, reference, scratch, case, mass_factor, dofs)
+        evaluate_quadratic(method, strains, constants, reference, scratch, case, mass_factor, dofs)
     elif at.nn == 4 and at.nq == 3:
-        evaluate_of(4, 3, method, strains, constants, reference, scratch, case, mass_factor, dofs)
+        evaluate_cubic(method, strains, constants, reference, scratch, case, mass_factor, dofs)
     else:
         evaluate(method, strains, constants, reference, scratch, at, case, mass_factor, dofs)
 
