@@ -20,11 +20,10 @@ from .._generic import generic
 from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
 from .contact_entries import Weights, put_idle_corner, put_translation
-from .curves import find_element, node_of, slot
+from .curves import find_element, node_of, nodes_of, slot
 from .kinds import cayley_vector, dim, position, spin_cross, vector, zero_spin, zero_vector
 from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
-                     is_settled_along, motion_along, push_of_moments, put_residual,
-                     sliding_law)
+                     is_settled_along, motion_along, note_passage, put_residual, sliding_law)
 from .terms import put_loads, spread_nodes
 
 # kinds of drives
@@ -47,6 +46,8 @@ JUDGED = 2
 # a slider that friction holds since so many steps is at rest, whatever the beam does; before, what is left of its velocity is
 # taken away, down to an increment of s that is this share of the size of the scene
 RESTS, LEFT = 8, 1e-12
+# nodes under a slider whose shape functions are kept: in steps that cross more element ends they are formed anew
+MOST_KEPT = 16
 
 
 class Along(NamedTuple):
@@ -70,6 +71,9 @@ class Along(NamedTuple):
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
     held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
     offset: np.ndarray      # float64 [S]: arc length of the way less s, m: on switches, else 0
+    under: np.ndarray       # int64 [S, 2]: first of the nodes under the slider in the last iteration, and the one behind the last
+    taken: np.ndarray       # float64 [S]: s at the end of the step for which that iteration has formed shape functions
+    shapes: np.ndarray      # float64 [S, MOST_KEPT, 4]: of these nodes mean and mean slope over the step, their derivatives by s
 
 
 class DriveSchedule(NamedTuple):
@@ -97,7 +101,7 @@ class Force(NamedTuple):
     slope: float
 
 
-@kernel
+@inlined
 def stop_force(along, k, s0, s1):
     """Elastic stops: minus the divided difference of their energy."""
     stiffness = along.stops[k, 2]
@@ -120,7 +124,7 @@ def stop_force(along, k, s0, s1):
     return Force(value, slope)
 
 
-@kernel
+@inlined
 def drive_force(along, k, s0, s1):
     """Of a drive that does not prescribe the motion."""
     kind = along.drive[k]
@@ -145,7 +149,7 @@ def drive_force(along, k, s0, s1):
     return Force(0.0, 0.0)
 
 
-@kernel
+@inlined
 def other_forces(along, k, s0, s1):
     """Everything but Coulomb friction and drives that prescribe the motion."""
     stop = stop_force(along, k, s0, s1)
@@ -181,7 +185,7 @@ def add_idle_slider(term, system, k):
     put_residual(contact, k, force, work.s_end[k] - system.state.s[k], dofs)
 
 
-@kernel
+@inlined
 def prescribed_end(along, k, s0):
     """s at the end of the step of a slider whose motion is prescribed, or that is locked."""
     if along.held[k] != FREE:
@@ -230,7 +234,7 @@ def most_of_friction(along, k, press):
     return along.friction[k] * (press.normal + press.edges) * press.long
 
 
-@kernel
+@inlined
 def rub(factor, press, law):
     """A law without friction with -factor (|F_across| + edges) |T|, one that keeps `factor` constant."""
     force, tangent = law.force, law.tangent
@@ -244,14 +248,14 @@ def rub(factor, press, law):
                       factor * long)
 
 
-@kernel
+@inlined
 def hold(along, way, force):
     """The law of a slider whose increment of s is given: so much of it is missing; in the unit of a force, as rows are scaled."""
     unit = along.clock[2] / (along.clock[0] * along.clock[0])
     return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit, 0.0, 0.0)
 
 
-@kernel
+@inlined
 def sign_of_velocity(along, k, needed, most, ds):
     """-1, 0 or 1 for the velocity at the end of the step, from what friction and a rigid stop have to give, the most that
     friction can, and the increment of s of this iteration."""
@@ -273,7 +277,7 @@ def sign_of_velocity(along, k, needed, most, ds):
 
 
 @sliding_law.register(Along)
-@kernel
+@inlined
 def slide_with_forces(along, term, system, k, force, tangent, push):
     s0, s1 = system.state.s[k], system.work.s_end[k]
     if is_prescribed(along, k):
@@ -398,26 +402,58 @@ def lead_passage(system, nodes, lo, hi, point, h):
     spread_nodes.call(dofs, method, state, work, h, point, point + 1)
 
 
+@note_passage.register(Along, NoSleeves)
+@inlined
+def note_shapes(along, sleeves, term, system, k, nodes, lo, hi):
+    basis = system.contact.basis
+    along.under[k, 0] = lo
+    along.under[k, 1] = hi
+    along.taken[k] = system.work.s_end[k]
+    if hi - lo > MOST_KEPT:
+        return
+    for a in range(lo, hi):
+        i = slot.call(nodes, a)
+        along.shapes[k, a - lo, 0] = 0.5 * (basis[0, i] + basis[1, i])
+        along.shapes[k, a - lo, 1] = basis[3, i]
+        along.shapes[k, a - lo, 2] = 0.5 * basis[2, i]
+        along.shapes[k, a - lo, 3] = basis[4, i]
+
+
 @generic
-def converged_tangent(sleeves, term, system, k, nodes, lo, hi, h):
-    """T of slider k in a converged step, from where the last increment led the nodes under it."""
+def last_passage(sleeves, along, term, system, k):
+    """T of slider k in a converged step, from where the last increment led the nodes under it, and what moments of a sleeve add
+    to the force along the beam."""
 
 
-@converged_tangent.register(NoSleeves)
-@kernel
-def tangent_of_positions(sleeves, term, system, k, nodes, lo, hi, h):
-    """From positions and Cayley vectors alone: nothing else is asked of the nodes."""
+@last_passage.register(NoSleeves)
+@inlined
+def tangent_of_positions(sleeves, along, term, system, k):
+    """From positions and Cayley vectors alone. Shape functions follow those of the last iteration, whose increment of s has a
+    square below round-off where Newton's method has converged."""
     basis, q, work, dofs = system.contact.basis, system.state.q, system.work, system.dofs
+    c = term.sliders.curve[k]
+    nodes = nodes_of.call(term.curves, c)
+    lo, hi = along.under[k, 0], along.under[k, 1]
+    kept = hi - lo <= MOST_KEPT
+    ds = work.s_end[k] - along.taken[k] if kept else 0.0
+    if not kept:
+        nodes, lo, hi = begin_passage(term, system, k)
     start = zero_vector(dofs)
     change = zero_vector(dofs)
     turn = zero_spin(dofs)
     for a in range(lo, hi):
         i = slot.call(nodes, a)
         node = node_of.call(nodes, a)
-        start += basis[3, i] * position(q, node, dofs)
-        change += basis[3, i] * vector(work.dphi, dim(dofs) * node, 1, dofs)
-        turn += (0.5 * (basis[0, i] + basis[1, i])) * cayley_vector(work.theta, term.sliders.spin_root[node], dofs)
-    return start + 0.5 * change - 0.25 * spin_cross.call(turn, change)
+        if kept:
+            mean = along.shapes[k, a - lo, 0] + ds * along.shapes[k, a - lo, 2]
+            slope = along.shapes[k, a - lo, 1] + ds * along.shapes[k, a - lo, 3]
+        else:
+            mean = 0.5 * (basis[0, i] + basis[1, i])
+            slope = basis[3, i]
+        start += slope * position(q, node, dofs)
+        change += slope * vector(work.dphi, dim(dofs) * node, 1, dofs)
+        turn += mean * cayley_vector(work.theta, term.sliders.spin_root[node], dofs)
+    return start + 0.5 * change - 0.25 * spin_cross.call(turn, change), 0.0
 
 
 @separate
@@ -425,12 +461,11 @@ def account_work(along, term, system, k):
     """Of friction and the drive of a slider that moves."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     h = along.clock[0]
-    nodes, lo, hi = begin_passage(term, system, k)
-    tangent = converged_tangent.call(term.sleeves, term, system, k, nodes, lo, hi, h)
+    tangent, push = last_passage.call(term.sleeves, along, term, system, k)
     force = vector(state.force, contact.first_force[k], 1, dofs)
     s0, s1 = state.s[k], work.s_end[k]
     ds = s1 - s0
-    total = dot(force, tangent) - push_of_moments.call(term.sleeves, term, system, k, nodes, lo, hi)
+    total = dot(force, tangent) - push
     stop = stop_force(along, k, s0, s1).value
     if is_prescribed(along, k):
         sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)

@@ -23,12 +23,12 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, dot, f8, ld2, ld3, perp
-from .along import converged_tangent, force_of_edges, lead_passage
+from .along import Along, force_of_edges, last_passage, lead_passage
 from .contact_entries import entry_of
 from .curves import node_of, slot
 from .joint_entries import take_forces_of
 from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
-from .slider import Sliding, hold_section, mean_tangent, pass_along, push_of_moments
+from .slider import Sliding, begin_passage, hold_section, mean_tangent, note_passage, pass_along, push_of_moments
 from .terms import account, first_guess, is_settled, take_unknowns
 
 # conditions that iterations leave open by round-off of directions
@@ -273,12 +273,20 @@ def begin_moments(term, system, k, c):
         contact.line[c, o + 8 * i + copy + i] = -1.0
 
 
-@converged_tangent.register(Sleeves)
+@note_passage.register(Along, Sleeves)
 @kernel
-def tangent_of_triads(sleeves, term, system, k, nodes, lo, hi, h):
+def note_nothing(along, sleeves, term, system, k, nodes, lo, hi):
+    pass
+
+
+@last_passage.register(Sleeves)
+@kernel
+def passage_of_triads(sleeves, along, term, system, k):
     """The moments of sleeves need the directors of the nodes, too."""
-    lead_passage(system, nodes, lo, hi, term.sliders.point[k], h)
-    return mean_tangent(pass_along(system.contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
+    nodes, lo, hi = begin_passage(term, system, k)
+    lead_passage(system, nodes, lo, hi, term.sliders.point[k], along.clock[0])
+    tangent = mean_tangent(pass_along(system.contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
+    return tangent, push_of_moments.call(sleeves, term, system, k, nodes, lo, hi)
 
 
 @push_of_moments.register(Sleeves)

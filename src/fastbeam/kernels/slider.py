@@ -26,7 +26,7 @@ from .._generic import generic
 from .._jit import inlined, kernel, separate
 from .algebra import dot
 from .contact_entries import Frame, Weights, put_corner, put_frame, put_node, put_translation
-from .curves import find_element, node_of, nodes_of, nodes_under, point_on_curve, slot, step_basis
+from .curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot, step_basis
 from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, spin_cross, vector, zero_spin,
                     zero_vector)
 from .terms import Conserving, account, assemble, first_guess, is_settled, take_unknowns, within_limits
@@ -92,6 +92,17 @@ def is_settled_along(along, term, system):
 @generic
 def account_along(along, term, system, h):
     """Work of forces along the beam in a converged step."""
+
+
+@generic
+def note_passage(along, sleeves, term, system, k, nodes, lo, hi):
+    """Keep what an iteration has formed of the curve under slider k, for the account of the step."""
+
+
+@note_passage.register(NoForceAlong)
+@kernel
+def note_no_passage(along, sleeves, term, system, k, nodes, lo, hi):
+    pass
 
 
 @generic
@@ -164,8 +175,21 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
 def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
     """Derivative by s of the curve under slider k at s, in element e, and the velocity of the sliding point relative to it."""
     b = sliders.curve[k]
-    tangent = point_on_curve(curves, b, s, q, e, contact, 1, dofs)
-    return tangent, position(v, sliders.point[k], dofs) - point_on_curve(curves, b, s, v, e, contact, 0, dofs)
+    nodes = nodes_of.call(curves, b)
+    lo, hi = nodes_under.call(curves, b, e, e)
+    for a in range(lo, hi):
+        i = slot.call(nodes, a)
+        contact.basis[0, i] = 0.0
+        contact.basis[1, i] = 0.0
+    add_basis.call(curves, b, e, s, 0, 1.0, 1.0, contact.legendre, contact.basis, 0)
+    tangent = zero_vector(dofs)
+    velocity = zero_vector(dofs)
+    for a in range(lo, hi):
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        tangent += contact.basis[1, i] * position(q, node, dofs)
+        velocity += contact.basis[0, i] * position(v, node, dofs)
+    return tangent, position(v, sliders.point[k], dofs) - velocity
 
 
 class Passage(NamedTuple):
@@ -246,6 +270,7 @@ def add_slider(along, term, system, k):
     nodes, lo, hi = begin_passage(term, system, k)
     f = vector(state.force, contact.first_force[k], 1, dofs)
     way = pass_along(contact.basis, nodes, lo, hi, system, term.sliders.spin_root)
+    note_passage.call(along, term.sleeves, term, system, k, nodes, lo, hi)
     jump = way.t1 - way.t0
     push = push_of_moments.call(term.sleeves, term, system, k, nodes, lo, hi)
     law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way), push)
