@@ -19,6 +19,7 @@ import numpy as np
 import fastbeam as fb
 from fastbeam.newton import Stepper
 from printing import table
+from processes import smallest
 
 BAR, ROUNDS, STEPS = 1.2, 12, 30
 FORCES: dict[str, dict[str, Any]] = {
@@ -36,7 +37,7 @@ def scene(n: int, forces: dict[str, Any] | None) -> fb.Scene:
 
 
 def measure(n: int, planar: bool) -> dict[str, tuple[float, float]]:
-    """Microseconds of an iteration and of a step, the smallest of several rounds in turn."""
+    """Microseconds of an iteration and of a step, the smallest of several rounds in turn, in this process."""
     steppers = {"bare": Stepper(fb.compile_scene(scene(n, None), planar=planar, condense=False), np.ones(1))}
     steppers |= {name: Stepper(fb.compile_scene(scene(n, forces), planar=planar, condense=False), np.ones(1))
                  for name, forces in FORCES.items()}
@@ -60,7 +61,7 @@ def main() -> int:
     found: list[plain.Bar] = []
     for kind, planar in (("plane", "auto"), ("space", False)):
         for n in given.counts:
-            taken = measure(n, planar)
+            taken = smallest(measure, n, planar)
             own = {name: (a - taken["bare"][0], b - taken["bare"][1]) for name, (a, b) in taken.items()}
             for name in FORCES:
                 ratio = own[name][0] / own["plain"][0]

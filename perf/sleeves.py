@@ -17,6 +17,7 @@ import numpy as np
 import fastbeam as fb
 from fastbeam.newton import Stepper
 from printing import table
+from processes import smallest
 from sliders import Bar, judged
 
 BAR, ROUNDS, STEPS, STEP = 2.0, 7, 30, 1e-3
@@ -40,7 +41,7 @@ def scene(n: int, kind: str | None) -> fb.Scene:
 
 
 def measure(n: int, planar: bool | str) -> dict[str, tuple[float, float]]:
-    """Microseconds of an iteration, the smallest of several rounds in turn, and iterations a step."""
+    """Microseconds of an iteration, the smallest of several rounds in turn, in this process, and iterations a step."""
     steppers = {kind or "bare": Stepper(fb.compile_scene(scene(n, kind), planar=planar, condense=False), np.ones(1))
                 for kind in (None, *KINDS)}
     best = dict.fromkeys(steppers, np.inf)
@@ -65,7 +66,7 @@ def main() -> int:
     bars: list[Bar] = []
     for where, planar in (("plane", "auto"), ("space", False)):
         for n in given.counts:
-            found = measure(n, planar)
+            found = smallest(measure, n, planar)
             bare, plain = found["bare"][0], found["slider"][0] - found["bare"][0]
             for kind in KINDS:
                 took, iterations = found[kind]
