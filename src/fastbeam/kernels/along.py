@@ -21,7 +21,7 @@ from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
 from .contact_entries import Weights, put_idle_corner, put_translation
 from .curves import find_element, node_of, nodes_of, slot
-from .kinds import cayley_vector, dim, position, spin_cross, vector, zero_spin, zero_vector
+from .kinds import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
 from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
                      is_settled_along, motion_along, note_passage, put_residual, sliding_law)
 from .terms import put_loads, spread_nodes
@@ -411,12 +411,14 @@ def note_shapes(along, sleeves, term, system, k, nodes, lo, hi):
     along.taken[k] = system.work.s_end[k]
     if hi - lo > MOST_KEPT:
         return
+    o = 4 * MOST_KEPT * k
     for a in range(lo, hi):
         i = slot.call(nodes, a)
-        along.shapes[k, a - lo, 0] = 0.5 * (basis[0, i] + basis[1, i])
-        along.shapes[k, a - lo, 1] = basis[3, i]
-        along.shapes[k, a - lo, 2] = 0.5 * basis[2, i]
-        along.shapes[k, a - lo, 3] = basis[4, i]
+        put(along.shapes, o, 1, 0.5 * (basis[0, i] + basis[1, i]))
+        put(along.shapes, o + 1, 1, basis[3, i])
+        put(along.shapes, o + 2, 1, 0.5 * basis[2, i])
+        put(along.shapes, o + 3, 1, basis[4, i])
+        o += 4
 
 
 @generic
