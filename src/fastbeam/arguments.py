@@ -110,8 +110,10 @@ def numbers(value: Any) -> Array | None:
         # among numbers True would pass for 1
         short = type(value) in (list, tuple) and len(value) <= SHORT
         mixed = short and any(isinstance(x, (bool, np.bool_)) or is_masked(x) for x in value)
+        if mixed or raw.dtype == float:
+            return None if mixed else raw
         with np.errstate(over="ignore"):
-            return None if mixed else raw.astype(float, copy=False)
+            return raw.astype(float)
     if raw.dtype.kind == "O" and raw.ndim and 0 < raw.size <= 10_000:
         items = [real(x) for x in raw.reshape(-1)]
         return None if None in items else np.array(items, dtype=float).reshape(raw.shape)
@@ -287,7 +289,7 @@ class Numbers:
         clean = numbers(value)
         fits = clean is not None and clean.ndim == len(self.shape) and all(
             a in (None, b) for a, b in zip(self.shape, clean.shape))
-        if clean is None or not fits or not np.all(np.abs(clean) <= LARGEST):
+        if clean is None or not fits or not (np.abs(clean) <= LARGEST).all():
             # finite, and still too large
             huge = f" of at most {LARGEST:g} in size" if fits and np.isfinite(clean).all() else ""
             raise Refusal(f"must be {self.need}{huge}, got {shown(value)}")
