@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import Anything, Count, Flag, Instance, Listing, Name, Number, Numbers, Refusal, Word, checked, shown
-from .errors import ConvergenceError, Interrupted, SceneError
+from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .kernels.work import State
 from .linsolve import check_backend
 from .load_steps import LoadSteps, StaticTask
@@ -159,17 +159,36 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     task = StaticTask(model, start, notes, factors, stops, stays, asked, smallest_step, at_time, observe, points, max_iterations,
                       backend, threads, raise_loads, contacts, steady)
     result = LoadSteps(task).find(load_step, largest_load_step)
-    if not result.info["unstable_directions"] or start is not None:
-        return result
-    # a large load step may end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first
+    first = max(SMALLER * load_step, smallest_step)
+    if result.info["unstable_directions"] and start is None and first < load_step:
+        return _more_stable(task, result, first, max(first, min(largest_load_step, SMALLER)))
+    return result
+
+
+def _more_stable(task: StaticTask, found: Result, load_step: float, largest: float) -> Result:
+    """Of an equilibrium with unstable directions, and one that smaller load steps lead to, the one with fewer. A large step may
+    end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first.
+
+    Raises
+    ------
+    Interrupted
+        By Ctrl-C; carries the first.
+    """
     try:
-        again = LoadSteps(task).find(SMALLER * load_step, min(largest_load_step, SMALLER))
+        again = LoadSteps(task).find(load_step, largest)
     except ConvergenceError:
-        return result
-    except Interrupted as stopped:
-        stopped.result, stopped.state = result, result.state
+        return found
+    except (Interrupted, KeyboardInterrupt):
+        raise Interrupted("interrupted while an equilibrium with unstable directions was looked for once more; it is in .state, "
+                          "its rows are in .result", result=found, state=found.state) from None
+    except Exception as failed:
+        carry(failed, lambda: found)
         raise
-    return again if again.info["unstable_directions"] < result.info["unstable_directions"] else result
+    found.info["wall_time"] = again.info["wall_time"] = found.info["wall_time"] + again.info["wall_time"]
+    count, where = again.info["unstable_directions"], again.info["counted_in"]
+    # moments may leave it undecided in space; fewer in the plane says nothing about space
+    fewer = count is not None and count < found.info["unstable_directions"] and where in ("space", found.info["counted_in"])
+    return again if fewer else found
 
 
 def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = False) -> None:

@@ -11,6 +11,7 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / 
 
 import fastbeam as fb  # noqa: E402
 import taut  # noqa: E402
+from fastbeam.load_steps import LoadSteps  # noqa: E402
 
 
 def wrong(rows: object) -> list[str]:
@@ -53,6 +54,44 @@ def test_an_unstable_equilibrium_is_looked_for_again_but_not_from_a_start() -> N
     assert first.info["unstable_directions"] == 2
     again = fb.solve_static(model, start=first.state)
     assert again.info["unstable_directions"] == 2 and again.info["steps"] <= first.info["steps"]
+
+
+def cantilever(force: tuple[float, float, float], moment: tuple[float, float, float], planar: bool | str) -> fb.Model:
+    section = fb.Section(EA=1e6, GA2=4e5, GA3=4e5, GJ=0.77, EI2=10.0, EI3=0.5, rhoA=1.0, rhoI2=1e-6, rhoI3=1e-6)
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=section, elements=4)
+    return fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("end", beam.end, force=force, moment=moment)),
+                            planar=planar)
+
+
+def test_attempts_are_compared_only_where_stability_is_decided_alike() -> None:
+    # with moments the second attempt may leave it undecided, or decide it in the plane alone
+    undecided = cantilever((-2.35471, -7.08977, 15.44458), (4.2104, -4.68892, -1.42225), False)
+    assert fb.solve_static(undecided).info["unstable_directions"] == 1
+    flat = fb.solve_static(cantilever((3.005331785899699, 3.1976229376038035, 0), (0, 0, -4.859423093211577), "auto"))
+    assert flat.info["counted_in"] == "space" and flat.info["unstable_directions"] == 1
+    assert [x["kind"] for x in flat.events].count("unstable") == 1
+
+
+def test_no_step_is_smaller_than_the_smallest_and_nothing_found_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = cantilever((-9.787132675504516, 7.982056586266808, 0), (0, 0, -2.6435250648984976), "auto")
+    rows = fb.solve_static(model, load_step=0.25, smallest_step=0.25)
+    assert rows.t[1] == 0.25 and np.all(np.diff(rows.t) >= 0.25 - 1e-12)
+    whole = fb.solve_static(model)
+    find, calls = LoadSteps.find, []
+    for wrong, kind in ((KeyboardInterrupt(), fb.Interrupted), (MemoryError("full"), MemoryError)):
+        calls.clear()
+
+        def once(self: LoadSteps, *steps: float) -> fb.Result:
+            calls.append(steps)
+            if len(calls) == 2:
+                raise wrong
+            return find(self, *steps)
+
+        monkeypatch.setattr(LoadSteps, "find", once)
+        with pytest.raises(kind) as caught:
+            fb.solve_static(model)
+        assert len(calls) == 2 and caught.value.result.t[-1] == 1.0
+        np.testing.assert_array_equal(caught.value.result.state.q, whole.state.q)
 
 
 @pytest.mark.slow
