@@ -21,7 +21,7 @@ from .steady import Spin, Travel, check_steady, which_motion
 from .twisting import check_twist
 
 Array = np.ndarray
-# load steps in the second attempt, where the first led to an unstable equilibrium
+# what load steps are multiplied by in the second attempt, where the first led to an unstable equilibrium, and the largest then
 SMALLER = 0.2
 SHARE = Number(above=0.0, most=1.0)
 CONTACTS = ("mesh", "exact")
@@ -112,9 +112,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         other parts refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the
         negative and the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling
         or limit load was passed, or is met, or something is held by nothing; `modes` shows them. Where the first are not 0, and
-        there is no `start`, the equilibrium is looked for a second time with load steps of a fifth, because a large one may end
-        in a remote equilibrium, and that of both with fewer is returned. `info["counted_in"]` is
-        "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True, and one whose moments
+        there is no `start`, and a load step was larger than 0.2, the equilibrium is looked for a second time with steps of a
+        fifth, because a large one may end in a remote equilibrium, and that of both with fewer is returned.
+        `info["counted_in"]` is "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True, and one whose moments
         leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
         0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
         (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for all that rubs,
@@ -160,7 +160,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                       backend, threads, raise_loads, contacts, steady)
     result = LoadSteps(task).find(load_step, largest_load_step)
     first = max(SMALLER * load_step, smallest_step)
-    if result.info["unstable_directions"] and start is None and first < load_step:
+    large = first < load_step and float(np.max(result.series["step_size"])) > SMALLER
+    if result.info["unstable_directions"] and start is None and large:
         return _more_stable(task, result, first, max(first, min(largest_load_step, SMALLER)))
     return result
 
