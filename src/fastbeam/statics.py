@@ -114,7 +114,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         or limit load was passed, or is met, or something is held by nothing; `modes` shows them. Where the first are not 0, and
         there is no `start`, and a load step was larger than 0.2, the equilibrium is looked for a second time with steps of a
         fifth, because a large one may end in a remote equilibrium, and that of both with fewer is returned.
-        `info["counted_in"]` is "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True, and one whose moments
+        `info["counted_in"]` is "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True,
+        and one whose moments
         leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
         0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
         (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for all that rubs,
