@@ -48,9 +48,8 @@ class Reactions:
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
         of = self.own if static else stepper
         terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
-        # the air, and shares of loads by laws, are those of the run
-        own_terms = {type(term): term for term in of.terms if isinstance(term, (Drag, *LAWS))}
-        known = with_known_twist(tuple(own_terms.get(type(term), term) for term in terms), of.terms)
+        running = {type(term): term for term in of.terms}
+        known = with_known_twist(tuple(_as_running(term, running.get(type(term))) for term in terms), of.terms)
         self.terms = Record(tuple(_at_nodes(term) for term in known if id(term) not in left_out))
         self.ties = None if core.ties is None else Record((core.ties,))
         self._system: Record | None = None
@@ -182,6 +181,14 @@ def _at_nodes(term: Any) -> Any:
     if isinstance(term, Sliding):
         return term._replace(sliders=term.sliders._replace(spin_root=np.arange(term.sliders.spin_root.size)))
     return term._replace(spin_row=term.row) if isinstance(term, JointConditions) else term
+
+
+def _as_running(term: Any, run: Any) -> Any:
+    """A term with the air, or the shares of loads by laws, of the run. Rows and blocks stay its own: those of the run are others
+    where it eliminates inner nodes."""
+    if isinstance(term, Drag):
+        return term._replace(air=run.air, wind=run.wind)
+    return term._replace(share=run.share, work=run.work) if isinstance(term, LAWS) else term
 
 
 class StaticReactions:

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.newton import Stepper
+from fastbeam.reactions import Reactions
 
 ROPE = fb.Section.circle(radius=0.01, E=2e8, rho=1500.0, damping=2e-3)
 G = (0.0, 0.0, -9.81)
@@ -75,3 +77,20 @@ def test_reactions_of_everything_add_up():
 def test_what_order_four_cannot_do_is_named():
     with pytest.raises(fb.SceneError, match="order=4"):
         fb.simulate(fb.compile_scene(scene()), t_end=0.01, step=1e-3, order=4)
+
+
+def test_reactions_are_formed_in_rows_and_blocks_of_their_own():
+    """Those of the run, which eliminates inner nodes, lie beyond the blocks without: memory of others was written to."""
+    stepper = Stepper(fb.compile_scene(scene()), np.ones(1))
+    reactions = Reactions(stepper)
+    assert reactions.own is not stepper
+    own = {type(x): x for x in reactions.own.terms}
+    for term in reactions.terms.of:
+        for name in ("row", "block", "spin_row"):
+            if hasattr(term, name) and hasattr(own[type(term)], name):
+                size = (reactions.own.work.blocks.size // 48) if name == "block" else (reactions.own.work.r.size // 8)
+                assert np.max(getattr(term, name), initial=0) < size, (type(term).__name__, name)
+    shared = {type(x): x for x in stepper.terms}
+    forces, drag = (next(x for x in reactions.terms.of if type(x).__name__ == name) for name in ("UserForces", "Drag"))
+    assert np.shares_memory(forces.share, shared[type(forces)].share) and np.shares_memory(forces.work, shared[type(forces)].work)
+    assert np.shares_memory(drag.air, shared[type(drag)].air)
