@@ -110,8 +110,10 @@ def numbers(value: Any) -> Array | None:
         # among numbers True would pass for 1
         short = type(value) in (list, tuple) and len(value) <= SHORT
         mixed = short and any(isinstance(x, (bool, np.bool_)) or is_masked(x) for x in value)
-        if mixed or raw.dtype == float:
-            return None if mixed else raw
+        if mixed:
+            return None
+        if raw.dtype == float:
+            return raw
         with np.errstate(over="ignore"):
             return raw.astype(float)
     if raw.dtype.kind == "O" and raw.ndim and 0 < raw.size <= 10_000:

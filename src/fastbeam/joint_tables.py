@@ -125,9 +125,10 @@ def frames_of(parts: list[Any], nodes: Array, phi: Array, directors: Array) -> l
     x = np.concatenate((phi[nodes][:, :, None], triads), axis=2)
     # directions of the nodes come first: in a plane one of them is its normal
     hints = np.concatenate((triads.reshape(-1, 6, 3), np.broadcast_to(np.eye(3), (len(parts), 3, 3))), axis=1)
-    axis = np.array([part.axes[0] for part in parts])
+    axes = [part.axes for part in parts]
+    axis = np.array([one for one, _ in axes])
     across = np.array([other if not np.array_equal(one, other) else _across(one, near) if part.across is None else part.across
-                       for part, (one, other), near in zip(parts, [part.axes for part in parts], hints)])
+                       for part, (one, other), near in zip(parts, axes, hints)])
     frame = np.stack((axis, across, np.cross(axis, across)), axis=1)
     return [Frame(turn, at) for turn, at in zip(frame[:, None] @ triads.transpose(0, 1, 3, 2), x)]
 
