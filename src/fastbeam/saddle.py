@@ -62,6 +62,8 @@ class Factors:
         Bring large entries to the diagonal.
     columns, threads : int
         Right-hand sides at once; threads.
+    order : int32 [n], optional
+        Of elimination, `order` of factors of a matrix of the same structure; not with matching. Default: by METIS.
 
     Attributes
     ----------
@@ -69,10 +71,13 @@ class Factors:
         Factorisations and analyses until now, and equations that SuperLU solved instead.
     """
 
-    def __init__(self, mkl: Any, symmetric: bool = False, matching: bool = True, columns: int = 1, threads: int = 1) -> None:
+    def __init__(self, mkl: Any, symmetric: bool = False, matching: bool = True, columns: int = 1, threads: int = 1,
+                 order: Array | None = None) -> None:
         self._mkl, self._threads, self._columns = mkl, threads, columns
         self._kind = kernels.SYMMETRIC if symmetric else kernels.UNSYMMETRIC
-        self._settings = {10: 1, 12: 1} if matching else {}
+        # matching finds an order for the values in hand; else it is given, or kept
+        self._settings = {10: 1, 12: 1} if matching else {4: 2 if order is None else 1}
+        self._order = order
         self._tables: PardisoTables | None = None
         self._indices = self._indptr = np.zeros(0, np.int32)
         self.count = self.analyses = self.refused = 0
@@ -107,6 +112,13 @@ class Factors:
             np.zeros(64, np.int64), settings(self._settings), np.array([1, 1, self._kind, 0, n, m, 0, 0], np.int32),
             np.zeros(max(n, 1), np.int32), matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), none, none,
             np.zeros(matrix.nnz), *(np.zeros((k, n)) for k in (m, m, 0, 0)), np.zeros(5, np.int64), np.zeros(2))
+        if self._order is not None:
+            self._tables.perm[:] = self._order
+
+    @property
+    def order(self) -> Array | None:
+        """Of elimination, int32 [n], for other factors; None with matching."""
+        return self._tables.perm if self._tables is not None and 4 in self._settings else None
 
     @property
     def perturbed(self) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 
 from .eigen import BLOCK, NOISE, Eigen, Pencil, Shifted, SingularError, grown
 from .linearised import Linearisation
+from .orthonormal import orthonormal
 
 Array = np.ndarray
 # the real rate beside which vectors are looked for, as a share of the square root of the largest of the lowest eigenvalues of K
@@ -22,8 +23,6 @@ CONVERGED, GOOD = 1e-11, 1e-7
 ZERO, FLAT = 10.0, 1e-9
 # growth of the number of Krylov vectors between two looks at what they give
 GROWTH = 1.15
-# what is left of a vector once others are taken out of it, and is round-off
-NOTHING = 1e-12
 # neighbours of which the number of motions below is counted in between differ by this share
 DISTINCT = 1e-6
 
@@ -77,6 +76,7 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
 
 def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -> tuple[Array, Array]:
     """Rates and vectors [k, m] of the motions with rates next to the shift, both of each pair."""
+    from scipy import sparse
     k = mass.shape[0]
     whole = factors.pencil.multiplier.size
     scale = factors.scale[:k]
@@ -97,19 +97,15 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
     basis = np.zeros((2 * k, most + 2 * BLOCK), order="F")
     h = np.zeros((most + 2 * BLOCK,) * 2)
     draw = np.random.default_rng(0)
-    block = _orthonormal(applied(applied(draw.standard_normal((2 * k, BLOCK)))), basis[:, :0])[0]
+    unit = sparse.identity(2 * k, format="csr")
+    block = orthonormal(applied(applied(draw.standard_normal((2 * k, BLOCK)))), basis[:, :0], unit).q
     m, look = 0, min(wanted + 2 * BLOCK, most)
     while True:
         b = block.shape[1]
         basis[:, m:m + b] = block
         known = basis[:, :m + b]
-        image = applied(block)
-        for _ in range(2):
-            part = known.T @ image
-            image -= known @ part
-            h[:m + b, m:m + b] += part
+        block, _, rest, h[:m + b, m:m + b] = orthonormal(applied(block), known, unit)
         m += b
-        block, rest = _orthonormal(image, known)
         h[m:m + len(rest), m - b:m] = rest
         if m >= look or not block.shape[1] or m + BLOCK > most:
             look = int(GROWTH * m)
@@ -127,27 +123,6 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
     # of pairs the vectors are conjugate to the last bit where the projected matrix is real
     u = (basis[:k, :m] @ y[:, order]) * scale[:, None]
     return rates[order], u
-
-
-def _orthonormal(x: Array, known: Array) -> tuple[Array, Array]:
-    """Columns of x, orthogonal to known ones, orthonormal to each other, and R with x = Q R; without those of which nothing is
-    left."""
-    q = np.zeros_like(x)
-    r = np.zeros((x.shape[1],) * 2)
-    kept = 0
-    largest = float(np.max(np.linalg.norm(x, axis=0), initial=0.0))
-    for j in range(x.shape[1]):
-        column = x[:, j].copy()
-        for _ in range(2):
-            part = q[:, :kept].T @ column
-            column -= q[:, :kept] @ part
-            r[:kept, j] += part
-            column -= known @ (known.T @ column)
-        size = float(np.linalg.norm(column))
-        if size > NOTHING * largest:
-            q[:, kept], r[kept, j] = column / size, size
-            kept += 1
-    return q[:, :kept], r[:kept]
 
 
 def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, shift: float, rate: complex, x: Array,

@@ -1,0 +1,79 @@
+"""Blocks of vectors made orthonormal in a mass matrix, to known ones and to each other."""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Array = np.ndarray
+# what is left of a vector once others are taken out of it, and is round-off; and that is orthogonal to them as it is
+NOTHING, PLENTY = 1e-12, 0.1
+TINY = 1e-300
+
+
+class Block(NamedTuple):
+    """Of x = known P + Q R; without the columns of which nothing is left."""
+
+    q: Array              # [k, j], j <= m
+    weighed: Array        # [k, j]: M Q
+    r: Array              # [j, m], a triangle
+    parts: Array          # P [known, m]
+
+
+def orthonormal(x: Array, known: Array, mass: Any) -> Block:
+    """Columns of x [k, m] made orthonormal in the mass [k, k], sparse, known ones [k, n] are so already."""
+    weighed = mass @ x
+    sizes = norms(x, weighed)
+    parts = np.zeros((known.shape[1], x.shape[1]))
+    # a difference in which little is left is orthogonal to few digits, and is taken once more
+    for _ in range(2 if known.shape[1] else 0):
+        part = known.T @ weighed
+        x = x - known @ part
+        parts += part
+        weighed = mass @ x
+        if np.all(norms(x, weighed) >= PLENTY * sizes):
+            break
+    try:
+        r = np.linalg.cholesky(x.T @ weighed).T
+    except np.linalg.LinAlgError:
+        r = np.zeros_like(parts[:0])
+    if r.size and np.all(np.diagonal(r) >= PLENTY * sizes):
+        turn = np.linalg.inv(r)
+        return Block(x @ turn, weighed @ turn, r, parts)
+    q, r = _one_by_one(x, sizes, known, mass)
+    return Block(q, mass @ q, r, parts)
+
+
+def norms(x: Array, weighed: Array) -> Array:
+    """Of columns in the mass, with their products with it."""
+    return np.sqrt(np.maximum(np.sum(x * weighed, axis=0), 0.0))
+
+
+def _one_by_one(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array, Array]:
+    """Q and R where columns are nearly dependent; sizes: norms of the columns before known ones were taken out."""
+    m = x.shape[1]
+    q = np.zeros_like(x)
+    r = np.zeros((m, m))
+    kept = 0
+    for j in range(m):
+        column = x[:, j].copy()
+        weighed = mass @ column
+        last = float(norms(column, weighed))
+        while True:
+            part = q[:, :kept].T @ weighed
+            column -= q[:, :kept] @ part
+            r[:kept, j] += part
+            weighed = mass @ column
+            size = float(norms(column, weighed))
+            if size > 0.5 * last or not size > NOTHING * sizes[j]:
+                break
+            # what is left of a difference is orthogonal to no more than a few digits
+            column -= known @ (known.T @ weighed)
+            weighed = mass @ column
+            last = size
+        if not size > max(NOTHING * float(sizes[j]), TINY):
+            continue
+        q[:, kept] = column / size
+        r[kept, j] = size
+        kept += 1
+    return q[:, :kept], r[:kept]
