@@ -84,7 +84,6 @@ class Shifted:
     """
 
     def __init__(self, pencil: Pencil, shift: float, backend: str, order: Array | None = None) -> None:
-        from scipy import sparse
         self.shift, self.pencil, self.order = shift, pencil, order
         n, k = pencil.multiplier.size, pencil.mass.shape[0]
         self.columns = BLOCK
@@ -93,21 +92,17 @@ class Shifted:
             matrix = (matrix - shift * grown(pencil.mass, n)).tocsr()
         bordered = bool(pencil.multiplier.any()) or k < n
         self.scale = scales(matrix, bordered)
-        unit = sparse.diags(self.scale)
-        matrix = unit @ matrix @ unit
-        diagonal = np.where(pencil.multiplier, -GIVE, 0.0)
+        self.matrix = with_diagonal(matrix)
+        self.matrix.data *= self.scale[self.matrix.indices] * np.repeat(self.scale, np.diff(self.matrix.indptr))
+        diagonal = self.matrix.indices == np.repeat(np.arange(n), np.diff(self.matrix.indptr))
+        self.matrix.data[diagonal] -= np.where(pencil.multiplier, GIVE, 0.0)
         self.below: int | None = None
         for idle in (0.0, IDLE):
             if idle:
                 # neither stiffness nor mass, such as the spin of a thin rod about its axis
                 massless = np.ones(n, bool)
                 massless[:k] = pencil.mass.diagonal() == 0.0
-                diagonal[massless & ~pencil.multiplier] += idle
-            # with all of its diagonal, zeros too
-            coo, at = matrix.tocoo(), np.arange(n)
-            where = np.append(coo.row, at), np.append(coo.col, at)
-            self.matrix = sparse.csr_matrix((np.append(coo.data, diagonal), where), (n, n))
-            self.matrix.sort_indices()
+                self.matrix.data[diagonal] += np.where(massless & ~pencil.multiplier, idle, 0.0)
             if self._factored(backend, bordered):
                 return
         raise SingularError
@@ -437,9 +432,27 @@ def scales(matrix: Any, bordered: bool) -> Array:
     return 1.0 / np.sqrt(np.maximum(diagonal, 1e-20 * largest))
 
 
-def upper(matrix: Any) -> Any:
-    """Entries on and above the diagonal, by rows."""
+def with_diagonal(matrix: Any) -> Any:
+    """A copy of a matrix by rows with all of its diagonal, zeros too, in order."""
     from scipy import sparse
-    upper = sparse.triu(matrix, format="csr")
-    upper.sort_indices()
-    return upper
+    n = matrix.shape[0]
+    matrix = matrix.copy()
+    matrix.sum_duplicates()
+    absent = np.ones(n, bool)
+    absent[matrix.indices[matrix.indices == np.repeat(np.arange(n), np.diff(matrix.indptr))]] = False
+    if not absent.any():
+        return matrix
+    coo, at = matrix.tocoo(), np.flatnonzero(absent)
+    where = np.append(coo.row, at), np.append(coo.col, at)
+    matrix = sparse.csr_matrix((np.append(coo.data, np.zeros(at.size)), where), (n, n))
+    matrix.sort_indices()
+    return matrix
+
+
+def upper(matrix: Any) -> Any:
+    """Entries of a matrix by rows, in order, on and above the diagonal."""
+    from scipy import sparse
+    n = matrix.shape[0]
+    keep = matrix.indices >= np.repeat(np.arange(n), np.diff(matrix.indptr))
+    before = np.concatenate(([0], np.cumsum(keep)))[matrix.indptr]
+    return sparse.csr_matrix((matrix.data[keep], matrix.indices[keep], before), (n, n))

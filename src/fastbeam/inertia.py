@@ -51,12 +51,17 @@ class Blocks:
         band.put_blocks(self._rows, self._columns, self._blocks, self._size, self.width, whole)
 
     @cached_property
-    def matrix(self) -> Any:
-        """By columns."""
+    def by_rows(self) -> Any:
+        """In scipy's format csr."""
         from scipy import sparse
         data = np.ascontiguousarray(self._blocks[:, :, :self._size])
         indptr = np.searchsorted(self._rows, np.arange(self.n // self._size + 1))
-        return sparse.bsr_matrix((data, self._columns, indptr), shape=(self.n, self.n)).tocsc()
+        return sparse.bsr_matrix((data, self._columns, indptr), shape=(self.n, self.n)).tocsr()
+
+    @cached_property
+    def matrix(self) -> Any:
+        """By columns."""
+        return self.by_rows.tocsc()
 
 
 class Entries:

@@ -113,7 +113,7 @@ class Linearisation:
         keep = self.free
         if self._saddle is None or border is None:
             blocks = work.blocks[:8 * self.size * core.pattern.keys.size].reshape(-1, self.size, 8)
-            matrix = 2.0 * stepper.linear.superlu.matrix(blocks).tocsr()
+            matrix = 2.0 * stepper.linear.superlu.by_rows(blocks)
         else:
             matrix = self._saddle.of(work.blocks, border, self.sliding, 0.0)
             keep = np.concatenate((self.free, np.arange(self._saddle.nodes, self._saddle.n)))
@@ -125,13 +125,14 @@ class Linearisation:
             matrix = matrix + more
         matrix = matrix[keep][:, keep]
         multiplier = np.arange(keep.size) >= self.free.size + core.n_sliders
-        skew = (matrix - matrix.T).tocoo()
+        transposed = matrix.T.tocsr()
+        skew = (matrix - transposed).tocoo()
         size = np.sqrt(np.abs(matrix.diagonal()))
         scaled = np.abs(skew.data) / np.maximum(size[skew.row] * size[skew.col], 1e-300)
         within = (size[skew.row] > 0.0) & (size[skew.col] > 0.0)
         symmetric = not np.any(scaled[within] > SKEW)
         if symmetric:
-            matrix = (0.5 * (matrix + matrix.T)).tocsr()
+            matrix = (0.5 * (matrix + transposed)).tocsr()
         return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, sparse)), right
 
     def _idle_spins(self, matrix: Any, sparse: Any) -> Any:

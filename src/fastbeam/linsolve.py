@@ -208,6 +208,10 @@ class SuperLU:
         """The matrix of blocks [n_blocks, size, 8] by columns."""
         return self._of(blocks).matrix
 
+    def by_rows(self, blocks: Array) -> Any:
+        """The same by rows."""
+        return self._of(blocks).by_rows
+
     def _of(self, blocks: Array) -> Blocks:
         return Blocks(self.size * self.n, self._rows, self._columns, blocks, self.size)
 
