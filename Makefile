@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 OUT ?= out
 BIN := $(VENV)/bin
-# a process that has compiled hundreds of kinds of scenes may crash in LLVM: two runs, which end where one does
+# a process that crashes is a defect (CONTRIBUTING.md): the run ends there
 PARALLEL := -q -n 2 --dist loadfile --max-worker-restart=0
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
