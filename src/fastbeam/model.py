@@ -231,12 +231,12 @@ class Model(HistoryLayout):
         """Number of sliders."""
         return self.s0.size
 
-    @property
+    @cached_property
     def n_constraints(self) -> int:
         """Number of constraints with multipliers: sliders, then joints, then moments of sleeves."""
         return self.n_sliders + len(self.kept) + len(self.sleeve_pairs)
 
-    @property
+    @cached_property
     def sleeve_pairs(self) -> Array:
         """Of every sleeve its slider and the constraint of its moments, int64 [O, 2]."""
         if self.sleeves is None:
@@ -258,7 +258,7 @@ class Model(HistoryLayout):
         return np.array([self.dim] * self.n_sliders + [link.forces(self.dim) for link in self.kept]
                         + [moments] * len(self.sleeve_pairs), np.int64)
 
-    @property
+    @cached_property
     def n_forces(self) -> int:
         """Number of forces of all constraints."""
         return int(self.forces.sum())

@@ -35,7 +35,7 @@ from .outcome import Outcome
 from .released import own_supports
 from .starting import own_state
 from .twisting import start_twisting
-from .workspace import check_border, contact_of, entries_of, factored_contact_of, inner_of, law_work, work_of
+from .workspace import Room, check_border, contact_of, factored_contact_of, inner_of, larger_room, law_work, room_of, work_of
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -117,10 +117,11 @@ class Stepper:
         self.inner = inner_of(core)
         # sliders alone, as rows of the block matrix
         self._factored = core.by_rows and core.n_constraints == core.n_sliders and not (compared or static)
-        self.contact = self._contact_of(entries_of(core)) if core.by_rows else contact_of(core)
+        self.room = room_of(core)
+        self.contact = self._contact_of(self.room.entries) if core.by_rows else contact_of(core)
         self.rows: Constraints | None = None
         if core.by_rows and not static:
-            self._make_rows(entries_of(core), 1.0)
+            self._make_rows(self.room)
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
@@ -254,27 +255,23 @@ class Stepper:
         """Work arrays of the constraints, with room for so many entries each."""
         return factored_contact_of(self.core, entries) if self._factored else contact_of(self.core, entries)
 
-    def _make_rows(self, entries: int, scale: float) -> None:
-        """Room for sliders as rows of the block matrix: so many entries each, everything else by scale."""
+    def _make_rows(self, room: Room) -> None:
+        """Work arrays of sliders as rows of the block matrix."""
         assert self.contact is not None
-        self.capacity = scale
-        self.rows = constraints_of(self.core, self.inner, entries, scale)
-        self.work = self.work._replace(blocks=self.rows.factors.store[:self.rows.couplings.end[0]])
-        if self.contact.row.shape[1] != entries:
-            old, self.contact = self.contact, self._contact_of(entries)
+        self.room = room
+        self.rows = rows = constraints_of(self.core, self.inner, room.entries, room.scale)
+        if room.buffer > rows.buffer.size:
+            self.rows = rows._replace(buffer=aligned(room.buffer))
+        self.work = self.work._replace(blocks=rows.factors.store[:rows.couplings.end[0]])
+        if self.contact.row.shape[1] != room.entries:
+            old, self.contact = self.contact, self._contact_of(room.entries)
             assert self.contact is not None
             self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
 
     def _enlarge(self) -> None:
         """More room for sliders as rows, of the kind that was too short."""
         assert self.contact is not None and self.rows is not None
-        entries = self.contact.row.shape[1]
-        if self.contact.full[0]:
-            self._make_rows(entries + max(2, entries // 4), self.capacity)
-        elif self.rows.touched.counts[2] > self.rows.buffer.size:
-            self.rows = self.rows._replace(buffer=aligned(int(self.rows.touched.counts[2])))
-        else:
-            self._make_rows(entries, 1.5 * self.capacity)
+        self._make_rows(larger_room(self.core, self.room, self.contact, self.rows))
 
     @property
     def _border_size(self) -> int:

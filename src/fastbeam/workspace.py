@@ -2,10 +2,13 @@
 from __future__ import annotations
 
 import os
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from .errors import SceneError
+from .kernels.constraints import Constraints
 from .kernels.contact_entries import Contact, ContactInRows, ContactOfCarriers
 from .kernels.factored_entries import FRAME, FactoredContact
 from .kernels.inner import Inner
@@ -107,6 +110,36 @@ def entries_of(model: Model, bounded: bool = True) -> int:
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
     # and the spin of every node
     return max(ends, (most + 1) * widest + most)
+
+
+class Room(NamedTuple):
+    """Room for constraints as rows of the block matrix."""
+
+    entries: int      # of each constraint
+    scale: float      # of everything else
+    buffer: int       # doubles for the columns and lines of one element, where `scale` is not enough
+
+
+# what runs of a model came to need: the next one begins with it
+_NEEDED: WeakKeyDictionary[Model, Room] = WeakKeyDictionary()
+
+
+def room_of(model: Model) -> Room:
+    """What a run begins with."""
+    return _NEEDED.get(model) or Room(entries_of(model), 1.0, 0)
+
+
+def larger_room(model: Model, room: Room, contact: Contact | FactoredContact, rows: Constraints) -> Room:
+    """With more of what was too short, kept for the next run."""
+    needed = int(rows.touched.counts[2])
+    if contact.full[0]:
+        room = room._replace(entries=room.entries + max(2, room.entries // 4))
+    elif needed > rows.buffer.size:
+        room = room._replace(buffer=needed)
+    else:
+        room = room._replace(scale=1.5 * room.scale)
+    _NEEDED[model] = room
+    return room
 
 
 def factored_contact_of(model: Model, entries: int) -> FactoredContact:
