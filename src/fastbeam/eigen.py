@@ -28,7 +28,7 @@ REFINEMENTS, MOST_REFINEMENTS, ROUND_OFF = 4, 20, 1e-12
 # residual next to the solution of a matrix of size 1 that is round-off of the product
 LAST_BITS = 2.0 * np.finfo(float).eps
 # and residual up to which that is no sign of a matrix that is singular to round-off
-CLEAR = FAIR
+CLEAR = 1e-4
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
 LEAST_SHIFT = 1e-13
 # eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
@@ -174,10 +174,11 @@ def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient:
         worst, best = left, x
         if k >= REFINEMENTS - 1 and worst <= FAIR:
             break
-        # of a matrix whose largest entries are 1
-        if left <= GOOD or not to_last_bits and left <= CLEAR and np.all(
-                np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
+        if left <= GOOD:
             break
+        # of a matrix whose largest entries are 1
+        if not to_last_bits and left <= CLEAR and np.all(np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
+            return x, left
         x = x + solve(rest)
     if lenient and np.isfinite(best).all() or worst <= FAIR:
         return best, worst
