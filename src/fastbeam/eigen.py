@@ -424,13 +424,15 @@ def grown(matrix: Any, n: int) -> Any:
 
 
 def scales(matrix: Any, bordered: bool) -> Array:
-    """Factors of rows and columns."""
+    """Factors of rows and columns, powers of two: products with them are exact."""
     if bordered:
         row, column = equilibrated(matrix)
-        return np.exp2(np.round(0.5 * np.log2(row * column)))
-    diagonal = np.abs(matrix.diagonal())
-    largest = float(np.max(diagonal, initial=0.0)) or 1.0
-    return 1.0 / np.sqrt(np.maximum(diagonal, 1e-20 * largest))
+        squares = row * column
+    else:
+        diagonal = np.abs(matrix.diagonal())
+        largest = float(np.max(diagonal, initial=0.0)) or 1.0
+        squares = 1.0 / np.maximum(diagonal, 1e-20 * largest)
+    return np.exp2(np.round(0.5 * np.log2(squares)))
 
 
 def with_diagonal(matrix: Any) -> Any:

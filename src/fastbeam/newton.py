@@ -35,7 +35,8 @@ from .outcome import Outcome
 from .released import own_supports
 from .starting import own_state
 from .twisting import start_twisting
-from .workspace import Room, check_border, contact_of, factored_contact_of, inner_of, larger_room, law_work, room_of, work_of
+from .workspace import (Capacity, capacity_of, check_border, contact_of, factored_contact_of, inner_of, larger_capacity, law_work,
+                        work_of)
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -117,11 +118,11 @@ class Stepper:
         self.inner = inner_of(core)
         # sliders alone, as rows of the block matrix
         self._factored = core.by_rows and core.n_constraints == core.n_sliders and not (compared or static)
-        self.room = room_of(core)
-        self.contact = self._contact_of(self.room.entries) if core.by_rows else contact_of(core)
+        self.capacity = capacity_of(core)
+        self.contact = self._contact_of(self.capacity.entries) if core.by_rows else contact_of(core)
         self.rows: Constraints | None = None
         if core.by_rows and not static:
-            self._make_rows(self.room)
+            self._make_rows(self.capacity)
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
@@ -255,23 +256,23 @@ class Stepper:
         """Work arrays of the constraints, with room for so many entries each."""
         return factored_contact_of(self.core, entries) if self._factored else contact_of(self.core, entries)
 
-    def _make_rows(self, room: Room) -> None:
+    def _make_rows(self, capacity: Capacity) -> None:
         """Work arrays of sliders as rows of the block matrix."""
         assert self.contact is not None
-        self.room = room
-        self.rows = rows = constraints_of(self.core, self.inner, room.entries, room.scale)
-        if room.buffer > rows.buffer.size:
-            self.rows = rows._replace(buffer=aligned(room.buffer))
+        self.capacity = capacity
+        self.rows = rows = constraints_of(self.core, self.inner, capacity.entries, capacity.scale)
+        if capacity.buffer > rows.buffer.size:
+            self.rows = rows._replace(buffer=aligned(capacity.buffer))
         self.work = self.work._replace(blocks=rows.factors.store[:rows.couplings.end[0]])
-        if self.contact.row.shape[1] != room.entries:
-            old, self.contact = self.contact, self._contact_of(room.entries)
+        if self.contact.row.shape[1] != capacity.entries:
+            old, self.contact = self.contact, self._contact_of(capacity.entries)
             assert self.contact is not None
             self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
 
     def _enlarge(self) -> None:
         """More room for sliders as rows, of the kind that was too short."""
         assert self.contact is not None and self.rows is not None
-        self._make_rows(larger_room(self.core, self.room, self.contact, self.rows))
+        self._make_rows(larger_capacity(self.core, self.capacity, self.contact, self.rows))
 
     @property
     def _border_size(self) -> int:

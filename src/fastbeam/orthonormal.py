@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 Array = np.ndarray
-# what is left of a vector once others are taken out of it, and is round-off; and that is orthogonal to them as it is
+# shares of a vector that are left once others are taken out of it: round-off; and plenty, so that a product with R^-1 keeps digits
 NOTHING, PLENTY = 1e-12, 0.1
 TINY = 1e-300
 
@@ -25,14 +25,12 @@ def orthonormal(x: Array, known: Array, mass: Any) -> Block:
     weighed = mass @ x
     sizes = norms(x, weighed)
     parts = np.zeros((known.shape[1], x.shape[1]))
-    # a difference in which little is left is orthogonal to few digits, and is taken once more
+    # twice: a difference in which little is left is orthogonal to few digits, and damped modes need them all
     for _ in range(2 if known.shape[1] else 0):
         part = known.T @ weighed
         x = x - known @ part
         parts += part
         weighed = mass @ x
-        if np.all(norms(x, weighed) >= PLENTY * sizes):
-            break
     try:
         r = np.linalg.cholesky(x.T @ weighed).T
     except np.linalg.LinAlgError:

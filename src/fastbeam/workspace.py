@@ -112,8 +112,8 @@ def entries_of(model: Model, bounded: bool = True) -> int:
     return max(ends, (most + 1) * widest + most)
 
 
-class Room(NamedTuple):
-    """Room for constraints as rows of the block matrix."""
+class Capacity(NamedTuple):
+    """Capacity for constraints as rows of the block matrix."""
 
     entries: int      # of each constraint
     scale: float      # of everything else
@@ -121,25 +121,25 @@ class Room(NamedTuple):
 
 
 # what runs of a model came to need: the next one begins with it
-_NEEDED: WeakKeyDictionary[Model, Room] = WeakKeyDictionary()
+_NEEDED: WeakKeyDictionary[Model, Capacity] = WeakKeyDictionary()
 
 
-def room_of(model: Model) -> Room:
+def capacity_of(model: Model) -> Capacity:
     """What a run begins with."""
-    return _NEEDED.get(model) or Room(entries_of(model), 1.0, 0)
+    return _NEEDED.get(model) or Capacity(entries_of(model), 1.0, 0)
 
 
-def larger_room(model: Model, room: Room, contact: Contact | FactoredContact, rows: Constraints) -> Room:
+def larger_capacity(model: Model, capacity: Capacity, contact: Contact | FactoredContact, rows: Constraints) -> Capacity:
     """With more of what was too short, kept for the next run."""
     needed = int(rows.touched.counts[2])
     if contact.full[0]:
-        room = room._replace(entries=room.entries + max(2, room.entries // 4))
+        capacity = capacity._replace(entries=capacity.entries + max(2, capacity.entries // 4))
     elif needed > rows.buffer.size:
-        room = room._replace(buffer=needed)
+        capacity = capacity._replace(buffer=needed)
     else:
-        room = room._replace(scale=1.5 * room.scale)
-    _NEEDED[model] = room
-    return room
+        capacity = capacity._replace(scale=1.5 * capacity.scale)
+    _NEEDED[model] = capacity
+    return capacity
 
 
 def factored_contact_of(model: Model, entries: int) -> FactoredContact:

@@ -184,14 +184,14 @@ def test_dependent_sliders_are_named_without_the_augmented_lagrangian() -> None:
         fb.simulate(fb.compile_scene(masses(twice=True)), t_end=STEP, step=STEP, augmentation=0.0, progress=False)
 
 
-def test_the_next_run_of_a_model_begins_with_the_room_that_the_last_one_came_to_need() -> None:
+def test_the_next_run_of_a_model_begins_with_the_capacity_that_the_last_one_came_to_need() -> None:
     model = fb.compile_scene(CASES["many in one element"](), planar=False)
-    rooms, states = [], []
+    capacities, states = [], []
     for _ in range(2):
         stepper = Stepper(model, np.ones(1))
-        rooms.append(stepper.room)
+        capacities.append(stepper.capacity)
         assert stepper.advance(0.0, STEP, STEPS).status == 0
-        rooms.append(stepper.room)
+        capacities.append(stepper.capacity)
         states.append(stepper.core_state.q.copy())
-    assert rooms[0] != rooms[1] == rooms[2] == rooms[3]
+    assert capacities[0] != capacities[1] == capacities[2] == capacities[3]
     np.testing.assert_array_equal(*states)
