@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 Array = np.ndarray
-# shares of a vector that are left once others are taken out of it: round-off; and plenty, so that a product with R^-1 keeps digits
+# shares of a vector that are left once others are taken out of it: round-off, and plenty, where a product with R^-1 keeps digits
 NOTHING, PLENTY = 1e-12, 0.1
 TINY = 1e-300
 
