@@ -93,8 +93,9 @@ class Shifted:
         bordered = bool(pencil.multiplier.any()) or k < n
         self.scale = scales(matrix, bordered)
         self.matrix = with_diagonal(matrix)
-        self.matrix.data *= self.scale[self.matrix.indices] * np.repeat(self.scale, np.diff(self.matrix.indptr))
-        diagonal = self.matrix.indices == np.repeat(np.arange(n), np.diff(self.matrix.indptr))
+        row = rows_of(self.matrix)
+        self.matrix.data *= self.scale[self.matrix.indices] * self.scale[row]
+        diagonal = np.flatnonzero(self.matrix.indices == row)
         self.matrix.data[diagonal] -= np.where(pencil.multiplier, GIVE, 0.0)
         self.below: int | None = None
         for idle in (0.0, IDLE):
@@ -114,7 +115,7 @@ class Shifted:
         mkl = None if backend == "superlu" else load_mkl()
         if mkl is not None:
             threads = 1 if n < SMALL else mkl.MKL_Get_Max_Threads()
-            factors = Factors(mkl, self.pencil.is_symmetric, bordered, BLOCK, threads, None if bordered else self.order)
+            factors = Factors(mkl, self.pencil.is_symmetric, bordered, BLOCK, threads, self.order)
             if factors.factor(upper(self.matrix) if self.pencil.is_symmetric else self.matrix):
                 self._solve, self.order = factors.solve, factors.order
                 if self._is_good(test):
@@ -435,19 +436,22 @@ def scales(matrix: Any, bordered: bool) -> Array:
     return np.exp2(np.round(0.5 * np.log2(squares)))
 
 
+def rows_of(matrix: Any) -> Array:
+    """Row of every entry of a matrix by rows."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
 def with_diagonal(matrix: Any) -> Any:
     """A copy of a matrix by rows with all of its diagonal, zeros too, in order."""
     from scipy import sparse
-    n = matrix.shape[0]
     matrix = matrix.copy()
     matrix.sum_duplicates()
-    absent = np.ones(n, bool)
-    absent[matrix.indices[matrix.indices == np.repeat(np.arange(n), np.diff(matrix.indptr))]] = False
-    if not absent.any():
+    row = rows_of(matrix)
+    absent = np.setdiff1d(np.arange(matrix.shape[0]), row[matrix.indices == row], assume_unique=True)
+    if not absent.size:
         return matrix
-    coo, at = matrix.tocoo(), np.flatnonzero(absent)
-    where = np.append(coo.row, at), np.append(coo.col, at)
-    matrix = sparse.csr_matrix((np.append(coo.data, np.zeros(at.size)), where), (n, n))
+    where = np.append(row, absent), np.append(matrix.indices, absent)
+    matrix = sparse.csr_matrix((np.append(matrix.data, np.zeros(absent.size)), where), matrix.shape)
     matrix.sort_indices()
     return matrix
 
@@ -455,7 +459,6 @@ def with_diagonal(matrix: Any) -> Any:
 def upper(matrix: Any) -> Any:
     """Entries of a matrix by rows, in order, on and above the diagonal."""
     from scipy import sparse
-    n = matrix.shape[0]
-    keep = matrix.indices >= np.repeat(np.arange(n), np.diff(matrix.indptr))
+    keep = matrix.indices >= rows_of(matrix)
     before = np.concatenate(([0], np.cumsum(keep)))[matrix.indptr]
-    return sparse.csr_matrix((matrix.data[keep], matrix.indices[keep], before), (n, n))
+    return sparse.csr_matrix((matrix.data[keep], matrix.indices[keep], before), matrix.shape)

@@ -132,7 +132,7 @@ class Linearisation:
         within = (size[skew.row] > 0.0) & (size[skew.col] > 0.0)
         symmetric = not np.any(scaled[within] > SKEW)
         if symmetric:
-            matrix = (0.5 * (matrix + transposed)).tocsr()
+            matrix = 0.5 * (matrix + transposed)
         return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, sparse)), right
 
     def _idle_spins(self, matrix: Any, sparse: Any) -> Any:

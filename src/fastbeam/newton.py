@@ -118,11 +118,14 @@ class Stepper:
         self.inner = inner_of(core)
         # sliders alone, as rows of the block matrix
         self._factored = core.by_rows and core.n_constraints == core.n_sliders and not (compared or static)
-        self.capacity = capacity_of(core)
-        self.contact = self._contact_of(self.capacity.entries) if core.by_rows else contact_of(core)
         self.rows: Constraints | None = None
-        if core.by_rows and not static:
-            self._make_rows(self.capacity)
+        if core.by_rows:
+            self.capacity = capacity_of(core)
+            self.contact = self._contact_of(self.capacity.entries)
+            if not static:
+                self._make_rows(self.capacity)
+        else:
+            self.contact = contact_of(core)
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
