@@ -53,7 +53,7 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
     return Couplings(*(x.astype(np.int32) for x in tables), _starts(np.array([len(x) for x in late], np.int64)),
                      np.concatenate([np.zeros(0, np.int64), *late]).astype(np.int32),
                      *(x.astype(np.int32) for x in (unknowns, forces, in_force)), _starts(unknowns)[:-1].copy(),
-                     _starts(forces)[:-1].copy(), np.array([end]), partner)
+                     _starts(forces)[:-1].copy(), np.array([end]), partner, np.array([int(pattern.beats_breadth_first)]))
 
 
 def _starts(counts: Array) -> Array:

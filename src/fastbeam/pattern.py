@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -46,6 +47,17 @@ class Pattern:
     def columns(self) -> Array:
         """Block column of every block."""
         return self.keys % self.n
+
+    @cached_property
+    def beats_breadth_first(self) -> bool:
+        """Whether the reverse of a breadth-first search, which begins in the middle, costs well more than the order of the rows.
+        On trees it costs nothing more, and it follows what sliders couple; between parts that many beams join it is expensive."""
+        if self.plan is None or self.n > LARGE:
+            return False
+        counts = np.diff(self.plan.start)
+        rank = _breadth_first(self)
+        low, high = self.coupled.T
+        return _symbolic(self.n, rank[low], rank[high], int(1.5 * np.sum(counts + counts * counts))) is None
 
     def block(self, i: Array, j: Array) -> Array:
         """Block of nodes i, j (arrays or numbers); both must be in the pattern."""
@@ -94,6 +106,34 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
     row = np.concatenate((low, high, natural))
     column = np.concatenate((high, low, natural))
     return Pattern(natural, np.sort(row * n + column), None, n, np.stack((low, high), axis=1))
+
+
+def _breadth_first(pattern: Pattern) -> Array:
+    """Rank of the rows in the reverse of a breadth-first search, as the kernel `sweep` finds it where no constraint couples
+    them."""
+    from scipy import sparse
+    from scipy.sparse import csgraph
+    low, high = pattern.coupled.T
+    graph = sparse.csr_array((np.ones(2 * low.size), (np.concatenate((low, high)), np.concatenate((high, low)))),
+                             (pattern.n, pattern.n))
+    rank = np.zeros(pattern.n, np.int64)
+    component = csgraph.connected_components(graph, directed=False)[1]
+    roots, sizes = np.unique(component, return_index=True, return_counts=True)[1:]
+    alone = roots[sizes == 1]
+    rank[alone] = pattern.n - 1 - np.arange(alone.size)
+    done = alone.size
+    for root in roots[sizes > 1]:
+        for turn in range(3):
+            found, came = csgraph.breadth_first_order(graph, root, directed=False)
+            root = found[-1]
+            if turn == 1:
+                way = [root]
+                while came[way[-1]] >= 0:
+                    way.append(came[way[-1]])
+                root = way[(len(way) - 1) // 2]
+        rank[found] = pattern.n - 1 - done - np.arange(found.size)
+        done += found.size
+    return rank
 
 
 def _from_both_ends(n: int) -> Array:

@@ -18,10 +18,11 @@ from .algebra import dot, ld3
 from .along import (INCREMENT, POSITION, Along, force_of_edges, has_signs, hold, is_prescribed, other_forces,
                     pressing, rub, slide_with_forces)
 from .curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot
+from .held_directors import director, holder_director
 from .joint_coordinates import VALUE, JointMotion
 from .joint_drive import JointControl
 from .kinds import Plane, Space, add_to, coordinates, cross_product, dim, position, spin_cross, vector, zero_vector
-from .sleeve import Sleeves, director, holder_director
+from .sleeve import Sleeves
 from .slider import (NoForceAlong, NoSleeves, Sliding, SlidingLaw, begin_passage, mean_tangent, pass_along, sliding_law)
 
 

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from .._jit import inlined, kernel, one_variant
-from .constraint_rows import collect, find_waiting, is_changed, put_in_order, sweep
+from .constraint_rows import collect, find_waiting, is_changed, put_in_order, rank_by_rows, sweep
 
 
 @inlined
@@ -179,7 +179,10 @@ def update_order(contact, inner, ties, couplings, touched, order, capacity, buff
     touched.counts[1] = 0
     if not collect(contact, inner, ties, couplings, touched, len(dofs)) or touched.counts[2] > buffer_capacity:
         return False
-    sweep(couplings, touched, order)
+    if couplings.by_rows[0] != 0:
+        rank_by_rows(order)
+    else:
+        sweep(couplings, touched, order)
     put_in_order(couplings, touched, order)
     end = find_fill(couplings, touched, order, dofs)
     if end < 0 or end > capacity or not find_targets(order):

@@ -43,6 +43,7 @@ class Couplings(NamedTuple):
     first_force: np.ndarray  # int32 [S]: number of its first force
     end: np.ndarray         # int64 [1]: where the assembled blocks end in store
     partner: np.ndarray     # int32 [S]: the constraint that it is coupled with by own unknowns, or -1
+    by_rows: np.ndarray     # int64 [1]: 1 where nodes are eliminated in the order of their rows, 0 in that of `sweep`
 
 
 class Touched(NamedTuple):
@@ -350,6 +351,13 @@ def sweep(couplings, touched, order):
         if queue[x] < n:
             order.rank[queue[x]] = k
             k += 1
+
+
+@inlined
+def rank_by_rows(order):
+    """Rank of the nodes: that of their rows."""
+    for i in range(order.rank.shape[0]):
+        order.rank[i] = i
 
 
 @kernel

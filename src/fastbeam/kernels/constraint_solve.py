@@ -17,8 +17,9 @@ from .._jit import inlined, kernel, one_variant, separate
 from .algebra import vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column, subtract_rows
 from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
-from .constraint_blocks import (column_on_slider, column_slider_on_node, column_slider_on_slider, factor_slider,
-                                solve_behind_slider, solve_behind_slider_with_right, solve_right_of_slider, subtract_on_slider,
+from .constraint_blocks import (column_on_slider, column_slider_on_node, column_slider_on_slider, factor_moments, factor_slider,
+                                solve_behind_moments, solve_behind_moments_with_right, solve_behind_slider,
+                                solve_behind_slider_with_right, solve_right_of_moments, solve_right_of_slider, subtract_on_slider,
                                 subtract_slider_on_node, subtract_slider_on_slider)
 from .contact_entries import first_of_own_block
 from .kinds import dim
@@ -108,7 +109,8 @@ def update_rows(couplings, order, factors, i, is_node, dofs):
         j = order.column[x]
         rows = order.unknowns[j]
         d = order.diagonal[j]
-        constraint = order.order[j] - order.rank.shape[0]
+        # of rows that carriers took the order has no number any more
+        constraint = order.order[j] - order.rank.shape[0] if j < order.order.shape[0] else -1
         forces = couplings.forces[constraint] if is_node and constraint >= 0 else 0
         for a in range(forces):
             factors.own[7 * constraint + a] += store[d + 9 * a]
@@ -239,6 +241,14 @@ def solve_block(store, d, m, u):
 
 
 @inlined
+def are_moments(couplings, k, dofs):
+    """Whether constraint k has the unknowns of the moments of a sleeve: them, and a copy of a spin."""
+    d = dim(dofs)
+    unknowns, forces = (6, 3) if d == 3 else (2, 1)
+    return couplings.unknowns[k] == unknowns and couplings.forces[k] == forces and couplings.in_force[k] == 0
+
+
+@inlined
 def solve_behind_constraint(couplings, order, factors, i, k, c, dofs):
     """Blocks behind the factored diagonal block of a constraint of compliance c <- D^-1 of them, the right-hand side with the
     first."""
@@ -247,16 +257,24 @@ def solve_behind_constraint(couplings, order, factors, i, k, c, dofs):
     m = couplings.unknowns[k]
     first = order.start[i]
     last = order.start[i + 1]
-    if first == last and m == 2 * dim(dofs) + 1 and couplings.in_force[k] == 1:
+    is_slider = m == 2 * dim(dofs) + 1 and couplings.in_force[k] == 1
+    of_sleeve = are_moments(couplings, k, dofs)
+    if first == last and is_slider:
         solve_right_of_slider(store, d, c, dofs)
+    elif first == last and of_sleeve:
+        solve_right_of_moments(store, d, c, dofs)
     elif first == last:
         solve_right(store, d, m)
         for a in range(couplings.forces[k]):
             store[d + 8 * a + RIGHT] /= c
-    elif m == 2 * dim(dofs) + 1 and couplings.in_force[k] == 1:
+    elif is_slider:
         solve_behind_slider_with_right(store, d, factors.pivots, 8 * i, c, order.upper[first], dofs)
         for x in range(first + 1, last):
             solve_behind_slider(store, d, factors.pivots, 8 * i, c, order.upper[x], dofs)
+    elif of_sleeve:
+        solve_behind_moments_with_right(store, d, factors.pivots, 8 * i, c, order.upper[first], dofs)
+        for x in range(first + 1, last):
+            solve_behind_moments(store, d, factors.pivots, 8 * i, c, order.upper[x], dofs)
     else:
         for x in range(first, last):
             solve_behind_any(couplings, order, factors, i, k, c, order.upper[x], x == first)
@@ -312,9 +330,13 @@ def eliminate(couplings, order, factors, contact, force, dofs):
             c = compliance_of(couplings, factors, contact, k)
             pivot = 0.0
             if c > 0.0:
+                soft = contact.augmented[0] * contact.softness[k] * c
                 if couplings.unknowns[k] == 2 * dim(dofs) + 1 and couplings.in_force[k] == 1:
-                    pivot = factor_slider(factors.store, order.diagonal[i], factors.pivots, 8 * i, c, contact.augmented[0] * c,
-                                          contact.augmented[2] * contact.augmented[0] * c, force, couplings.first_force[k], dofs)
+                    pivot = factor_slider(factors.store, order.diagonal[i], factors.pivots, 8 * i, c, soft,
+                                          contact.augmented[2] * soft, force, couplings.first_force[k], dofs)
+                elif are_moments(couplings, k, dofs):
+                    pivot = factor_moments(factors.store, order.diagonal[i], factors.pivots, 8 * i, c, soft,
+                                           contact.augmented[2] * soft, force, couplings.first_force[k], dofs)
                 else:
                     scale_constraint(couplings, order, factors, contact, force, i, k, c)
                     pivot = factor_constraint(factors.store, order.diagonal[i], couplings.unknowns[k], factors.pivots, 8 * i)

@@ -21,14 +21,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel
-from .algebra import V2, V3, dot, f8, ld2, ld3, perp
+from .._jit import inlined, kernel
+from .algebra import V2, V3, dot, f8
 from .along import Along, force_of_edges, last_passage, lead_passage
-from .contact_entries import entry_of
+from .contact_entries import Weights, entry_of
 from .curves import node_of, slot
+from .held_directors import director, holder_of, sum_held_directors, way_of
 from .joint_entries import take_forces_of
-from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
-from .slider import Sliding, begin_passage, hold_section, mean_tangent, note_passage, pass_along, push_of_moments
+from .kinds import add_stiffness, add_to, cross_product, dim
+from .slider import (Sliding, begin_passage, hold_section, mean_tangent, note_passage, pass_along, push_of_moments,
+                     sums_of_sections)
 from .terms import account, first_guess, is_settled, take_unknowns
 
 # conditions that iterations leave open by round-off of directions
@@ -60,58 +62,6 @@ class Rubbing(NamedTuple):
 
     sleeves: Any           # Sleeves with a Twist
     sliding: Sliding
-
-
-class Pair(NamedTuple):
-    """Sums over the nodes under a sleeve for one pair of directors, D of the holder and d of nodes."""
-
-    mean: Any      # sum of mean shape functions and mean d, and half its derivative by s at the end
-    mean_s: Any
-    mean_end: Any  # sum of mean shape functions and d at the end
-    end: Any       # d at the end of the step, and its derivative by s
-    end_s: Any
-    t0: Any        # sums of divided differences and d at the start and at the end, and their derivatives by s at the end
-    t1: Any
-    dt0: Any
-    dt1: Any
-
-
-@generic
-def director(dofs, q, node, j):
-    """Director j = 0, 1, 2 of a node at coordinates q; in a plane 0 or 1."""
-
-
-@director.register(Space)
-@kernel
-def director_in_space(dofs, q, node, j):
-    return ld3(q, 12 * node + 3 + 3 * j, 1)
-
-
-@director.register(Plane)
-@kernel
-def director_in_plane(dofs, q, node, j):
-    u = ld2(q, 4 * node + 2, 1)
-    return perp(u) if j == 1 else u
-
-
-@generic
-def holder_director(dofs, sleeves, o, i, q, node):
-    """D_i of sleeve o from the triad of its holder."""
-
-
-@holder_director.register(Space)
-@kernel
-def holder_director_in_space(dofs, sleeves, o, i, q, node):
-    r = 9 * o + 3 * i
-    return (sleeves.axes[r] * ld3(q, 12 * node + 3, 1) + sleeves.axes[r + 1] * ld3(q, 12 * node + 6, 1)
-            + sleeves.axes[r + 2] * ld3(q, 12 * node + 9, 1))
-
-
-@holder_director.register(Plane)
-@kernel
-def holder_director_in_plane(dofs, sleeves, o, i, q, node):
-    u = ld2(q, 4 * node + 2, 1)
-    return sleeves.axes[2 * o] * u + sleeves.axes[2 * o + 1] * perp(u)
 
 
 @generic
@@ -172,86 +122,80 @@ def add_double_cross_in_plane(a, b, factor, column, at):
     column[at] -= factor * dot(a, b)
 
 
-@kernel
-def sum_pair(basis, system, nodes, lo, hi, j):
-    """`Pair` of director j of lo to before hi of `nodes_of` a curve."""
-    q, work, dofs = system.state.q, system.work, system.dofs
-    mean = zero_vector(dofs); mean_s = zero_vector(dofs); mean_end = zero_vector(dofs)
-    end = zero_vector(dofs); end_s = zero_vector(dofs)
-    t0 = zero_vector(dofs); t1 = zero_vector(dofs); dt0 = zero_vector(dofs); dt1 = zero_vector(dofs)
-    for a in range(lo, hi):
-        i = slot.call(nodes, a)
-        node = node_of.call(nodes, a)
-        n_mean = 0.5 * (basis[0, i] + basis[1, i])
-        d0 = director.call(dofs, q, node, j)
-        d1 = director.call(dofs, work.q_end, node, j)
-        dm = director.call(dofs, work.q_mid, node, j)
-        mean += n_mean * dm
-        mean_s += (0.5 * basis[2, i]) * dm
-        mean_end += n_mean * d1
-        end += basis[1, i] * d1
-        end_s += basis[2, i] * d1
-        t0 += basis[3, i] * d0; t1 += basis[3, i] * d1
-        dt0 += basis[4, i] * d0; dt1 += basis[4, i] * d1
-    return Pair(mean, mean_s, mean_end, end, end_s, t0, t1, dt0, dt1)
+@inlined
+def put_condition(contact, c, p, at, weights, held_mid, held_end, turner_mid, turner_end):
+    """Column and line of pair p of constraint c on a spin that turns director d_j, held."""
+    add_to(contact.column[c], at + p, 8, -weights.mean * cross_product.call(held_mid, turner_mid))
+    add_to(contact.line[c], at + p, 8, weights.end * cross_product.call(held_end, turner_end))
+
+
+@inlined
+def put_conditions(contact, c, held, at, weights, holder, second_mid, second_end, third_mid, third_end):
+    """The same of the first `held` of three pairs, with d_2 and d_3 in the middle and at the end of the step."""
+    put_condition(contact, c, 0, at, weights, second_mid, second_end, holder.bore_mid, holder.bore_end)
+    if held > 1:
+        put_condition(contact, c, 1, at, weights, third_mid, third_end, holder.bore_mid, holder.bore_end)
+    if held > 2:
+        put_condition(contact, c, 2, at, weights, third_mid, third_end, holder.key_mid, holder.key_end)
+
+
+@inlined
+def add_turning(column, at, factor, held_mid, held_end, turner_mid, turner_end):
+    """Add the matrix of factor (held_mid x (turner_end x z) - turner_mid x (held_end x z)) as a function of the spin z to column
+    [*] at `at`, rows of 8."""
+    add_double_cross.call(held_mid, turner_end, factor, column, at)
+    add_double_cross.call(turner_mid, held_end, -factor, column, at)
 
 
 @kernel
-def put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, nodes, lo, hi):
-    """Moments of pair p of constraint c on the nodes under slider k, and the entries of their spins."""
-    work, contact, dofs = system.work, system.contact, system.dofs
+def put_moments(term, system, k, c, held, holder, sums, share, nodes, lo, hi):
+    """The first `held` of three pairs of constraint c, the moments of slider k, on its holder and the nodes under it: rows of the
+    residual and entries. share: of the sliding equation as in `SlidingLaw`."""
+    contact, work, dofs = system.contact, system.work, system.dofs
     d = dim(dofs)
     copy = len(dofs) - d
-    for a in range(lo, hi):
-        i = slot.call(nodes, a)
-        node = node_of.call(nodes, a)
-        row = system.row_of[term.sliders.spin_root[node]]
-        n_mean = 0.5 * (contact.basis[0, i] + contact.basis[1, i])
-        d_mid = director.call(dofs, work.q_mid, node, j)
-        d_end = director.call(dofs, work.q_end, node, j)
-        turning = cross_product.call(d_mid, holder_mid)
-        at_end = cross_product.call(d_end, holder_end)
-        add_to(work.r, 8 * row + d, 1, (-moment * n_mean) * turning)
-        o = entry_of(contact, c, row, dofs) + 8 * d
-        add_to(contact.column[c], o + p, 8, -n_mean * turning)
-        add_to(contact.line[c], o + p, 8, contact.basis[1, i] * at_end)
-        add_double_cross.call(holder_mid, d_end, -0.5 * moment * n_mean, contact.column[c], o + copy)
-        add_double_cross.call(d_mid, holder_end, 0.5 * moment * n_mean, contact.column[c], o + copy)
-        o = entry_of(contact, k, row, dofs) + 8 * d
-        add_to(contact.column[k], o + d, 8, (-0.5 * moment * contact.basis[2, i]) * turning)
-
-
-@kernel
-def put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_end):
-    """The same on the holder of slider k."""
-    work, contact, dofs = system.work, system.contact, system.dofs
-    d = dim(dofs)
-    copy = len(dofs) - d
+    second, third = sums
     row = system.row_of[term.sliders.spin_root[term.sliders.point[k]]]
-    turning = cross_product.call(holder_mid, sums.mean)
-    add_to(work.r, 8 * row + d, 1, -moment * turning)
-    o = entry_of(contact, c, row, dofs) + 8 * d
-    add_to(contact.column[c], o + p, 8, -1.0 * turning)
-    add_to(contact.line[c], o + p, 8, cross_product.call(holder_end, sums.end))
-    add_double_cross.call(sums.mean, holder_end, -0.5 * moment, contact.column[c], o + copy)
-    add_double_cross.call(holder_mid, sums.mean_end, 0.5 * moment, contact.column[c], o + copy)
-    o = entry_of(contact, k, row, dofs) + 8 * d
-    add_to(contact.column[k], o + d, 8, -moment * cross_product.call(holder_mid, sums.mean_s))
-
-
-@kernel
-def put_push(term, system, k, p, moment, j, sums, holder_end, nodes, lo, hi):
-    """Derivatives of the push of pair p along the beam by the spins of nodes and holder, in the sliding equation."""
-    work, contact, dofs = system.work, system.contact, system.dofs
-    d = dim(dofs)
+    at = entry_of(contact, c, row, dofs) + 8 * d
+    # the holder turns the other way
+    put_conditions(contact, c, held, at, Weights(-1.0, -1.0, 0.0, 0.0), holder, second.mean, second.end, third.mean, third.end)
+    turning = cross_product.call(second.mean, holder.second_mid)
+    slope = cross_product.call(second.mean_s, holder.second_mid)
+    along = cross_product.call(second.t1, holder.second_end)
+    add_turning(contact.column[c], at + copy, -0.5, second.mean, second.mean_end, holder.second_mid, holder.second_end)
+    if held > 1:
+        turning += cross_product.call(third.mean, holder.third_mid)
+        slope += cross_product.call(third.mean_s, holder.third_mid)
+        along += cross_product.call(third.t1, holder.third_end)
+        add_turning(contact.column[c], at + copy, -0.5, third.mean, third.mean_end, holder.third_mid, holder.third_end)
+    add_to(work.r, 8 * row + d, 1, turning)
+    at = entry_of(contact, k, row, dofs) + 9 * d
+    add_to(contact.column[k], at, 8, slope)
+    add_to(contact.line[k], at, 8, (0.5 * share) * along)
+    basis = contact.basis
     for a in range(lo, hi):
         i = slot.call(nodes, a)
         node = node_of.call(nodes, a)
-        o = entry_of(contact, k, system.row_of[term.sliders.spin_root[node]], dofs) + 9 * d
-        d_end = director.call(dofs, work.q_end, node, j)
-        add_to(contact.line[k], o, 8, (-0.5 * moment * contact.basis[3, i]) * cross_product.call(d_end, holder_end))
-    o = entry_of(contact, k, system.row_of[term.sliders.spin_root[term.sliders.point[k]]], dofs) + 9 * d
-    add_to(contact.line[k], o, 8, (-0.5 * moment) * cross_product.call(holder_end, sums.t1))
+        weights = Weights(0.5 * (basis[0, i] + basis[1, i]), basis[1, i], 0.5 * basis[2, i], basis[3, i])
+        second_mid = director.call(dofs, work.q_mid, node, 1)
+        second_end = director.call(dofs, work.q_end, node, 1)
+        third_mid = director.call(dofs, work.q_mid, node, 2)
+        third_end = director.call(dofs, work.q_end, node, 2)
+        row = system.row_of[term.sliders.spin_root[node]]
+        at = entry_of(contact, c, row, dofs) + 8 * d
+        put_conditions(contact, c, held, at, weights, holder, second_mid, second_end, third_mid, third_end)
+        half = 0.5 * weights.mean
+        turning = cross_product.call(second_mid, holder.second_mid)
+        along = cross_product.call(second_end, holder.second_end)
+        add_turning(contact.column[c], at + copy, half, second_mid, second_end, holder.second_mid, holder.second_end)
+        if held > 1:
+            turning += cross_product.call(third_mid, holder.third_mid)
+            along += cross_product.call(third_end, holder.third_end)
+            add_turning(contact.column[c], at + copy, half, third_mid, third_end, holder.third_mid, holder.third_end)
+        add_to(work.r, 8 * row + d, 1, -weights.mean * turning)
+        at = entry_of(contact, k, row, dofs) + 9 * d
+        add_to(contact.column[k], at, 8, -weights.slope * turning)
+        add_to(contact.line[k], at, 8, (-0.5 * share * weights.along) * along)
 
 
 @kernel
@@ -286,28 +230,29 @@ def passage_of_triads(sleeves, along, term, system, k):
     nodes, lo, hi = begin_passage(term, system, k)
     lead_passage(system, nodes, lo, hi, term.sliders.point[k], along.clock[0])
     tangent = mean_tangent(pass_along(system.contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
-    return tangent, push_of_moments.call(sleeves, term, system, k, nodes, lo, hi)
+    sums = sums_of_sections.call(sleeves, system, k, nodes, lo, hi)
+    return tangent, push_of_moments.call(sleeves, sums, term, system, k)
+
+
+@sums_of_sections.register(Sleeves)
+@kernel
+def sums_in_sleeve(sleeves, system, k, nodes, lo, hi):
+    # nothing is under a slider that is no sleeve
+    return sum_held_directors.call(system.dofs, system.contact.basis, system, nodes, lo, hi if sleeves.of_slider[k] >= 0 else lo)
 
 
 @push_of_moments.register(Sleeves)
 @kernel
-def push_of_sleeve(sleeves, term, system, k, nodes, lo, hi):
+def push_of_sleeve(sleeves, sums, term, system, k):
     o = sleeves.of_slider[k]
     push = 0.0
     if o >= 0:
-        state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
-        point = term.sliders.point[k]
+        contact = system.contact
         c = sleeves.first[0] + o
+        holder = holder_of(sleeves, term, system, k, o, contact.forces[c])
+        second, third = sums
         for p in range(contact.forces[c]):
-            t0, t1 = zero_vector(dofs), zero_vector(dofs)
-            for a in range(lo, hi):
-                i = slot.call(nodes, a)
-                node = node_of.call(nodes, a)
-                t0 += contact.basis[3, i] * director.call(dofs, state.q, node, min(p + 1, 2))
-                t1 += contact.basis[3, i] * director.call(dofs, work.q_end, node, min(p + 1, 2))
-            holder_start = holder_director.call(dofs, sleeves, o, p // 2, state.q, point)
-            holder_end = holder_director.call(dofs, sleeves, o, p // 2, work.q_end, point)
-            push += 0.5 * state.force[contact.first_force[c] + p] * (dot(holder_start, t0) + dot(holder_end, t1))
+            push += system.state.force[contact.first_force[c] + p] * way_of(holder, second if p == 0 else third, p)
     return push
 
 
@@ -352,45 +297,44 @@ def let_go(contact, c, p, dofs):
 
 @hold_section.register(Sleeves)
 @kernel
-def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, law):
+def hold_section_in_sleeve(sleeves, sums, term, system, k, nodes, lo, hi, law):
     o = sleeves.of_slider[k]
     if o < 0:
         return
-    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
-    d = dim(dofs)
-    point = term.sliders.point[k]
+    contact = system.contact
     c = sleeves.first[0] + o
     begin_moments(term, system, k, c)
     for i in range(8):
         contact.cross[o, 0, i] = 0.0
         contact.cross[o, 1, i] = 0.0
-    for p in range(contact.forces[c]):
-        held = 1.0
-        if p == 2 and not sleeves.keyed[o]:
-            held = twist_rubs.call(sleeves.twist, sleeves, term, system, k, o, nodes, lo, hi)
-            if held < 0.0:
-                # a multiplier that stays zero
-                contact.corner[c, 9 * p] = 1.0
-                contact.residual[c, p] = state.force[contact.first_force[c] + p]
-                continue
-        moment = state.force[contact.first_force[c] + p]
-        i = p // 2
-        j = min(p + 1, 2)
-        holder_start = holder_director.call(dofs, sleeves, o, i, state.q, point)
-        holder_mid = holder_director.call(dofs, sleeves, o, i, work.q_mid, point)
-        holder_end = holder_director.call(dofs, sleeves, o, i, work.q_end, point)
-        sums = sum_pair(contact.basis, system, nodes, lo, hi, j)
-        put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, nodes, lo, hi)
-        put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_end)
-        put_push(term, system, k, p, law.share * moment, j, sums, holder_end, nodes, lo, hi)
-        slide = 0.5 * (dot(holder_start, sums.t0) + dot(holder_end, sums.t1))
-        if p < 2 or sleeves.keyed[o]:
-            contact.residual[c, p] = dot(holder_end, sums.end)
-        contact.corner[k, 9 * d] -= 0.5 * law.share * moment * (dot(holder_start, sums.dt0) + dot(holder_end, sums.dt1))
-        contact.cross[o, 0, p] = -law.share * slide + law.rub * edge_by_moment(sleeves, system, o, c, p)
-        contact.cross[o, 1, p] = held * dot(holder_end, sums.end_s)
-        if held == 0.0:
-            let_go(contact, c, p, dofs)
+    held = contact.forces[c]
+    rubs = held > 2 and not sleeves.keyed[o]
+    twist = 1.0
+    if rubs:
+        # before its moment is read: friction that slips sets it
+        twist = twist_rubs.call(sleeves.twist, sleeves, term, system, k, o, nodes, lo, hi)
+        if twist < 0.0:
+            # a multiplier that stays zero
+            contact.corner[c, 18] = 1.0
+            contact.residual[c, 2] = system.state.force[contact.first_force[c] + 2]
+            held = 2
+    holder = holder_of(sleeves, term, system, k, o, held)
+    put_moments(term, system, k, c, held, holder, sums, law.share, nodes, lo, hi)
+    slope = 0.0
+    second, third = sums
+    for p in range(held):
+        of = second if p == 0 else third
+        start = holder.key_start if p == 2 else holder.bore_start
+        end = holder.key_end if p == 2 else holder.bore_end
+        here = 1.0 if p < 2 else twist
+        if p < 2 or not rubs:
+            contact.residual[c, p] = dot(end, of.end)
+        slope += system.state.force[contact.first_force[c] + p] * (dot(start, of.dt0) + dot(end, of.dt1))
+        contact.cross[o, 0, p] = -law.share * way_of(holder, of, p) + law.rub * edge_by_moment(sleeves, system, o, c, p)
+        contact.cross[o, 1, p] = here * dot(end, of.end_s)
+        if here == 0.0:
+            let_go(contact, c, p, system.dofs)
+    contact.corner[k, 9 * dim(system.dofs)] -= 0.5 * law.share * slope
 
 
 # --- as a term of a step ------------------------------------------------------------------------------------------------

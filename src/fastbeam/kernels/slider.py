@@ -130,25 +130,35 @@ def no_force_is_settled(along, term, system):
 
 
 @generic
-def push_of_moments(sleeves, term, system, k, nodes, lo, hi):
-    """What the moments of slider k add to the force along the beam, (5.10), N: lo to before hi of `nodes_of` its curve are under
-    it."""
+def sums_of_sections(sleeves, system, k, nodes, lo, hi):
+    """Sums that the moments of slider k need: lo to before hi of `nodes_of` its curve are under it."""
 
 
 @generic
-def hold_section(sleeves, term, system, k, nodes, lo, hi, law):
+def push_of_moments(sleeves, sums, term, system, k):
+    """What the moments of slider k add to the force along the beam, (5.10), N, from `sums_of_sections`."""
+
+
+@generic
+def hold_section(sleeves, sums, term, system, k, nodes, lo, hi, law):
     """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; law: its `SlidingLaw`."""
+
+
+@sums_of_sections.register(NoSleeves)
+@kernel
+def no_sums(sleeves, system, k, nodes, lo, hi):
+    return 0.0
 
 
 @push_of_moments.register(NoSleeves)
 @kernel
-def push_of_no_moments(sleeves, term, system, k, nodes, lo, hi):
+def push_of_no_moments(sleeves, sums, term, system, k):
     return 0.0
 
 
 @hold_section.register(NoSleeves)
 @kernel
-def hold_no_section(sleeves, term, system, k, nodes, lo, hi, law):
+def hold_no_section(sleeves, sums, term, system, k, nodes, lo, hi, law):
     pass
 
 
@@ -272,7 +282,8 @@ def add_slider(along, term, system, k):
     way = pass_along(contact.basis, nodes, lo, hi, system, term.sliders.spin_root)
     note_passage.call(along, term.sleeves, term, system, k, nodes, lo, hi)
     jump = way.t1 - way.t0
-    push = push_of_moments.call(term.sleeves, term, system, k, nodes, lo, hi)
+    sums = sums_of_sections.call(term.sleeves, system, k, nodes, lo, hi)
+    push = push_of_moments.call(term.sleeves, sums, term, system, k)
     law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way), push)
     turned = spin_cross.call(way.turn, law.force)
     slide = 0.5 * law.force + 0.25 * turned
@@ -291,7 +302,7 @@ def add_slider(along, term, system, k):
     put_corner.call(contact, k, way.end_s, 0.5 * way.mean_s, law.tangent, by_s, dofs)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
                  dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
-    hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law)
+    hold_section.call(term.sleeves, sums, term, system, k, nodes, lo, hi, law)
 
 
 @kernel

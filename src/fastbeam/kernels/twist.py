@@ -22,8 +22,9 @@ from .._jit import kernel
 from .algebra import dot
 from .along import FRICTION_LOSS, HISTORY, JUDGED, MOST_FLIPS, force_of_edges, lead_passage
 from .curves import find_element, node_of, slot
+from .held_directors import director, holder_director
 from .kinds import vector, zero_vector
-from .sleeve import account_twist, begin_twist, director, holder_director, twist_is_settled, twist_rubs
+from .sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
 from .slider import begin_passage, motion_along
 
 # numbers of a sleeve that rubs in `State.history`: angle of the section in it, rad, against d_2, d_3 at t = 0 with h = sin(x);
