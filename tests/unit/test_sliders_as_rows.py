@@ -200,7 +200,7 @@ def test_dependent_sliders_move_as_with_the_dense_border(name: str, planar: bool
 
 @pytest.mark.parametrize("name", MASTS)
 def test_products_between_parts_that_many_beams_join_are_few(name: str) -> None:
-    """In the reverse of a breadth-first search, 24 cables took 2 times as many as in the order of their rows, of splines 90 times."""
+    """In the reverse of a breadth-first search there are 2 times as many, 90 times with splines."""
     stepper = Stepper(fb.compile_scene(mast(24, **MASTS[name]), planar=False), np.ones(1))
     assert stepper.advance(0.0, STEP, 1).status == 0
     starts = stepper.rows.order.start, stepper.model.pattern.plan.start
