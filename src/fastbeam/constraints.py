@@ -1,10 +1,13 @@
 """Arrays for the rows of constraints in the block matrix (theory.md 9): what couples the nodes, and room for what is found."""
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from .joint_order import Joint, places_of
 from .kernels.constraint_rows import Couplings, Order, Touched
 from .kernels.constraint_solve import Factors
 from .kernels.constraints import Constraints
@@ -17,10 +20,12 @@ from .model import Model
 from .pattern import Pattern
 
 Array = np.ndarray
+# of models that still exist
+_PLACES: WeakKeyDictionary[Model, Array | None] = WeakKeyDictionary()
 
 
 def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array, late: list[Array], unknowns: Array,
-                 forces: Array, in_force: Array, pairs: Array | None = None) -> Couplings:
+                 forces: Array, in_force: Array, pairs: Array | None = None, places: Array | None = None) -> Couplings:
     """What couples the rows of a pattern.
 
     Parameters
@@ -35,6 +40,8 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
         Of every constraint its unknowns and the forces among them; equations behind those of the gaps in the unit of a force.
     pairs : int [O, 2], optional
         Constraints that are coupled by own unknowns.
+    places : int32 [n + S], optional
+        Place of every row in the elimination; else it is found in a run.
     """
     n, block = pattern.n, 8 * size
     low, high = pattern.coupled[:, 0], pattern.coupled[:, 1]
@@ -53,7 +60,8 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
     return Couplings(*(x.astype(np.int32) for x in tables), _starts(np.array([len(x) for x in late], np.int64)),
                      np.concatenate([np.zeros(0, np.int64), *late]).astype(np.int32),
                      *(x.astype(np.int32) for x in (unknowns, forces, in_force)), _starts(unknowns)[:-1].copy(),
-                     _starts(forces)[:-1].copy(), np.array([end]), partner, np.array([int(pattern.beats_breadth_first)]))
+                     _starts(forces)[:-1].copy(), np.array([end]), partner, np.array([int(pattern.beats_breadth_first)]),
+                     np.zeros(0, np.int32) if places is None else places)
 
 
 def _starts(counts: Array) -> Array:
@@ -113,11 +121,52 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
     late += [late[k] for k in model.sleeve_pairs[:, 0]]
     in_force = (np.arange(model.n_constraints) < s).astype(np.int64)
     couplings = couplings_of(model.pattern, len(model.dofs), 8 * len(model.dofs) * (model.n_blocks + 1), held, tied, late,
-                             model.unknowns, model.forces, in_force, model.sleeve_pairs)
+                             model.unknowns, model.forces, in_force, model.sleeve_pairs, _places(model, inner))
     elements = 0 if inner is None else inner.mark.size
     others = (NoInner() if inner is None else inner, NoTies() if model.ties is None else model.ties,
               NoHeld() if model.held is None else model.held)
     return with_capacity(couplings, entries, elements, len(model.dofs), scale, others)
+
+
+def _places(model: Model, inner: Inner | None) -> Array | None:
+    """Place of every row in the elimination of a model whose constraints are joints, which touch the same rows all the time."""
+    if model.n_sliders or not model.kept:
+        return None
+    if model not in _PLACES:
+        _PLACES[model] = _find_places(model, inner)
+    return _PLACES[model]
+
+
+def _find_places(model: Model, inner: Inner | None) -> Array | None:
+    n = model.pattern.n
+    whole = (1 << len(model.dofs)) - 1
+    mask = np.zeros(model.n_nodes + 1, np.int64)
+    if model.held is not None:
+        mask[model.held.row] = model.held.mask
+    grounded = mask > 0
+    if model.released is not None:
+        mask[model.released.row] = 0
+        grounded[model.released.row] = True
+    held = mask == whole
+    of_rows = defaultdict(list)
+    for k, link in enumerate(model.kept):
+        rows = set()
+        for row in (r for node in link.node for r in _carriers_of(model, node)):
+            if row < n:
+                rows.add(row)
+            elif inner is not None:
+                e = inner.element[row - inner.first[0]]
+                first = inner.where[e, 2]
+                rows.update((int(inner.rows[first]), int(inner.rows[first + inner.where[e, 1] + 1])))
+        of_rows[tuple(sorted(rows))].append(k)
+    joints = [Joint(k, tuple(r for r in rows if not held[r]), tuple(r for r in rows if held[r])) for rows, k in of_rows.items()]
+    return places_of(n, model.pattern.coupled, joints, grounded[:n], model.pattern.beats_breadth_first)
+
+
+def _carriers_of(model: Model, node: int) -> list[int]:
+    """The row of a node, or those of what it is tied to."""
+    rows = _rows_of(model, node).tolist()
+    return rows[1:] or rows
 
 
 def _rows_of(model: Model, node: int) -> Array:

@@ -55,7 +55,7 @@ class Pattern:
         if self.plan is None or self.n > LARGE:
             return False
         counts = np.diff(self.plan.start)
-        rank = _breadth_first(self)
+        rank = breadth_first(self.n, self.coupled)
         low, high = self.coupled.T
         return _symbolic(self.n, rank[low], rank[high], int(1.5 * np.sum(counts + counts * counts))) is None
 
@@ -108,19 +108,17 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
     return Pattern(natural, np.sort(row * n + column), None, n, np.stack((low, high), axis=1))
 
 
-def _breadth_first(pattern: Pattern) -> Array:
-    """Rank of the rows in the reverse of a breadth-first search, as the kernel `sweep` finds it where no constraint couples
-    them."""
+def breadth_first(n: int, coupled: Array) -> Array:
+    """Rank of n rows, coupled [m, 2], in the reverse of a breadth-first search from the middle: what the kernel `sweep` finds."""
     from scipy import sparse
     from scipy.sparse import csgraph
-    low, high = pattern.coupled.T
-    graph = sparse.csr_array((np.ones(2 * low.size), (np.concatenate((low, high)), np.concatenate((high, low)))),
-                             (pattern.n, pattern.n))
-    rank = np.zeros(pattern.n, np.int64)
+    low, high = coupled.T
+    graph = sparse.csr_array((np.ones(2 * low.size), (np.concatenate((low, high)), np.concatenate((high, low)))), (n, n))
+    rank = np.zeros(n, np.int64)
     component = csgraph.connected_components(graph, directed=False)[1]
     roots, sizes = np.unique(component, return_index=True, return_counts=True)[1:]
     alone = roots[sizes == 1]
-    rank[alone] = pattern.n - 1 - np.arange(alone.size)
+    rank[alone] = n - 1 - np.arange(alone.size)
     done = alone.size
     for root in roots[sizes > 1]:
         for turn in range(3):
@@ -131,7 +129,7 @@ def _breadth_first(pattern: Pattern) -> Array:
                 while came[way[-1]] >= 0:
                     way.append(came[way[-1]])
                 root = way[(len(way) - 1) // 2]
-        rank[found] = pattern.n - 1 - done - np.arange(found.size)
+        rank[found] = n - 1 - done - np.arange(found.size)
         done += found.size
     return rank
 
@@ -162,7 +160,7 @@ class _Fill:
     column: Array
 
 
-def _symbolic(n: int, a: Array, b: Array, limit: int) -> _Fill | None:
+def _symbolic(n: int, a: Array, b: Array, limit: float) -> _Fill | None:
     """Fill of the elimination of edges between rows a, b; None beyond the limit."""
     i, j = np.minimum(a, b), np.maximum(a, b)
     key = np.sort(i * n + j)
@@ -197,6 +195,12 @@ def _symbolic(n: int, a: Array, b: Array, limit: int) -> _Fill | None:
     counts = np.array([len(row) for row in upper], dtype=np.int64)
     start = np.concatenate(([0], np.cumsum(counts)))
     return _Fill(cost, start, np.fromiter((c for row in upper for c in row), dtype=np.int64, count=start[-1]))
+
+
+def elimination_cost(a: Array, b: Array, n: int, limit: float = np.inf) -> int | None:
+    """Updates of the elimination of n rows with edges between places a, b; None beyond the limit."""
+    found = _symbolic(n, a, b, limit)
+    return None if found is None else found.cost
 
 
 def _minimum_degree(n: int, low: Array, high: Array, limit: int) -> Array | None:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from .._jit import inlined, kernel, one_variant
-from .constraint_rows import collect, find_waiting, is_changed, put_in_order, rank_by_rows, sweep
+from .constraint_rows import collect, find_waiting, is_changed, put_in_order, rank_by_rows, sweep, take_places
 
 
 @inlined
@@ -173,17 +173,21 @@ def find_places(contact, couplings, touched, order):
 def update_order(contact, inner, ties, couplings, touched, order, capacity, buffer_capacity, dofs):
     """Find order and structure again where something else is touched; capacity: doubles in store and in a buffer. Returns False,
     and has to be called again, where some array is too short."""
-    waiting = find_waiting(contact, couplings, touched, dofs)
+    is_given = couplings.place.shape[0] > 0
+    waiting = not is_given and find_waiting(contact, couplings, touched, dofs)
     if not waiting and not is_changed(contact, touched):
         return True
     touched.counts[1] = 0
     if not collect(contact, inner, ties, couplings, touched, len(dofs)) or touched.counts[2] > buffer_capacity:
         return False
-    if couplings.by_rows[0] != 0:
-        rank_by_rows(order)
+    if is_given:
+        take_places(couplings, order)
     else:
-        sweep(couplings, touched, order)
-    put_in_order(couplings, touched, order)
+        if couplings.by_rows[0] != 0:
+            rank_by_rows(order)
+        else:
+            sweep(couplings, touched, order)
+        put_in_order(couplings, touched, order)
     end = find_fill(couplings, touched, order, dofs)
     if end < 0 or end > capacity or not find_targets(order):
         return False

@@ -44,6 +44,7 @@ class Couplings(NamedTuple):
     end: np.ndarray         # int64 [1]: where the assembled blocks end in store
     partner: np.ndarray     # int32 [S]: the constraint that it is coupled with by own unknowns, or -1
     by_rows: np.ndarray     # int64 [1]: 1 where nodes are eliminated in the order of their rows, 0 in that of `sweep`
+    place: np.ndarray       # int32 [N]: place of every row in the elimination, or [0]: it is found
 
 
 class Touched(NamedTuple):
@@ -358,6 +359,14 @@ def rank_by_rows(order):
     """Rank of the nodes: that of their rows."""
     for i in range(order.rank.shape[0]):
         order.rank[i] = i
+
+
+@inlined
+def take_places(couplings, order):
+    """Positions as they are given."""
+    for g in range(order.position.shape[0]):
+        order.position[g] = couplings.place[g]
+        order.order[couplings.place[g]] = g
 
 
 @kernel

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel
+from .._jit import inlined, kernel
 from .algebra import dot, ld2, ld3, perp
 from .alpha import Alpha
 from .joint_entries import begin_joint, forget_gaps, is_closed, take_forces
@@ -111,13 +111,17 @@ def put_on_tied_end(ties, joints, system, k, p, j, side, column, line):
 @kernel
 def turn_against(joints, system, j, i, other, force):
     """A force on the product D_i . D_other, moments on both nodes: residual and half its derivative by the end of the step."""
+    dofs, q_mid, q_end = system.dofs, system.work.q_mid, system.work.q_end
+    turn_both(joints, system, j, direction.call(dofs, joints, j, 0, i, q_mid), direction.call(dofs, joints, j, 1, other, q_mid),
+              direction.call(dofs, joints, j, 0, i, q_end), direction.call(dofs, joints, j, 1, other, q_end), force)
+
+
+@inlined
+def turn_both(joints, system, j, a_mid, b_mid, a_end, b_end, force):
+    """The same for D_i = a and D_other = b, their means in the step and values at its end."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     n = 8 * len(dofs)
-    a_mid = direction.call(dofs, joints, j, 0, i, work.q_mid)
-    b_mid = direction.call(dofs, joints, j, 1, other, work.q_mid)
-    a_end = direction.call(dofs, joints, j, 0, i, work.q_end)
-    b_end = direction.call(dofs, joints, j, 1, other, work.q_end)
     turning = cross_product.call(a_mid, b_mid)
     add_to(work.r, 8 * joints.row[j, 0] + d, 1, -force * turning)
     add_to(work.r, 8 * joints.row[j, 1] + d, 1, force * turning)
@@ -132,16 +136,15 @@ def turn_against(joints, system, j, i, other, force):
 @kernel
 def keep_direction(joints, system, share, j, k, p, i, other):
     """Condition D_i . D_other = 0 as force p of constraint k."""
-    work, dofs = system.work, system.dofs
-    turn_against(joints, system, j, i, other, system.state.force[system.contact.first_force[k] + p])
-    a_end = direction.call(dofs, joints, j, 0, i, work.q_end)
-    b_end = direction.call(dofs, joints, j, 1, other, work.q_end)
-    turning = cross_product.call(direction.call(dofs, joints, j, 0, i, work.q_mid),
-                                 direction.call(dofs, joints, j, 1, other, work.q_mid))
+    dofs, q_mid, q_end, contact = system.dofs, system.work.q_mid, system.work.q_end, system.contact
+    a_mid, b_mid = direction.call(dofs, joints, j, 0, i, q_mid), direction.call(dofs, joints, j, 1, other, q_mid)
+    a_end, b_end = direction.call(dofs, joints, j, 0, i, q_end), direction.call(dofs, joints, j, 1, other, q_end)
+    turn_both(joints, system, j, a_mid, b_mid, a_end, b_end, system.state.force[contact.first_force[k] + p])
+    turning = cross_product.call(a_mid, b_mid)
     at_end = cross_product.call(a_end, b_end)
-    system.contact.residual[k, p] = dot(a_end, b_end)
-    put_spin(system.contact, k, p, joints.spin_row[j, 0], -share * turning, 1.0 * at_end, dofs)
-    put_spin(system.contact, k, p, joints.spin_row[j, 1], share * turning, -1.0 * at_end, dofs)
+    contact.residual[k, p] = dot(a_end, b_end)
+    put_spin(contact, k, p, joints.spin_row[j, 0], -share * turning, 1.0 * at_end, dofs)
+    put_spin(contact, k, p, joints.spin_row[j, 1], share * turning, -1.0 * at_end, dofs)
 
 
 @kernel

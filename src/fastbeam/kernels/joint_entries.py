@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel
+from .._jit import inlined, kernel
 from .algebra import V2, V3, f8
 from .contact_entries import new_entry, tied_arm
 from .kinds import cross_product, dim, put, put_cross_matrix
@@ -33,6 +33,14 @@ def put_arm_columns(column, line, contact, k, row, arm_mid, arm_end, dofs):
     """Entry of the spin of a node that carries such a position on an arm."""
 
 
+@inlined
+def spin_of_last(contact, k, row, dofs):
+    """Where the spin of a row stands in its entry: the last one where that has the row, else a new one."""
+    m = contact.entries[k] - 1
+    at = 8 * len(dofs) * m if m >= 0 and contact.row[k, m] == row else new_entry(contact, k, row, dofs)
+    return at + 8 * dim(dofs)
+
+
 @put_columns.register(f8)
 @kernel
 def put_unit(column, line, contact, k, row, dofs):
@@ -45,7 +53,7 @@ def put_unit(column, line, contact, k, row, dofs):
 @put_arm_columns.register(f8)
 @kernel
 def put_unit_arm(column, line, contact, k, row, arm_mid, arm_end, dofs):
-    o = new_entry(contact, k, row, dofs) + 8 * dim(dofs)
+    o = spin_of_last(contact, k, row, dofs)
     put_cross_matrix(contact.column[k], o, column, arm_mid)
     put_cross_matrix(contact.line[k], o, line, arm_end)
 
@@ -63,7 +71,7 @@ def put_direction(column, line, contact, k, row, dofs):
 @put_arm_columns.register(V2[f8])
 @kernel
 def put_direction_arm(column, line, contact, k, row, arm_mid, arm_end, dofs):
-    o = new_entry(contact, k, row, dofs) + 8 * dim(dofs)
+    o = spin_of_last(contact, k, row, dofs)
     put(contact.column[k], o, 8, cross_product.call(arm_mid, column))
     put(contact.line[k], o, 8, cross_product.call(arm_end, line))
 

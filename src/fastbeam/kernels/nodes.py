@@ -16,8 +16,8 @@ import numpy as np
 
 from .._generic import generic
 from .._jit import inlined, kernel, separate
-from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero,
-                      zero3, zerom)
+from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, total, vld, vld3, vst, vst3,
+                      vzero, zero3, zerom)
 from .blocks import SIX, THREE, TWELVE
 from .cayley import cayley_increment, director_increment
 from .kinds import Space, coordinates
@@ -59,6 +59,17 @@ def turn_of(theta, i):
     """Cayley vector of node i in this step, and the factor of `cayley.director_increment`."""
     t = ld3(theta, 3 * i, 1)
     return t, 1.0 / (1.0 + 0.25 * dot(t, t))
+
+
+@inlined
+def is_zero(blocks, o, rows):
+    """Whether so many rows of 8 from o on are zero, as the blocks of points of bodies are that have nothing but joints."""
+    x = vld(blocks, o, 0)
+    squares = x * x
+    for i in range(o + 8, o + 8 * rows, 8):
+        x = vld(blocks, i, 0)
+        squares += x * x
+    return total(squares) == 0.0
 
 
 @kernel

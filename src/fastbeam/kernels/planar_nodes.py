@@ -15,7 +15,7 @@ from .._jit import kernel
 from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
 from .cayley import planar_turn
 from .kinds import Plane
-from .nodes import NO_VELOCITIES, NoVelocities, predict_from
+from .nodes import NO_VELOCITIES, NoVelocities, is_zero, predict_from
 from .contact_entries import tied_arm
 from .terms import (Conserving, Equilibrium, advance_nodes, apply_ties, assemble, move_nodes, predict_nodes, pull_tied_columns,
                     push_tied_columns, spread_nodes, tie_increments)
@@ -193,6 +193,8 @@ def apply_ties_in_plane(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
                 r[t + 2] += m
     for p in range(p0, p1):
         source = 24 * ties.moves[p, 0]
+        if is_zero(blocks, source, 3):
+            continue
         ea = ties.moves[p, 1]
         eb = ties.moves[p, 2]
         to = 24 * ties.moves[p, 3]

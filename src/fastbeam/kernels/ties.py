@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
-from .algebra import add3, add_iso, add_matrix, cross, dot, ld3, outer, st3, zero3
+from .._jit import inlined, kernel
+from .algebra import add3, add_iso, add_matrix, component0, component1, component2, cross, dot, ld3, outer, st3, zero3
 from .cayley import director_increment
 from .nodes import turn_of
 from .contact_entries import tied_arm
@@ -114,35 +114,38 @@ def apply_ties_in_space(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
             else:
                 add3(r, t + 3, 1, m)
     for p in range(p0, p1):
-        source = 48 * ties.moves[p, 0]
-        ea = ties.moves[p, 1]
-        eb = ties.moves[p, 2]
-        to = 48 * ties.moves[p, 3]
-        # columns: scratch = K L_b
-        for i in range(6):
-            for j in range(6):
-                scratch[8 * i + j] = 0.0
-            s = source + 8 * i
-            if eb < 0:
-                for j in range(6):
-                    scratch[8 * i + j] = blocks[s + j]
-            elif ties.kind[eb] == 0:
-                st3(scratch, 8 * i, 1, ld3(blocks, s, 1))
-            elif ties.kind[eb] == 1:
-                st3(scratch, 8 * i + 3, 1, cross(tie_arm(ties, eb, q_end), ld3(blocks, s, 1)))
-            else:
-                st3(scratch, 8 * i + 3, 1, ld3(blocks, s + 3, 1))
-        # rows: add L_a^T scratch
-        for j in range(6):
-            if ea < 0:
-                for i in range(6):
-                    blocks[to + 8 * i + j] += scratch[8 * i + j]
-            elif ties.kind[ea] == 0:
-                add3(blocks, to + j, 8, ld3(scratch, j, 8))
-            elif ties.kind[ea] == 1:
-                add3(blocks, to + 24 + j, 8, cross(tie_arm(ties, ea, q_mid), ld3(scratch, j, 8)))
-            else:
-                add3(blocks, to + 24 + j, 8, ld3(scratch, j + 24, 8))
+        for rows in range(2):
+            if follows(ties, ties.moves[p, 1], rows):
+                for columns in range(2):
+                    if follows(ties, ties.moves[p, 2], columns):
+                        move_part(ties, p, rows, columns, q_mid, q_end, blocks)
+
+
+@inlined
+def follows(ties, e, part):
+    """Whether the position (part 0) or the spin (1) of a tied node follows its target by entry e; -1: the node is not tied."""
+    return e < 0 or (ties.kind[e] == 2) == (part == 1)
+
+
+@inlined
+def move_part(ties, p, rows, columns, q_mid, q_end, blocks):
+    """Add L_a^T K L_b to the block of the targets, for the rows and columns of K on a position (0) or spin (1)."""
+    e, f = ties.moves[p, 1], ties.moves[p, 2]
+    o = 48 * ties.moves[p, 0] + 24 * rows + 3 * columns
+    x, y, z = ld3(blocks, o, 1), ld3(blocks, o + 8, 1), ld3(blocks, o + 16, 1)
+    if dot(x, x) + dot(y, y) + dot(z, z) == 0.0:
+        return
+    if f >= 0 and ties.kind[f] == 1:
+        arm = tie_arm(ties, f, q_end)
+        x, y, z, columns = cross(arm, x), cross(arm, y), cross(arm, z), 1
+    if e >= 0 and ties.kind[e] == 1:
+        arm = tie_arm(ties, e, q_mid)
+        u, v, w = component0(arm), component1(arm), component2(arm)
+        x, y, z, rows = v * z - w * y, w * x - u * z, u * y - v * x, 1
+    o = 48 * ties.moves[p, 3] + 24 * rows + 3 * columns
+    add3(blocks, o, 1, x)
+    add3(blocks, o + 8, 1, y)
+    add3(blocks, o + 16, 1, z)
 
 
 @pull_tied_columns.register(Ties)
