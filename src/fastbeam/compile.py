@@ -113,7 +113,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)
-    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + len(unpacked.kept) + len(scene.sleeves))
+    kept = len(unpacked.kept)
+    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + kept + len(scene.sleeves), kept)
     model = with_tables(pack(scene, unpacked, condensed, ordered), moving, ordered.blocks)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # a copy of the scene, because the user may add parts to it before other models of it are compiled

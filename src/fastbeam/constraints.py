@@ -69,9 +69,11 @@ def _starts(counts: Array) -> Array:
 
 
 def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
-                  others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0) -> Constraints:
+                  others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0,
+                  targets: int = 0) -> Constraints:
     """Everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`: with
-    eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes."""
+    eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes; targets:
+    products of blocks at least."""
     n, s = couplings.diagonal.size, couplings.unknowns.size
     rows = n + s
 
@@ -86,8 +88,9 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
                        integers(int(scale * s * min(entries, 3)) + 16, 6), integers(elements),
                        integers(elements, 2), integers(int(scale * 9 * s)), integers(int(np.sum(couplings.partner >= 0)) // 2, 2),
                        integers(n), integers(n), integers(4))
+    targets = max(2 * columns, targets)
     order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
-                  integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
+                  integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(targets),
                   integers(6, rows + 1), integers(2))
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
     some = 1.1 * min(max(entries, 4), 6)
@@ -97,8 +100,8 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
     return Constraints(couplings, touching, order, factors, aligned(int(scale * 64 * size)), *others)
 
 
-def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float) -> Constraints:
-    """Of the constraints of a model; inner: with the work arrays of a run."""
+def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float, targets: int) -> Constraints:
+    """Of the constraints of a model; inner: with the work arrays of a run; the others as of `with_capacity`."""
     n, s = model.pattern.n, model.n_sliders
     held, tied = np.zeros(n, np.int64), np.full(n, -1)
     if model.held is not None:
@@ -125,7 +128,7 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
     elements = 0 if inner is None else inner.mark.size
     others = (NoInner() if inner is None else inner, NoTies() if model.ties is None else model.ties,
               NoHeld() if model.held is None else model.held)
-    return with_capacity(couplings, entries, elements, len(model.dofs), scale, others)
+    return with_capacity(couplings, entries, elements, len(model.dofs), scale, others, targets=targets)
 
 
 def _places(model: Model, inner: Inner | None) -> Array | None:

@@ -54,7 +54,7 @@ def places_of(n: int, coupled: Array, joints: list[Joint], grounded: Array, by_r
     """
     if n + len(joints) > LARGE or n > FEW * len(joints):
         return None
-    order = _Search(n, coupled, joints, grounded).run()
+    order = least_degree(n, coupled, joints, grounded)
     if order is None:
         return None
     touched = [(*joint.rows, *joint.held) for joint in joints]
@@ -70,6 +70,12 @@ def places_of(n: int, coupled: Array, joints: list[Joint], grounded: Array, by_r
         return None
     rows = [r for v in order for r in ([v] if v < n else [n + k for k in joints[v - n].constraints])]
     return np.argsort(rows).astype(np.int32)
+
+
+def least_degree(n: int, coupled: Array, joints: list[Joint], grounded: Array) -> list[int] | None:
+    """Nodes, and joints from n on, in the order of their elimination; arguments as of `places_of`. None where a row has very many
+    columns."""
+    return _Search(n, coupled, joints, grounded).run()
 
 
 class _Search:

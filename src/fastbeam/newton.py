@@ -263,7 +263,7 @@ class Stepper:
         """Work arrays of sliders as rows of the block matrix."""
         assert self.contact is not None
         self.capacity = capacity
-        self.rows = rows = constraints_of(self.core, self.inner, capacity.entries, capacity.scale)
+        self.rows = rows = constraints_of(self.core, self.inner, capacity.entries, capacity.scale, capacity.targets)
         if capacity.buffer > rows.buffer.size:
             self.rows = rows._replace(buffer=aligned(capacity.buffer))
         self.work = self.work._replace(blocks=rows.factors.store[:rows.couplings.end[0]])

@@ -36,8 +36,8 @@ class Ordered:
     n_panel: int
 
 
-def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int) -> Ordered:
-    """Order what is condensed; constraints: number of those with multipliers.
+def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int) -> Ordered:
+    """Order what is condensed; constraints: number of those with multipliers, of them `kept` joints.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     if carriers is not None:
         level[carriers.eliminated_nodes] = 2
     level[ends] = 0
-    blocks = Blocks(n, pairs, joints, band, solver, level)
+    blocks = Blocks(n, pairs, joints, band, solver, level, kept)
     return Ordered(blocks, size, columns, blocks.pattern.n + int(np.sum(level == 1)))
 
 
@@ -106,9 +106,11 @@ class Blocks:
         As `compile_scene` takes it.
     level : int8 [N]
         0 for the nodes that the solver sees.
+    kept : int
+        Joints with multipliers.
     """
 
-    def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array) -> None:
+    def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array, kept: int) -> None:
         end = level == 0
         own = joints.row_root == np.arange(n)
         tied = joints.tied & own
@@ -125,7 +127,7 @@ class Blocks:
         final = final[end[final].all(axis=1)]
         seen = end & own
         number = np.cumsum(seen) - 1
-        among_ends = build_pattern(int(seen.sum()), number[final], band, allow_elimination=solver != "sparse")
+        among_ends = build_pattern(int(seen.sum()), number[final], band, allow_elimination=solver != "sparse", joints=kept)
         del final
         self.pattern: Pattern = widen(among_ends, level, joints.row_root)
         if solver == "chain" and self.pattern.plan is None:

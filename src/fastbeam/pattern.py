@@ -70,7 +70,7 @@ def ascending(keys: Array) -> Array:
     return keys[np.concatenate(([True], keys[1:] != keys[:-1]))] if keys.size else keys
 
 
-def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = True) -> Pattern:
+def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = True, joints: int = 0) -> Pattern:
     """Choose an order and, where the fill stays small, plan the block elimination.
 
     Parameters
@@ -83,6 +83,8 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
         Couplings of a node to one side within a beam; what a chain costs.
     allow_elimination : bool
         False: leave the factorisation to a sparse solver.
+    joints : int
+        Joints with multipliers, which a sparse solver leaves to a dense border: some columns of all rows each.
     """
     low, high = np.minimum(pairs[:, 0], pairs[:, 1]), np.maximum(pairs[:, 0], pairs[:, 1])
     edges = ascending(low * n + high)
@@ -92,7 +94,7 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
     natural = np.arange(n)
     if allow_elimination:
         # a chain costs band + band^2 updates a node; beyond three times that the sparse solver is the better one
-        limit = 3 * n * (band + band * band) + (200 if n <= LARGE else 20) * n
+        limit = 3 * n * (band + band * band) + (200 if n <= LARGE else 20) * n + joints * n
         # a chain from both ends to its middle: two nodes at a time that do not wait for each other
         order = _from_both_ends(n) if low.size and np.all(high == low + 1) else natural
         best = _symbolic(n, order[low], order[high], limit)

@@ -118,6 +118,7 @@ class Capacity(NamedTuple):
     entries: int      # of each constraint
     scale: float      # of everything else
     buffer: int       # doubles for the columns and lines of one element, where `scale` is not enough
+    targets: int      # products of blocks, where `scale` is not enough
 
 
 # what runs of a model came to need: the next one begins with it
@@ -126,16 +127,21 @@ _NEEDED: WeakKeyDictionary[Model, Capacity] = WeakKeyDictionary()
 
 def capacity_of(model: Model) -> Capacity:
     """What a run begins with."""
-    return _NEEDED.get(model) or Capacity(entries_of(model), 1.0, 0)
+    return _NEEDED.get(model) or Capacity(entries_of(model), 1.0, 0, 0)
 
 
 def larger_capacity(model: Model, capacity: Capacity, contact: Contact | FactoredContact, rows: Constraints) -> Capacity:
     """With more of what was too short, kept for the next run."""
     needed = int(rows.touched.counts[2])
+    # of the fill, where all of it was found
+    columns = np.diff(rows.order.start.astype(np.int64))
+    targets = int(np.sum(columns**2)) if rows.order.counts[0] == np.sum(columns) and columns.min() >= 0 else 0
     if contact.full[0]:
         capacity = capacity._replace(entries=capacity.entries + max(2, capacity.entries // 4))
     elif needed > rows.buffer.size:
         capacity = capacity._replace(buffer=needed)
+    elif targets > rows.order.target.size:
+        capacity = capacity._replace(targets=targets + targets // 4)
     else:
         capacity = capacity._replace(scale=1.5 * capacity.scale)
     _NEEDED[model] = capacity

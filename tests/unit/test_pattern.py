@@ -126,6 +126,12 @@ def test_a_net_is_left_to_the_sparse_solver() -> None:
     assert build_pattern(25, grid(5), 1).plan is not None
 
 
+def test_many_joints_are_worth_more_fill() -> None:
+    """A sparse solver leaves them to a dense border."""
+    assert build_pattern(900, grid(30), 1).plan is None
+    assert build_pattern(900, grid(30), 1, joints=1740).plan is not None
+
+
 def test_elimination_can_be_switched_off() -> None:
     p = build_pattern(20, chain(20), 1, allow_elimination=False)
     assert p.plan is None

@@ -1,0 +1,145 @@
+"""joint_order.py: joints are independent of what was eliminated before them, chains and trees get no fill, and runs are the same
+as with joints that wait for both ends."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+from fastbeam import constraints
+from fastbeam.joint_order import Joint, least_degree, places_of
+from fastbeam.newton import Stepper
+from fastbeam.pattern import elimination_cost
+
+NONE = np.zeros((0, 2), np.int64)
+
+
+def order_of(n: int, ends: list[tuple[int, ...]], coupled: np.ndarray = NONE) -> list[int] | None:
+    """Rows in their order, joints behind the n nodes; an end below n is a node, one of n or more the ground."""
+    joints = [Joint([k], tuple(a for a in x if a < n), ()) for k, x in enumerate(ends)]
+    places = places_of(n, coupled, joints, np.zeros(n, bool), False)
+    return None if places is None else np.argsort(places).tolist()
+
+
+def updates(n: int, ends: list[tuple[int, ...]], order: list[int], coupled: np.ndarray = NONE) -> int:
+    """What the elimination costs."""
+    place = np.argsort(order)
+    edges = np.array([(a, n + k) for k, x in enumerate(ends) for a in x if a < n] + [tuple(x) for x in coupled.tolist()])
+    cost = elimination_cost(place[edges[:, 0]], place[edges[:, 1]], len(order))
+    assert cost is not None
+    return cost
+
+
+def rods(x: np.ndarray, ends: list[tuple[int, int]]) -> np.ndarray:
+    """Derivatives of lengths of rods between points x [n, 3] by their places."""
+    out = np.zeros((len(ends), x.size))
+    for k, (a, b) in enumerate(ends):
+        d = (x[b] - x[a]) / np.linalg.norm(x[b] - x[a])
+        out[k, 3 * a:3 * a + 3], out[k, 3 * b:3 * b + 3] = -d, d
+    return out
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_pivots_of_rods_on_a_lattice_are_never_singular(seed: int) -> None:
+    """Points of a lattice, so that many rods are in line; rods are taken as long as they are independent, and a few points are
+    held."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(4, 24))
+    cells = np.array(np.unravel_index(rng.choice(64, n, replace=False), (4, 4, 4))).T.astype(float)
+    held = rng.random(n) < rng.choice([0.0, 0.1, 0.3])
+    ends: list[tuple[int, int]] = []
+    free = np.repeat(~held, 3)
+    for _ in range(int(rng.choice([1, 3])) * n):
+        a, b = (int(i) for i in rng.choice(n, 2, replace=False))
+        more = [*ends, (a, b)]
+        rank = np.linalg.matrix_rank(rods(cells, more)[:, free], 1e-9)
+        if rank == len(more):
+            ends = more
+    mass = 10.0**rng.uniform(-2, 2, n)
+    joints = [Joint([k], tuple(i for i in x if not held[i]), tuple(i for i in x if held[i])) for k, x in enumerate(ends)]
+    order = least_degree(n, NONE, joints, held)
+    assert order is not None and sorted(order) == list(range(n + len(ends)))
+    lead = rods(cells, ends) * free
+    matrix = np.zeros((3 * n + len(ends),) * 2)
+    matrix[:3 * n, :3 * n] = np.diag(np.repeat(mass, 3))
+    matrix[3 * n:, :3 * n], matrix[:3 * n, 3 * n:] = lead, lead.T
+    for v in order:
+        at = np.arange(3 * v, 3 * v + 3) if v < n else np.array([2 * n + v])
+        pivot = matrix[np.ix_(at, at)]
+        if v >= n:
+            # a joint that depends on those before leaves some 1e-16
+            assert abs(pivot.item()) > 1e-10 * (lead[v - n]**2 @ np.repeat(1.0 / mass, 3)), v
+        matrix -= matrix[:, at] @ np.linalg.solve(pivot, matrix[at])
+        matrix[at], matrix[:, at] = 0.0, 0.0
+
+
+def test_a_chain_is_eliminated_from_its_free_end_without_fill() -> None:
+    n = 50
+    ends: list[tuple[int, ...]] = [(n, 0), *((k, k + 1) for k in range(n - 1))]
+    order = order_of(n, ends)
+    assert order is not None
+    assert order[:4] == [n - 1, 2 * n - 1, n - 2, 2 * n - 2] and order[-1] == n
+    # one later row each: two updates a row
+    assert updates(n, ends, order) == 2 * (2 * n - 1)
+
+
+def test_a_tree_gets_no_fill() -> None:
+    rng = np.random.default_rng(3)
+    ends = [(int(rng.integers(k)), k) for k in range(1, 80)]
+    order = order_of(80, ends)
+    assert order is not None and updates(80, ends, order) == 2 * (2 * 80 - 2)
+
+
+def test_beams_between_two_hubs_stand_alone() -> None:
+    """Chains of 5 coupled nodes whose ends are hinged to nodes 0 and 1: no hub is left before the last beam is done."""
+    coupled, ends = [], []
+    for k in range(30):
+        first = 2 + 5 * k
+        coupled += [(first + i, first + i + 1) for i in range(4)]
+        ends += [(0, first), (first + 4, 1)]
+    order = order_of(152, ends, coupled=np.array(coupled))
+    assert order is not None
+    # in the usual way 60 joints wait for the hubs
+    assert updates(152, ends, order, np.array(coupled)) < 6 * len(order)
+    assert {0, 1} <= set(order[-4:])
+
+
+def test_nets_keep_the_usual_order() -> None:
+    ends = [(10 * i + j, 10 * i + j + 1) for i in range(10) for j in range(9)]
+    ends += [(10 * i + j, 10 * i + j + 10) for i in range(9) for j in range(10)]
+    assert order_of(100, ends, coupled=np.array(ends)) is None
+
+
+def linkage() -> fb.Scene:
+    """An arm of three bodies on the ground, a loop of two more, and two beams hinged to the last and to a free body."""
+    a, b, c, d, e, hub = (fb.RigidBody(name, mass=m, inertia=(0.1 * m, 0.2 * m, 0.2 * m), position=x)
+                          for name, m, x in (("a", 1.0, (0.5, 0, 0)), ("b", 2.0, (1.5, 0, 0)), ("c", 1.0, (2.5, 0, 0)),
+                                             ("d", 1.0, (1.5, 0, 1)), ("e", 1.0, (1.0, 0, 0.5)), ("hub", 3.0, (3.5, 0, 0))))
+    half = np.array([0.5, 0, 0])
+    section = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
+    beams = [fb.Beam.straight(f"beam {y}", (3, y, 0.0), (3.4, y, 0.0), section=section, elements=2) for y in (-0.2, 0.2)]
+    parts = [fb.RevoluteJoint(fb.GROUND, a.point(-half), "foot", axis=(0, 1, 0)),
+             fb.RevoluteJoint(a.point(half), b.point(-half), "knee", axis=(0, 0, 1)),
+             fb.BallJoint(b.point(half), c.point(-half), "ball"),
+             fb.DistanceJoint(b, d, "rod"), fb.DistanceJoint(d, e, "strut"), fb.DistanceJoint(e.point((0, 0.1, 0)), a, "tie")]
+    for beam, y in zip(beams, (-0.2, 0.2)):
+        parts += [fb.RevoluteJoint(c.point((0.5, y, 0)), beam.start, f"near {y}", axis=(0, 1, 0)),
+                  fb.RevoluteJoint(hub.point((-0.1, y, 0)), beam.end, f"far {y}", axis=(0, 1, 0))]
+    return fb.Scene(a, b, c, d, e, hub, *beams, *parts, gravity=(0, 0, -9.81))
+
+
+def test_a_linkage_moves_as_with_joints_that_wait_for_both_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for usual in (False, True):
+        if usual:
+            monkeypatch.setattr(constraints, "places_of", lambda *_: None)
+        model = fb.compile_scene(linkage())
+        stepper = Stepper(model, np.ones(1))
+        outcome = stepper.advance(0.0, 2e-3, 50)
+        assert outcome.status == 0
+        assert stepper.rows is not None and (stepper.rows.couplings.place.size == 0) == usual
+        found.append((stepper.state.q.copy(), stepper.state.force.copy(), outcome.iterations))
+    (q, force, iterations), (other, other_force, other_iterations) = found
+    assert np.abs(q - other).max() < 1e-10
+    assert np.abs(force - other_force).max() < 1e-6 * np.abs(force).max()
+    assert iterations == other_iterations
