@@ -15,7 +15,7 @@ from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .exact_contact import ExactSolver, Observed
 from .interrupt import Interrupts
 from .joint_motion import check_at_rest
-from .kernels.step import OK, SLIDER_END
+from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
 from .model import Model
 from .outcome import Outcome
@@ -41,6 +41,8 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 # of `simulate`'s what there is at rest
 RECORDED = ("energy", "spring", "section", "reaction")
+# iterations beyond which a load step was hard: the next one is not longer
+LONG = 9
 
 
 @dataclass(frozen=True)
@@ -168,14 +170,17 @@ class LoadSteps:
             target = stop if reached + size > stop - 1e-12 else reached + size
             solver.set_time(t, target if raised else 1.0)
             solver.move_to(target)
+            before = solver.stepper.core_state.q.copy()
             status, sizes = solver.equilibrium(target * factors if raised else factors)
+            if status == OK and size > smallest * (1.0 + 1e-12) and self._leaps_back(before):
+                status = NOT_CONVERGED
             if status == OK:
                 solver.history.append(len(sizes))
                 self._record(target, len(sizes), size)
                 bar.update(target - reached)
                 reached = target
                 # a step that was cut to meet a level says nothing against the size planned
-                grown = size * (2.0 if solver.longest <= 6 else 1.4 if solver.longest <= 9 else 1.0)
+                grown = size * (2.0 if solver.longest <= 6 else 1.4 if solver.longest <= LONG else 1.0)
                 step = min(max(grown, step if size < step else 0.0), largest)
                 continue
             if status == SLIDER_END and isinstance(solver, SlidingSolver) and max(solver.runaway, solver.stuck) >= 0:
@@ -185,6 +190,22 @@ class LoadSteps:
                 bar.close()
                 raise self._failure(status, sizes, reached)
             step = max(smallest, 0.25 * size)
+
+    def _leaps_back(self, before: Array) -> bool:
+        """Go back to the coordinates `before` where many iterations ended at a shape that is folded as no beam is, and they were
+        not: smaller steps lead elsewhere. Returns whether that was so."""
+        solver = self.solver
+        if solver.longest <= LONG or isinstance(solver, SlidingSolver):
+            return False
+        resolution, q = Resolution(self.task.model), solver.stepper.core_state.q
+        if not resolution.is_folded(solver.state.q):
+            return False
+        after = q.copy()
+        q[:] = before
+        if resolution.is_folded(solver.state.q):
+            q[:] = after
+            return False
+        return True
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
         """Of the smallest step."""

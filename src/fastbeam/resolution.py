@@ -77,6 +77,16 @@ class Resolution:
                 self._short_directors(t, e, found[e.at, 1])
                 self._bending_lengths(t, q, e, found[e.at, 0])
 
+    def is_folded(self, q: Array) -> bool:
+        """Whether an axis runs against its sections at the shape q [12 N], or neighbouring nodes turn by more than a right
+        angle."""
+        for tables, strains, of_elements, sets in self._sets:
+            strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
+            found = of_elements.reshape(-1, 3)
+            if any(np.min(found[e.at, 2]) < 0.0 or np.min(_cosines(q, e)) < 0.0 for e in sets):
+                return True
+        return False
+
     def events(self) -> list[dict[str, Any]]:
         """The worst of every kind and beam, MOST_EVENTS of a kind."""
         out = []
@@ -97,8 +107,7 @@ class Resolution:
                        "beyond the stiffness of the section", 0.0)
 
     def _turns_between_nodes(self, t: float, q: Array, e: _Elements) -> None:
-        d = q.reshape(-1, 4, 3)[:, 1:][e.nodes]
-        cosine = 0.5 * (np.einsum("enic,enic->en", d[:, :-1], d[:, 1:]) - 1.0)
+        cosine = _cosines(q, e)
         k = int(np.argmin(np.min(cosine, axis=1)))
         worst = float(np.min(cosine[k]))
         if worst < 0.0:
@@ -185,6 +194,12 @@ def _elements(model: Model, tables: Any) -> Any:
         behind = np.append(np.where(follows, np.arange(1, count), -1), -1)
         before = np.append(-1, np.where(follows, np.arange(count - 1), -1))
         yield _Elements(where, nodes, length, EI, before, behind)
+
+
+def _cosines(q: Array, e: _Elements) -> Array:
+    """Of the turns between neighbouring nodes, [E, nn - 1]."""
+    d = q.reshape(-1, 4, 3)[:, 1:][e.nodes]
+    return 0.5 * (np.einsum("enic,enic->en", d[:, :-1], d[:, 1:]) - 1.0)
 
 
 def _turn(q: Array, nodes: Array) -> Array:
