@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.resolution import Resolution
 
 WIRE = fb.Section.circle(radius=0.008, E=1e10, rho=5000.0)
 ROD = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
@@ -62,6 +63,17 @@ def test_neighbouring_nodes_beyond_a_right_angle_are_named() -> None:
                                       fb.Load("turn", body, moment=(2.0, 0, 0))))
     result = fb.simulate(model, t_end=1.6, step=1e-2, progress=False)
     assert any("more than a right angle" in text for text in coarse(result))
+
+
+def test_folded_shapes() -> None:
+    beam = fb.Beam.straight("bar", (0, 0, 0), (1, 0, 0), section=ROD, elements=2, degree=2)
+    model = fb.compile_scene(fb.Scene(beam))
+    resolution, half_turn = Resolution(model), np.diag((-1.0, 1.0, -1.0))
+    assert not resolution.is_folded(model.q0)
+    turned, reversed_axis = model.q0.reshape(-1, 4, 3).copy(), model.q0.reshape(-1, 4, 3).copy()
+    turned[-1, 1:] = turned[-1, 1:] @ half_turn
+    reversed_axis[:, 1:] = reversed_axis[:, 1:] @ half_turn
+    assert resolution.is_folded(turned.reshape(-1)) and resolution.is_folded(reversed_axis.reshape(-1))
 
 
 def test_a_curved_reference_is_no_bending() -> None:
