@@ -1,9 +1,11 @@
-"""Chains of bodies with revolute joints: time of a Newton iteration for each joint.
+"""Joints with multipliers: time of a Newton iteration for each joint.
 
     python perf/joints.py                     chains of 1000, 10 000 and 100 000 bodies in space
     python perf/joints.py --planar            the same in a plane
     python perf/joints.py --bodies 5000       one chain
     python perf/joints.py --with friction     every hinge rubs; also: given (an angle as a function of time), stops, spring
+    python perf/joints.py --scene hub         4 and 32 beams, hinged at both ends to two bodies
+    python perf/joints.py --scene net         masses on grids of 5 x 5 to 30 x 30 with distance joints
 
 A chain of up to 1000 bodies hangs from the ground between hinges whose axes are turned by a right angle from one to the next
 (planar: all the same) and swings under its weight; more bodies are more such chains. Prints the time to compile the scene, Newton
@@ -45,12 +47,38 @@ def chains(bodies: int, planar: bool = False, more: str | None = None) -> Any:
     return fb.Scene(*parts, gravity=(0, 0, -9.81))
 
 
-def measure(bodies: int, planar: bool, more: str | None = None) -> tuple[float, float, float, float]:
+def hub(beams: int) -> Any:
+    """Beams between two bodies, around their axis."""
+    import fastbeam as fb
+    section = fb.Section.circle(radius=0.005, E=1e9, rho=1000.0)
+    ends = [fb.RigidBody(name, mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, z))
+            for name, z in (("low", 0.0), ("high", 1.0))]
+    parts: list[Any] = [*ends]
+    for k in range(beams):
+        out = np.array([np.cos(2 * np.pi * k / beams), np.sin(2 * np.pi * k / beams), 0.0])
+        beam = fb.Beam.straight(f"beam {k}", 0.5 * out, 0.5 * out + (0, 0, 1), section=section, elements=8)
+        parts += [beam, *(fb.RevoluteJoint(body.point(0.5 * out), end, f"{name} {k}", axis=out)
+                          for body, end, name in zip(ends, (beam.start, beam.end), ("low", "high")))]
+    return fb.Scene(*parts, gravity=(0, 0, -9.81))
+
+
+def net(n: int) -> Any:
+    """Masses on a grid of n x n that hangs on a corner."""
+    import fastbeam as fb
+    masses = [[fb.PointMass(f"mass {i} {j}", mass=0.1, position=(0.1 * i, 0.1 * j, 0.02 * np.sin(0.7 * i + j))) for j in range(n)]
+              for i in range(n)]
+    across = [(row[j], row[j + 1]) for row in masses for j in range(n - 1)]
+    along = [(a[j], b[j]) for a, b in zip(masses, masses[1:]) for j in range(n)]
+    rods = [fb.DistanceJoint(a, b, f"rod {k}") for k, (a, b) in enumerate(across + along)]
+    return fb.Scene(*(mass for row in masses for mass in row), *rods, fb.Pin(masses[0][0]), gravity=(0, 0, -9.81))
+
+
+def measure(scene: Any, joints: int, planar: bool) -> tuple[float, float, float, float]:
     """Compile time, iterations a step, seconds an iteration and joint, largest gap."""
     import fastbeam as fb
     from fastbeam.newton import Stepper
     begin = time.process_time()
-    model = fb.compile_scene(chains(bodies, planar, more), planar="auto" if planar else False)
+    model = fb.compile_scene(scene, planar="auto" if planar else False)
     compiled = time.process_time() - begin
     stepper = Stepper(model, np.ones(1))
     stepper.advance(0.0, STEP, 2)
@@ -60,19 +88,23 @@ def measure(bodies: int, planar: bool, more: str | None = None) -> tuple[float, 
     assert done.status == 0, done
     x, start = (q.reshape(-1, 4, 3) for q in (stepper.state.q, model.q0))
     gap = max(float(np.max(np.abs(link.law.gap(x[list(link.node)], start[list(link.node)])))) for link in model.kept)
-    return compiled, done.iterations / STEPS, seconds / done.iterations / bodies, gap
+    return compiled, done.iterations / STEPS, seconds / done.iterations / joints, gap
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Time of an iteration for each revolute joint of a chain.")
+    parser = argparse.ArgumentParser(description="Time of an iteration for each joint.")
     parser.add_argument("--bodies", type=int, nargs="*", default=[1000, 10_000, 100_000])
     parser.add_argument("--planar", action="store_true")
     parser.add_argument("--with", dest="more", choices=("friction", "given", "stops", "spring"))
+    parser.add_argument("--scene", choices=("chain", "hub", "net"), default="chain")
     options = parser.parse_args()
-    print("  bodies  compile s  iterations  us/iteration/joint      gap m")
-    for bodies in options.bodies:
-        compiled, iterations, seconds, gap = measure(bodies, options.planar, options.more)
-        print(f"{bodies:8d} {compiled:10.2f} {iterations:11.2f} {1e6 * seconds:19.2f} {gap:10.1e}", flush=True)
+    scenes = {"chain": ((n, lambda n=n: chains(n, options.planar, options.more)) for n in options.bodies),
+              "hub": ((2 * n, lambda n=n: hub(n)) for n in (4, 32)),
+              "net": ((2 * n * (n - 1), lambda n=n: net(n)) for n in (5, 10, 20, 30))}
+    print("  joints  compile s  iterations  us/iteration/joint      gap m")
+    for joints, scene in scenes[options.scene]:
+        compiled, iterations, seconds, gap = measure(scene(), joints, options.planar)
+        print(f"{joints:8d} {compiled:10.2f} {iterations:11.2f} {1e6 * seconds:19.2f} {gap:10.1e}", flush=True)
 
 
 if __name__ == "__main__":

@@ -146,11 +146,13 @@ def _find_places(model: Model, inner: Inner | None) -> Array | None:
     mask = np.zeros(model.n_nodes + 1, np.int64)
     if model.held is not None:
         mask[model.held.row] = model.held.mask
+    held = mask == whole
+    # triads of point masses stand still, and no joint turns them
+    mask[model.pattern.row_of[model.numbers.rank == 9]] &= (1 << model.dim) - 1
     grounded = mask > 0
     if model.released is not None:
-        mask[model.released.row] = 0
+        held[model.released.row] = False
         grounded[model.released.row] = True
-    held = mask == whole
     of_rows = defaultdict(list)
     for k, link in enumerate(model.kept):
         rows = set()

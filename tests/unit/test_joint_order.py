@@ -2,6 +2,8 @@
 as with joints that wait for both ends."""
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -128,12 +130,23 @@ def linkage() -> fb.Scene:
     return fb.Scene(a, b, c, d, e, hub, *beams, *parts, gravity=(0, 0, -9.81))
 
 
-def test_a_linkage_moves_as_with_joints_that_wait_for_both_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def rods_in_line() -> fb.Scene:
+    """Masses on rods along x, the first one pinned, and a heavy body behind them."""
+    masses = [fb.PointMass(f"mass {k}", mass=1.0, position=(0.1 * k, 0, 0)) for k in range(6)]
+    body = fb.RigidBody("body", mass=1e6, inertia=(1e4, 1e4, 1e4), position=(0.6, 0, 0))
+    chain = [*masses, body]
+    return fb.Scene(*chain, *(fb.DistanceJoint(a, b, f"rod {b.name}") for a, b in zip(chain, chain[1:])), fb.Pin(masses[0]),
+                    gravity=(0, 0, -9.81))
+
+
+@pytest.mark.parametrize("scene", [linkage, rods_in_line])
+def test_scenes_move_as_with_joints_that_wait_for_both_ends(scene: Callable[[], fb.Scene],
+                                                             monkeypatch: pytest.MonkeyPatch) -> None:
     found = []
     for usual in (False, True):
         if usual:
             monkeypatch.setattr(constraints, "places_of", lambda *_: None)
-        model = fb.compile_scene(linkage())
+        model = fb.compile_scene(scene())
         stepper = Stepper(model, np.ones(1))
         outcome = stepper.advance(0.0, 2e-3, 50)
         assert outcome.status == 0
