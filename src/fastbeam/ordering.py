@@ -61,7 +61,8 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     if carriers is not None:
         level[carriers.eliminated_nodes] = 2
     level[ends] = 0
-    blocks = Blocks(n, pairs, joints, band, solver, level, kept)
+    # beside condensed beams joints are a border anyway
+    blocks = Blocks(n, pairs, joints, band, solver, level, 0 if len(ends) else kept)
     return Ordered(blocks, size, columns, blocks.pattern.n + int(np.sum(level == 1)))
 
 
@@ -107,7 +108,7 @@ class Blocks:
     level : int8 [N]
         0 for the nodes that the solver sees.
     kept : int
-        Joints with multipliers.
+        Joints with multipliers that a plan of the elimination would take along.
     """
 
     def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array, kept: int) -> None:
