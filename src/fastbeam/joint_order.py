@@ -155,6 +155,7 @@ class _Search:
         """Joints that were open to the node are closed. Returns a node of the component that changed."""
         for k in self.touching[v]:
             if self.done[k]:
+                self.left[self._root(v)].discard(k)
                 for a in self.joints[k - self.n].rows:
                     root = self._root(a)
                     if a != v and self.open_joint[root] == k:

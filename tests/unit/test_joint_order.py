@@ -9,7 +9,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam import constraints
-from fastbeam.joint_order import Joint, least_degree, places_of
+from fastbeam.joint_order import Joint, _Search, least_degree, places_of
 from fastbeam.newton import Stepper
 from fastbeam.pattern import elimination_cost
 
@@ -83,6 +83,15 @@ def test_a_chain_is_eliminated_from_its_free_end_without_fill() -> None:
     assert order[:4] == [n - 1, 2 * n - 1, n - 2, 2 * n - 2] and order[-1] == n
     # one later row each: two updates a row
     assert updates(n, ends, order) == 2 * (2 * n - 1)
+
+
+def test_what_is_done_is_not_looked_at_again() -> None:
+    """Components that kept joints which were eliminated made the search of a chain quadratic."""
+    joints = [Joint([k], (k, k + 1), ()) for k in range(99)]
+    search = _Search(100, NONE, joints, np.zeros(100, bool))
+    order = search.run()
+    assert order is not None and len(order) == 199
+    assert not any(search.left)
 
 
 def test_a_tree_gets_no_fill() -> None:
