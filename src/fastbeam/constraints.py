@@ -100,7 +100,7 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
     return Constraints(couplings, touching, order, factors, aligned(int(scale * 64 * size)), *others)
 
 
-def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float, targets: int) -> Constraints:
+def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float, targets: int = 0) -> Constraints:
     """Of the constraints of a model; inner: with the work arrays of a run; the others as of `with_capacity`."""
     n, s = model.pattern.n, model.n_sliders
     held, tied = np.zeros(n, np.int64), np.full(n, -1)

@@ -56,7 +56,7 @@ def test_every_stage_hands_on_a_record_of_its_own() -> None:
     unpacked = unpack(scene, numbered)
     found, why = find_plane(unpacked)
     condensed = condense(scene, unpacked, "auto")
-    ordered = order(numbered, condensed, "auto", True, len(scene.sliders))
+    ordered = order(numbered, condensed, "auto", True, len(scene.sliders), 0)
     kinds = (Numbered, Unpacked, Found, Condensed, Ordered)
     for record, kind in zip((numbered, unpacked, found, condensed, ordered), kinds):
         assert isinstance(record, kind)
