@@ -366,7 +366,8 @@ class _Outside:
         count = len(contact.entries)
         free = np.ones((core.pattern.n, n))
         if core.held is not None:
-            free[core.held.row] *= 1 - (core.held.mask[:, None] >> np.arange(n) & 1)
+            seen = core.held.row < core.pattern.n
+            free[core.held.row[seen]] *= 1 - (core.held.mask[seen, None] >> np.arange(n) & 1)
         parts = []
         for of in (contact.column, contact.line):
             out = np.zeros((core.pattern.n, n, count, size))

@@ -38,7 +38,7 @@ from .kernels.winch import Winches
 from .links import Links
 from .model import Model
 from .moving_meshes import initial, rewrite, with_tables
-from .numbered import number
+from .numbered import number, supported_nodes
 from .numbering import NodeList
 from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
@@ -114,7 +114,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)
     kept = len(unpacked.kept)
-    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + kept + len(scene.sleeves), kept)
+    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + kept + len(scene.sleeves), kept,
+                    supported_nodes(scene, numbered.nodes))
     model = with_tables(pack(scene, unpacked, condensed, ordered), moving, ordered.blocks)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # a copy of the scene, because the user may add parts to it before other models of it are compiled
@@ -176,7 +177,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     substructures = pack_substructures(list(packers.values()), row_of[ends], between_ends, blocks.n_blocks, pattern.n,
                                        ordered.n_panel)
     ties = _ties(joints.without_welds(), blocks)
-    held = _held(joints.held, pattern)
+    held = _held(joints.held, blocks)
     curves, sliders, corners = _sliders(scene, nodes, joints)
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of, links)
@@ -190,7 +191,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
         links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at, losses_at),
         kept=unpacked.kept, kept_softness=softness_of(unpacked.kept, joints, nodes.rank), ties=ties,
-        held=held, static_held=_held(joints.held | idle, pattern) if idle.any() else held,
+        held=held, static_held=_held(joints.held | idle, blocks) if idle.any() else held,
         curves=curves, sliders=sliders,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
         spin_root=joints.spin_root, loads=loads, load_times=unpacked.loads.times, gravity=unpacked.gravity,
@@ -279,15 +280,17 @@ def _ties(joints: Connections, blocks: Blocks) -> Ties | None:
                 np.ascontiguousarray(moves))
 
 
-def _held(masks: Array, pattern: Pattern) -> Held | None:
-    number = np.flatnonzero(masks)
+def _held(masks: Array, blocks: Blocks) -> Held | None:
+    pattern, number = blocks.pattern, np.flatnonzero(masks)
     if number.size == 0:
         return None
     mask_of_row = np.zeros(pattern.row_of.size, np.int64)
     mask_of_row[pattern.row_of[number]] = masks[number]
     rows, columns = pattern.rows, pattern.columns
     touched = np.flatnonzero((mask_of_row[rows] != 0) | (mask_of_row[columns] != 0))
-    return Held(pattern.row_of[number], masks[number], pattern.block(number, number), touched, mask_of_row[rows[touched]],
+    # rows that the solver does not see have the idle block
+    diagonal = np.where(pattern.row_of[number] < pattern.n, pattern.block(number, number), blocks.n_blocks)
+    return Held(pattern.row_of[number], masks[number], diagonal, touched, mask_of_row[rows[touched]],
                 mask_of_row[columns[touched]])
 
 

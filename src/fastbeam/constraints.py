@@ -107,7 +107,8 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
     if model.held is not None:
         held[model.held.row[model.held.row < n]] = model.held.mask[model.held.row < n]
     if model.ties is not None:
-        tied[model.ties.row] = model.ties.slave
+        seen = model.ties.row < n
+        tied[model.ties.row[seen]] = model.ties.slave[seen]
     on_curve: dict[int, Array] = {}
     late = []
     sliders = [] if model.sliders is None else zip(model.sliders.curve.tolist(), model.sliders.point.tolist())

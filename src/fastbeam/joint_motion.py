@@ -10,6 +10,7 @@ import numpy as np
 from .coordinates import KINDS, Coordinate
 from .errors import SceneError
 from .joint_drives import Holds, JointsOfRun, holds_of
+from .joint_tables import bearing_nodes
 from .kernels.joint_friction import RUB
 from .kernels.joint_coordinates import ANGLE, LINE, LOSS, MOTION, NO_SWING, SWING, VALUE, WORK, JointMotion
 from .kernels.joint_motion import MotorSchedule
@@ -234,8 +235,12 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: 
     if not parts:
         return None
     node = np.array([x[1] for x in links.freedoms], np.int64).reshape(-1, 2)
-    a, b = node.T
-    block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
+    # what nothing acts on has no blocks
+    acts = np.array([x.acts for x in parts], bool)
+    bearing = bearing_nodes(node, np.array([x.shape.is_angle for x in parts], bool), spin_root)
+    a, b = bearing[acts].T
+    block = np.full((node.shape[0], 4), blocks.n_blocks)
+    block[acts] = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
     turn = np.array([frame.turn for *_, frame in links.freedoms])
     kind = np.array([KINDS[x.shape.what] for x in parts], np.int64)
     products = [one for x in parts for one in x.shape.products]
@@ -243,7 +248,7 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: 
     stiffness, damping, rest = (np.array([getattr(x, name) for x in parts], float) for name in ("stiffness", "damping", "rest"))
     motors, count = [x.motor for x in parts], len(parts)
     laws = [Coordinate(x.shape, frame) for x, _, frame in links.freedoms]
-    table = JointMotion(node, row_of[node], block, kind, spin_root[node], start, np.array([x[:3] for x in products], np.int64),
+    table = JointMotion(node, row_of[bearing], block, kind, spin_root[node], start, np.array([x[:3] for x in products], np.int64),
                         np.array([x.sign for x in products]), turn.reshape(-1), np.array([x.at_start for x in laws]),
                         place + MOTION * np.arange(count), stiffness, damping, rest,
                         np.array([float(m) if m is not None and not callable(m) else 0.0 for m in motors]), np.zeros(64))

@@ -147,6 +147,12 @@ def _across(axis: Array, hints: Array) -> Array:
     return across / np.linalg.norm(across)
 
 
+def bearing_nodes(node: Array, turns: Array, spin_root: Array) -> Array:
+    """Nodes [L, 2] whose rows and blocks have what acts between nodes [L, 2]: those that the spins belong to where it is about
+    directions alone, turns bool [L]; spin_root int [N]."""
+    return np.where(turns[:, None], spin_root[node], node)
+
+
 def joint_conditions(ends: Any) -> JointConditions:
     """The table in space; ends: `links.Ends` with the laws."""
     laws = ends.laws

@@ -16,7 +16,7 @@ from .bushings import bushings
 from .connections import Connections
 from .errors import SceneError
 from .coordinates import Coordinate
-from .joint_tables import conditions_of, frames_of, joint_conditions
+from .joint_tables import bearing_nodes, conditions_of, frames_of, joint_conditions
 from .multipliers import Distance, KeptLink, Law, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
@@ -73,10 +73,11 @@ class Ends:
                  ties: Any, spin_root: Array, laws: list[Any], losses_at: int) -> None:
         self.parts, self.node, self.ties, self.laws = parts, node, ties, laws
         self.phi, self.directors = nodes.phi, nodes.directors
-        a, b = node.T
+        bearing = bearing_nodes(node, _are_of_angles(laws), spin_root)
+        a, b = bearing.T
         takes = np.array([getattr(part, "is_damped", False) for part in parts], bool)
         self.place = np.where(takes, losses_at + np.cumsum(takes) - 1, -1)
-        self.row, self.spin_row = row_of[node], row_of[spin_root[node]]
+        self.row, self.spin_row = row_of[bearing], row_of[spin_root[node]]
         self.block = np.zeros((0, 4), np.int64)
         if blocks is not None:
             self.block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
@@ -318,9 +319,11 @@ class Links:
         out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
         out += [mesh.pairs(self.nodes, self._root) for mesh in self.meshes]
         # forces on what joints leave free couple their nodes, whatever conditions these have
-        free = np.array([at for _, at, _ in self.freedoms], np.int64).reshape(-1, 2)
-        for node in (*(group.node for group in self.groups if group.entry.couples), free):
-            a, b = self._root[node].T
+        acting = [(at, x.shape.is_angle) for x, at, _ in self.freedoms if x.acts]
+        links = [(group.node, _are_of_angles(group.laws)) for group in self.groups if group.entry.couples]
+        links.append((np.array([at for at, _ in acting], np.int64).reshape(-1, 2), np.array([turns for _, turns in acting], bool)))
+        for node, turns in links:
+            a, b = self._root[bearing_nodes(node, turns, self._spin_root)].T
             out += [a * n + a, a * n + b, b * n + a, b * n + b]
         return np.concatenate(out)
 
@@ -376,6 +379,11 @@ class Links:
         if self.ropes.winches:
             out.append(self.ropes.table(row_of, blocks, self.nodes.phi))
         return tuple(out)
+
+
+def _are_of_angles(laws: list[Any]) -> Array:
+    """Whether laws of links, or None, are about directions alone, bool [L]."""
+    return np.array([law is not None and law.is_angle for law in laws], bool)
 
 
 def _check_distances(parts: list[Any], node: Array, phi: Array) -> None:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -74,6 +75,16 @@ def number(scene: Scene) -> Numbered:
     return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always, late)
 
 
+def supported_nodes(scene: Scene, nodes: NodeList) -> Array:
+    """Nodes of all supports, those of points of bodies the bodies, int64 [*]."""
+    return np.array([nodes.start(support.at.owner) if isinstance(support.at.owner, RigidBody) else nodes.number(support.at)
+                     for support in _supports_of(scene)], np.int64)
+
+
+def _supports_of(scene: Scene) -> list[Any]:
+    return [*scene.pins, *scene.prescribed, *scene.clamps]
+
+
 def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array, Array]:
     """How nodes are tied, the ball joints of nets, int [*, 2], and what supports that do not change hold, and what only
     those that take hold hold, int64 [N]."""
@@ -89,8 +100,7 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
         held[[nodes.start(place) for place in mesh.places]] = 62
     held[nodes.ground] = 63
     always, begins = held.copy(), held.copy()
-    for support in [*scene.pins, *scene.prescribed, *scene.clamps]:
-        node = nodes.start(support.at.owner) if isinstance(support.at.owner, RigidBody) else nodes.number(support.at)
+    for support, node in zip(_supports_of(scene), supported_nodes(scene, nodes)):
         held[node] |= support.mask
         always[node] |= support.mask if support.until is None and support.since is None else 0
         begins[node] |= support.mask if support.since is None else 0

@@ -36,8 +36,9 @@ class Ordered:
     n_panel: int
 
 
-def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int) -> Ordered:
-    """Order what is condensed; constraints: number of those with multipliers, of them `kept` joints.
+def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int,
+          supported: Array) -> Ordered:
+    """Order what is condensed; constraints: number of those with multipliers, of them `kept` joints; supported: nodes of supports.
 
     Raises
     ------
@@ -61,9 +62,30 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     if carriers is not None:
         level[carriers.eliminated_nodes] = 2
     level[ends] = 0
+    if eliminate_inner and kept == constraints > 0 and not len(ends):
+        level[_points_of_joints(numbered, used, supported)] = 3
+    # nodes with blocks of their own terms
+    own = np.ones(n, bool)
+    own[level == 3] = False
+    own[np.concatenate((links.loaded.node, numbered.dragged))] = True
     # beside condensed beams joints are a border anyway
-    blocks = Blocks(n, pairs, joints, band, solver, level, 0 if len(ends) else kept)
+    blocks = Blocks(n, pairs, joints, band, solver, level, own, 0 if len(ends) else kept)
     return Ordered(blocks, size, columns, blocks.pattern.n + int(np.sum(level == 1)))
+
+
+def _points_of_joints(numbered: Numbered, packers: list[ElementPacker], supported: Array) -> Array:
+    """Points of bodies that follow them in position and spin and belong to no element: the solver need not see them, since what
+    acts there goes to the bodies; int [*]."""
+    joints = numbered.joints
+    arms = np.array([arm for _, arm in numbered.nodes.arm_owner], np.int64)
+    out = np.zeros(len(numbered.nodes), bool)
+    out[arms[joints.tied[arms] & (joints.row_root[arms] == arms) & (joints.spin_root[arms] != arms)]] = True
+    out[joints.target] = False
+    out[supported] = False
+    for packer in packers:
+        for _, live in packer.lanes():
+            out[live[live >= 0]] = False
+    return np.flatnonzero(out)
 
 
 def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> Array:
@@ -106,27 +128,30 @@ class Blocks:
     solver : str
         As `compile_scene` takes it.
     level : int8 [N]
-        0 for the nodes that the solver sees.
+        0 for the nodes that the solver sees, others as of `_levels`; 3 for points of joints.
+    own : bool [N]
+        Nodes to whose diagonal blocks other terms than those of `pairs` add.
     kept : int
         Joints with multipliers that a plan of the elimination would take along.
     """
 
-    def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array, kept: int) -> None:
+    def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array, own: Array,
+                 kept: int) -> None:
         end = level == 0
-        own = joints.row_root == np.arange(n)
-        tied = joints.tied & own
+        leads = joints.row_root == np.arange(n)
+        tied = joints.tied & leads
         live = pairs >= 0
         coupled = ascending(pairs[live])
         through = tied[coupled // n] | tied[coupled % n]
-        slaves = np.flatnonzero(tied)
+        slaves = np.flatnonzero(tied & own)
         # pairs with a tied node, ascending, and where each of their entries moves
         self.raw = ascending(np.concatenate((coupled[through], slaves * (n + 1))))
         self.moves = _moves(self.raw, joints, tied)
-        diagonal = np.flatnonzero(own) * (n + 1)
+        diagonal = np.flatnonzero(leads) * (n + 1)
         final = np.concatenate((coupled[~through], diagonal, self.moves[:, 3] * n + self.moves[:, 4]))
         final = np.stack((final // n, final % n), axis=1)
         final = final[end[final].all(axis=1)]
-        seen = end & own
+        seen = end & leads
         number = np.cumsum(seen) - 1
         among_ends = build_pattern(int(seen.sum()), number[final], band, allow_elimination=solver != "sparse", joints=kept)
         del final
@@ -154,7 +179,9 @@ class Blocks:
         at = np.minimum(np.searchsorted(self.raw, key), max(self.raw.size - 1, 0))
         tied = self.raw[at] == key if self.raw.size else np.zeros(key.shape, bool)
         out = self.base + at
-        out[~tied] = self.pattern.block(a[~tied], b[~tied])
+        a, b = a[~tied], b[~tied]
+        assert np.all(self.pattern.row_of[np.concatenate((a, b))] < self.pattern.n), "a term adds to a block that does not exist"
+        out[~tied] = self.pattern.block(a, b)
         return out
 
 

@@ -13,6 +13,7 @@ from .errors import SceneError
 from .kernels import step as kernels
 from .kernels.drag import Drag
 from .kernels.joint_conditions import JointConditions
+from .kernels.joint_coordinates import JointMotion
 from .kernels.slider import Sliding
 from .kernels.step import OK
 from .kernels.terms import Conserving, Equilibrium
@@ -50,7 +51,7 @@ class Reactions:
         terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
         running = {type(term): term for term in of.terms}
         known = with_known_twist(tuple(_as_running(term, running.get(type(term))) for term in terms), of.terms)
-        self.terms = Record(tuple(_at_nodes(term) for term in known if id(term) not in left_out))
+        self.terms = Record(tuple(_at_nodes(term, core.pattern.row_of) for term in known if id(term) not in left_out))
         self.ties = None if core.ties is None else Record((core.ties,))
         self._system: Record | None = None
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
@@ -175,12 +176,17 @@ class Reactions:
         return out
 
 
-def _at_nodes(term: Any) -> Any:
+def _at_nodes(term: Any, row_of: Array) -> Any:
     """A term whose moments act on the nodes themselves, not on those that connections let their spins belong to: connections have
     to carry them."""
     if isinstance(term, Sliding):
         return term._replace(sliders=term.sliders._replace(spin_root=np.arange(term.sliders.spin_root.size)))
-    return term._replace(spin_row=term.row) if isinstance(term, JointConditions) else term
+    if isinstance(term, JointConditions):
+        return term._replace(row=row_of[term.node], spin_row=row_of[term.node])
+    motion = getattr(term, "motion", None)
+    if isinstance(motion, JointMotion):
+        return term._replace(motion=motion._replace(row=row_of[motion.node]))
+    return term
 
 
 def _as_running(term: Any, run: Any) -> Any:

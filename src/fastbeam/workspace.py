@@ -102,7 +102,7 @@ def entries_of(model: Model, bounded: bool = True) -> int:
     # and the spins of both ends of a joint
     ends = 2 * widest + 2 if model.kept else 0
     if model.curves is None:
-        return ends
+        return 2 * _widest_tie(model) if model.by_rows and bounded else ends
     # of a sleeve the spin of its holder, too
     most = int(model.curves.shape[:, 2].max()) + (model.sleeves is not None)
     if model.by_rows and bounded:
@@ -110,6 +110,15 @@ def entries_of(model: Model, bounded: bool = True) -> int:
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
     # and the spin of every node
     return max(ends, (most + 1) * widest + most)
+
+
+def _widest_tie(model: Model) -> int:
+    """The most rows that what acts on a node goes to."""
+    ties, rows = model.ties, model.n_rows
+    if ties is None:
+        return 1
+    node = np.repeat(np.arange(ties.start.size - 1), np.diff(ties.start))
+    return int(np.max(np.bincount(np.unique(node * rows + ties.target_row) // rows)))
 
 
 class Capacity(NamedTuple):
