@@ -181,9 +181,12 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
     first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else model.border * np.arange(n)
     kind = ContactInRows if model.by_rows else Contact if model.carriers is None else ContactOfCarriers
     columns, lines = (aligned(n * row * entries).reshape(n, row * entries) for _ in range(2))
+    # behind the forces of joints those of the identity
+    corner = aligned(64 * n).reshape(n, 64)
+    corner[:, ::9] = model.forces[:, None] <= np.arange(8)
     return kind(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
                 entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
-                corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
+                corner=corner, residual=np.zeros((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
                 first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), softness=model.softness,
                 remaining=np.zeros(n),

@@ -192,6 +192,37 @@ def test_scenes_move_as_with_joints_that_wait_for_both_ends(scene: Callable[[], 
     assert iterations <= 1.2 * other_iterations + 5
 
 
+def loaded_arm() -> fb.Scene:
+    """An arm whose points have springs, loads, a force of the user's own, a support and a rigid connection besides their joints."""
+    bodies = [fb.RigidBody(f"body {k}", mass=1.0, inertia=(0.1, 0.2, 0.3), position=(k + 0.5, 0, 0)) for k in range(4)]
+    half = np.array([0.5, 0, 0])
+    far = [body.point(half) for body in bodies]
+    near = [body.point(-half) for body in bodies]
+    side = bodies[3].point((0, 0.3, 0))
+    return fb.Scene(*bodies, fb.RevoluteJoint(fb.GROUND, near[0], "foot", axis=(0, 1, 0), stiffness=5.0),
+                    fb.RevoluteJoint(far[0], near[1], "knee", axis=(0, 0, 1)),
+                    fb.PrismaticJoint(far[1], near[2], "rail", axis=(1, 0, 0), stiffness=300.0),
+                    fb.UniversalJoint(far[2], near[3], "cross", axis_a=(0, 1, 0), axis_b=(0, 0, 1)),
+                    fb.DistanceJoint(far[0], near[2], "rod"),
+                    fb.Spring(far[3], bodies[0], "spring", stiffness=40.0), fb.Load("push", far[3], force=(1.0, 2.0, 0.5)),
+                    fb.Spring(side, far[1], "other spring", stiffness=10.0), gravity=(0, 0, -9.81))
+
+
+@pytest.mark.parametrize(("scene", "method"), [
+    (linkage, "energy_momentum"), (loaded_arm, "energy_momentum"), (partial(mechanism, 1), "energy_momentum"),
+    (partial(mechanism, 4), "energy_momentum"), (linkage, "generalized_alpha"), (partial(mechanism, 3), "generalized_alpha")])
+def test_points_of_joints_need_no_rows(scene: Callable[[], fb.Scene], method: str) -> None:
+    """As with rows and blocks of their own, which a solver sees that eliminates no nodes."""
+    observe = ["reaction"] if method == "energy_momentum" else []
+    models = [fb.compile_scene(scene(), planar=False, **options) for options in ({}, {"eliminate_inner": False})]
+    assert models[0].pattern.n < models[1].pattern.n and models[0].n_blocks < models[1].n_blocks
+    one, other = (fb.simulate(model, t_end=0.05, step=2e-3, method=method, observe=observe) for model in models)
+    assert np.abs(one.state.q - other.state.q).max() < 1e-10
+    for name in models[0].reaction_names if observe else ():
+        for a, b in zip(one.reaction(name).values(), other.reaction(name).values()):
+            assert np.allclose(a, b, rtol=0.0, atol=1e-7 * max(np.nanmax(np.abs(b)), 1.0), equal_nan=True), name
+
+
 def test_a_net_of_many_joints_has_room_for_its_products_and_no_dense_border() -> None:
     """Room grew with everything else before: 680 MB for 760 joints; 1740 were a dense border of gigabytes."""
     n = 30

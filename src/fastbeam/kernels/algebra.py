@@ -455,3 +455,15 @@ def call_force(tc, address, t, given, parameters, found):
         b.call(b.inttoptr(args[0], function.as_pointer()), [args[1], *(b.inttoptr(x, pointer) for x in args[2:])])
         return ctx.get_dummy_value()
     return types.void(types.int64, types.float64, types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
+def fetch(tc, array, offset):
+    """Ask memory for the cache line of a number before it is needed; offset counts the numbers of the array."""
+    def codegen(ctx, b, sig, args):
+        byte = ir.IntType(8).as_pointer()
+        p = b.bitcast(b.gep(_data(ctx, b, sig.args[0], args[0]), [_int(ctx, b, args[1], sig.args[1])]), byte)
+        function = b.module.declare_intrinsic("llvm.prefetch", [byte], ir.FunctionType(ir.VoidType(), [byte, _I32, _I32, _I32]))
+        b.call(function, [p, ir.Constant(_I32, 0), ir.Constant(_I32, 3), ir.Constant(_I32, 1)])
+        return ctx.get_dummy_value()
+    return types.void(array, offset), codegen

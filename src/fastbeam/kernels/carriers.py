@@ -139,7 +139,7 @@ def condense_carriers(all_terms, whole_system, short_order, held, group_rows, h,
         solver.factors.failed[0] = 1
         return False
     start_blocks(contact, solver.couplings, solver.order, solver.factors, r, dofs)
-    put_entries(contact, solver.couplings, solver.touched, solver.factors, dofs)
+    put_entries(contact, solver.couplings, solver.touched, solver.order, solver.factors, dofs)
     clear_held_columns(held, solver.touched, solver.factors, n)
     if not eliminate(solver.couplings, short, solver.factors, contact, system.state.force, dofs):
         return False

@@ -15,7 +15,7 @@ from .._jit import inlined, kernel, separate
 from .algebra import cross, cross2, ld2, ld3, st2, st3, vld, vst
 from .blocks import ONE, solve_column, solve_rows, subtract_column, subtract_lanes, subtract_rows
 from .constraint_blocks import subtract_on_slider
-from .constraint_solve import RIGHT
+from .constraint_solve import FAR, RIGHT, fetch_rows
 from .contact_entries import (Contact, add_column, add_column_times, add_line, add_line_rows, add_transposed,
                               put_own_block)
 from .factored_entries import FactoredContact
@@ -55,9 +55,15 @@ def start_blocks(contact, couplings, order, factors, r, dofs):
 
 
 @inlined
-def put_entries(contact, couplings, touched, factors, dofs):
+def put_entries(contact, couplings, touched, order, factors, dofs):
     """Entries on rows that the solver sees."""
-    for k in range(couplings.unknowns.shape[0]):
+    constraints = couplings.unknowns.shape[0]
+    ahead = 2 if order.counts[1] > FAR else constraints
+    for k in range(constraints):
+        if k + ahead < constraints:
+            for t in range(touched.start[k + ahead], touched.start[k + ahead + 1]):
+                fetch_rows(factors.store, touched.column[t], len(dofs))
+                fetch_rows(factors.store, touched.line[t], couplings.unknowns[k + ahead])
         for m in range(contact.entries[k]):
             t = touched.entry[k, m]
             if t >= 0:
@@ -247,12 +253,31 @@ def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, 
                 pass_on.call(ties, e, q_mid, q_end, buffer, column, line, m, factors.store, touched.column[to], touched.line[to])
 
 
+@inlined
+def fetch_jobs(inner, couplings, touched, factors, f, n):
+    """Ask for the blocks that element f of those with jobs needs."""
+    e = touched.found[f, 0]
+    rows = 0
+    for others in range(2, inner.where[e, 1] + 2):
+        rows += n * n * (1 + 2 * others)
+    fetch_rows(inner.store, inner.where[e, 0], rows)
+    j = touched.last_job[e]
+    while j >= 0:
+        for c in range(4, 6):
+            t = touched.job[j, c]
+            fetch_rows(factors.store, touched.column[t], n)
+            fetch_rows(factors.store, touched.line[t], couplings.unknowns[touched.job[j, 1]])
+        j = touched.job[j, 3]
+
+
 @kernel
 def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mid, q_end, dofs):
     """Entries on inner nodes, element by element."""
     n = len(dofs)
     pair = 0
     for f in range(touched.counts[0]):
+        if order.counts[1] > FAR and f + 1 < touched.counts[0]:
+            fetch_jobs(inner, couplings, touched, factors, f + 1, n)
         nodes = inner.where[touched.found[f, 0], 1] + 2
         last = touched.last_job[touched.found[f, 0]]
         at = 0

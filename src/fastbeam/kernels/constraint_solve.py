@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import inlined, kernel, one_variant, separate
-from .algebra import vld, vst
+from .algebra import fetch, vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column, subtract_rows
 from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
 from .constraint_blocks import (column_on_slider, column_slider_on_node, column_slider_on_slider, factor_moments, factor_slider,
@@ -28,6 +28,8 @@ from .kinds import dim
 # and without
 LEAST_NODE, LEAST_PIVOT, LEAST_UNAUGMENTED = 1e-14, 1e-14, 1e-7
 RIGHT = 7     # column of the right-hand side
+# blocks of so many rows ahead are asked for where all blocks have more doubles than the caches next to a processor hold
+AHEAD, FAR = 8, 65536
 
 
 class Factors(NamedTuple):
@@ -316,6 +318,23 @@ def solve_right(store, d, m):
         store[o + 8 * i] *= store[d + 9 * i]
 
 
+@inlined
+def fetch_rows(store, at, rows):
+    """Ask for a block of so many rows at `at`."""
+    for c in range(0, 8 * rows, 8):
+        fetch(store, at + c)
+
+
+@inlined
+def fetch_blocks(order, store, i):
+    """Ask for the blocks of the row at position i and of its column."""
+    m = order.unknowns[i]
+    fetch_rows(store, order.diagonal[i], m)
+    for x in range(order.start[i], order.start[i + 1]):
+        fetch_rows(store, order.upper[x], m)
+        fetch_rows(store, order.lower[x], order.unknowns[order.column[x]])
+
+
 @separate
 def eliminate(couplings, order, factors, contact, force, dofs):
     """Factor in place, the right-hand side goes along. force: of the constraints, one after the other. Returns False at a
@@ -324,8 +343,12 @@ def eliminate(couplings, order, factors, contact, force, dofs):
     least = LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_UNAUGMENTED
     rows = order.order.shape[0]
     i = 0
+    fetched = 0 if order.counts[1] > FAR else rows
     while i < rows:
         k = order.order[i] - n
+        while fetched < rows and fetched < i + AHEAD:
+            fetch_blocks(order, factors.store, fetched)
+            fetched += 1
         if k >= 0:
             c = compliance_of(couplings, factors, contact, k)
             pivot = 0.0
@@ -375,7 +398,11 @@ def substitute(order, factors, dofs):
     """Solution by positions from the eliminated rows."""
     store = factors.store
     x = factors.x
+    ahead = AHEAD if order.counts[1] > FAR else order.order.shape[0]
     for i in range(order.order.shape[0] - 1, -1, -1):
+        if i >= ahead:
+            for e in range(order.start[i - ahead], order.start[i - ahead + 1]):
+                fetch_rows(store, order.upper[e], order.unknowns[i - ahead])
         m = order.unknowns[i]
         first = order.start[i]
         last = order.start[i + 1]

@@ -89,7 +89,7 @@ def fill_constraints(contact, solver, r, q_mid, q_end, dofs):
         solver.factors.failed[0] = 1
         return False
     start_blocks(contact, solver.couplings, solver.order, solver.factors, r, dofs)
-    put_entries(contact, solver.couplings, solver.touched, solver.factors, dofs)
+    put_entries(contact, solver.couplings, solver.touched, solver.order, solver.factors, dofs)
     carry_entries.call(solver.inner, contact, solver, q_mid, q_end, dofs)
     clear_columns.call(solver.held, solver)
     return True
