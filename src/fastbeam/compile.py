@@ -41,7 +41,6 @@ from .moving_meshes import initial, rewrite, with_tables
 from .numbered import number, supported_nodes
 from .numbering import NodeList
 from .ordering import Blocks, Ordered, order
-from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .prescribed import released_of
 from .report import describe

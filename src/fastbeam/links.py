@@ -321,7 +321,8 @@ class Links:
         # forces on what joints leave free couple their nodes, whatever conditions these have
         acting = [(at, x.shape.is_angle) for x, at, _ in self.freedoms if x.acts]
         links = [(group.node, _are_of_angles(group.laws)) for group in self.groups if group.entry.couples]
-        links.append((np.array([at for at, _ in acting], np.int64).reshape(-1, 2), np.array([turns for _, turns in acting], bool)))
+        links.append((np.array([at for at, _ in acting], np.int64).reshape(-1, 2),
+                      np.array([turns for _, turns in acting], bool)))
         for node, turns in links:
             a, b = self._root[bearing_nodes(node, turns, self._spin_root)].T
             out += [a * n + a, a * n + b, b * n + a, b * n + b]

@@ -38,7 +38,7 @@ class Ordered:
 
 def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int,
           supported: Array) -> Ordered:
-    """Order what is condensed; constraints: number of those with multipliers, of them `kept` joints; supported: nodes of supports.
+    """Order what is condensed; constraints: those with multipliers, of them `kept` joints; supported: nodes of supports.
 
     Raises
     ------

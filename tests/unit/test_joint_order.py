@@ -193,7 +193,7 @@ def test_scenes_move_as_with_joints_that_wait_for_both_ends(scene: Callable[[], 
 
 
 def loaded_arm() -> fb.Scene:
-    """An arm whose points have springs, loads, a force of the user's own, a support and a rigid connection besides their joints."""
+    """An arm whose points have springs, a load and a rod besides their joints."""
     bodies = [fb.RigidBody(f"body {k}", mass=1.0, inertia=(0.1, 0.2, 0.3), position=(k + 0.5, 0, 0)) for k in range(4)]
     half = np.array([0.5, 0, 0])
     far = [body.point(half) for body in bodies]

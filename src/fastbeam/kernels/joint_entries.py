@@ -103,8 +103,8 @@ def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, dofs
 
 @kernel
 def begin_joint(contact, k, forces):
-    """Clear the entries of constraint k, a joint: its unknowns are so many forces, as many equations are gaps. The rest of its own
-    block is that of the identity from the start of a run on, and the rest of its residual 0."""
+    """Clear the entries of constraint k, a joint: its unknowns are so many forces, as many equations are gaps. The rest of its
+    own block is that of the identity since the start of a run, and the rest of its residual 0."""
     contact.entries[k] = 0
     for i in range(8 * forces):
         contact.corner[k, i] = 0.0
