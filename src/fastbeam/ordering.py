@@ -137,7 +137,7 @@ class Blocks:
 
     def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array, own: Array,
                  kept: int) -> None:
-        end = level == 0
+        self._own, end = own, level == 0
         leads = joints.row_root == np.arange(n)
         tied = joints.tied & leads
         live = pairs >= 0
@@ -179,9 +179,8 @@ class Blocks:
         at = np.minimum(np.searchsorted(self.raw, key), max(self.raw.size - 1, 0))
         tied = self.raw[at] == key if self.raw.size else np.zeros(key.shape, bool)
         out = self.base + at
-        a, b = a[~tied], b[~tied]
-        assert np.all(self.pattern.row_of[np.concatenate((a, b))] < self.pattern.n), "a term adds to a block that does not exist"
-        out[~tied] = self.pattern.block(a, b)
+        assert np.all(tied | self._own[a] & self._own[b]), "a term adds to the blocks of a point that has none"
+        out[~tied] = self.pattern.block(a[~tied], b[~tied])
         return out
 
 
