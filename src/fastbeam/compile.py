@@ -38,7 +38,7 @@ from .kernels.winch import Winches
 from .links import Links
 from .model import Model
 from .moving_meshes import initial, rewrite, with_tables
-from .numbered import number, supported_nodes
+from .numbered import number
 from .numbering import NodeList
 from .ordering import Blocks, Ordered, order
 from .planar import find_plane, pack_plane
@@ -113,8 +113,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)
     kept = len(unpacked.kept)
-    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + kept + len(scene.sleeves), kept,
-                    supported_nodes(scene, numbered.nodes))
+    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + kept + len(scene.sleeves), kept)
     model = with_tables(pack(scene, unpacked, condensed, ordered), moving, ordered.blocks)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # a copy of the scene, because the user may add parts to it before other models of it are compiled

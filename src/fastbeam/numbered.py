@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -36,6 +35,8 @@ class Numbered:
         What supports that neither let go nor take hold hold of the unknowns of every node.
     late : int64 [N]
         What only those that take hold hold, at the nodes that lead rows.
+    supported : int64 [*]
+        Nodes of all supports; of one at a body the body.
     """
 
     nodes: NodeList
@@ -45,6 +46,7 @@ class Numbered:
     dragged: Array
     always: Array
     late: Array
+    supported: Array
 
     @property
     def joints_at_start(self) -> Connections:
@@ -69,25 +71,15 @@ def number(scene: Scene) -> Numbered:
     place_points(scene, nodes)
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
-    joints, hinges, always, late = _connections(scene, nodes, length)
+    joints, hinges, always, late, supported = _connections(scene, nodes, length)
     every = np.arange(len(nodes))
     dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *added_masses(scene)))])
-    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always, late)
+    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always, late, supported)
 
 
-def supported_nodes(scene: Scene, nodes: NodeList) -> Array:
-    """Nodes of all supports, those of points of bodies the bodies, int64 [*]."""
-    return np.array([nodes.start(support.at.owner) if isinstance(support.at.owner, RigidBody) else nodes.number(support.at)
-                     for support in _supports_of(scene)], np.int64)
-
-
-def _supports_of(scene: Scene) -> list[Any]:
-    return [*scene.pins, *scene.prescribed, *scene.clamps]
-
-
-def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array, Array]:
-    """How nodes are tied, the ball joints of nets, int [*, 2], and what supports that do not change hold, and what only
-    those that take hold hold, int64 [N]."""
+def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array, Array, Array]:
+    """How nodes are tied, the ball joints of nets, int [*, 2], what supports that do not change hold, and what only
+    those that take hold hold, int64 [N], and the nodes of supports, int64 [*]."""
     held = np.zeros(len(nodes), np.int64)
     welds, hinges = [NO_PAIRS], [NO_PAIRS]
     for net in scene.nets:
@@ -100,7 +92,10 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
         held[[nodes.start(place) for place in mesh.places]] = 62
     held[nodes.ground] = 63
     always, begins = held.copy(), held.copy()
-    for support, node in zip(_supports_of(scene), supported_nodes(scene, nodes)):
+    supports = [*scene.pins, *scene.prescribed, *scene.clamps]
+    supported = np.array([nodes.start(x.at.owner) if isinstance(x.at.owner, RigidBody) else nodes.number(x.at) for x in supports],
+                         np.int64)
+    for support, node in zip(supports, supported.tolist()):
         held[node] |= support.mask
         always[node] |= support.mask if support.until is None and support.since is None else 0
         begins[node] |= support.mask if support.since is None else 0
@@ -112,4 +107,4 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
     late, early = np.zeros_like(held), np.zeros_like(held)
     for mine, given in ((late, held & ~begins), (early, begins)):
         np.bitwise_or.at(mine, joints.row_root, given)
-    return joints, np.concatenate(hinges), always, late & ~early
+    return joints, np.concatenate(hinges), always, late & ~early, supported

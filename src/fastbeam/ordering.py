@@ -36,9 +36,8 @@ class Ordered:
     n_panel: int
 
 
-def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int,
-          supported: Array) -> Ordered:
-    """Order what is condensed; constraints: those with multipliers, of them `kept` joints; supported: nodes of supports.
+def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int) -> Ordered:
+    """Order what is condensed; constraints: number of those with multipliers, of them `kept` joints.
 
     Raises
     ------
@@ -63,7 +62,7 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
         level[carriers.eliminated_nodes] = 2
     level[ends] = 0
     if eliminate_inner and kept == constraints > 0 and not len(ends):
-        level[_points_of_joints(numbered, used, supported)] = 3
+        level[_points_of_joints(numbered, used)] = 3
     # nodes with blocks of their own terms
     own = np.ones(n, bool)
     own[level == 3] = False
@@ -73,7 +72,7 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     return Ordered(blocks, size, columns, blocks.pattern.n + int(np.sum(level == 1)))
 
 
-def _points_of_joints(numbered: Numbered, packers: list[ElementPacker], supported: Array) -> Array:
+def _points_of_joints(numbered: Numbered, packers: list[ElementPacker]) -> Array:
     """Points of bodies that follow them in position and spin and belong to no element: the solver need not see them, since what
     acts there goes to the bodies; int [*]."""
     joints = numbered.joints
@@ -81,7 +80,7 @@ def _points_of_joints(numbered: Numbered, packers: list[ElementPacker], supporte
     out = np.zeros(len(numbered.nodes), bool)
     out[arms[joints.tied[arms] & (joints.row_root[arms] == arms) & (joints.spin_root[arms] != arms)]] = True
     out[joints.target] = False
-    out[supported] = False
+    out[numbered.supported] = False
     for packer in packers:
         for _, live in packer.lanes():
             out[live[live >= 0]] = False

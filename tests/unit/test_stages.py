@@ -16,7 +16,7 @@ from fastbeam import compile as compiler
 from fastbeam import tables
 from fastbeam.condensing import Condensed, condense
 from fastbeam.model import Model
-from fastbeam.numbered import Numbered, number, supported_nodes
+from fastbeam.numbered import Numbered, number
 from fastbeam.ordering import Ordered, order
 from fastbeam.planar import Found, find_plane
 from fastbeam.unpacked import Unpacked, unpack
@@ -56,7 +56,7 @@ def test_every_stage_hands_on_a_record_of_its_own() -> None:
     unpacked = unpack(scene, numbered)
     found, why = find_plane(unpacked)
     condensed = condense(scene, unpacked, "auto")
-    ordered = order(numbered, condensed, "auto", True, len(scene.sliders), 0, supported_nodes(scene, numbered.nodes))
+    ordered = order(numbered, condensed, "auto", True, len(scene.sliders), 0)
     kinds = (Numbered, Unpacked, Found, Condensed, Ordered)
     for record, kind in zip((numbered, unpacked, found, condensed, ordered), kinds):
         assert isinstance(record, kind)
