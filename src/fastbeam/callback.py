@@ -1,7 +1,8 @@
-"""The user's function of time and state: it sees a copy, and whether it changes loads is watched."""
+"""The user's function of time and state: it sees a copy, and whether it changes what acts in time is watched."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,28 @@ from .model import Model
 Array = np.ndarray
 
 
+def time_functions(model: Model) -> list[tuple[str, Callable[[float], Any]]]:
+    """All functions of time alone that steps ask: what they belong to, and the function. Compiled laws are not among them, whose
+    numbers are fixed when they are compiled."""
+    out: list[tuple[str, Any]] = list(zip(model.load_names, model.load_times))
+
+    def add(who: str, of: Any, *names: str) -> None:
+        out.extend((f"{who} ({name})", getattr(of, name)) for name in names)
+
+    for slider in () if model.slider_forces is None else model.slider_forces.sliders:
+        if slider.drive is not None and not slider.drive.takes_state:
+            add(f"the drive of slider {slider.name!r}", slider.drive, "position", "speed", "force")
+    for part in () if model.motions is None else model.motions.holds.parts:
+        out.extend((f"what is given to {part.label}", x) for x in (part.motor, part.place, part.speed))
+        if part.drive is not None and not part.drive.takes_state:
+            add(f"the drive of {part.label}", part.drive, "position", "speed", "force")
+    if model.dragged is not None:
+        out.extend(zip((f"the air of {label}" for label in model.dragged.labels), model.dragged.times))
+    for motion in () if model.prescribed is None else model.prescribed.motions:
+        add(motion.label, motion, "displacement", "position", "rotation")
+    return [(name, time) for name, time in out if callable(time)]
+
+
 class Callback:
     """Calls a function of (t, state) at rows.
 
@@ -22,18 +45,19 @@ class Callback:
     function : callable
         Of the time in s and a State in space that nothing can be written to; True ends the run.
     t_end : float
-        Time functions of loads are not asked for later than that.
+        Time functions are not asked for later than that.
 
     Attributes
     ----------
     found : str
-        What a call changed that it must not, empty where nothing. A load that the function sets acts one step too late: its value
-        in the step that led here was another than the one that belongs to the state here.
+        What a call changed that it must not, empty where nothing. What the function sets (loads, motors, drives, motions of
+        supports) acts one step too late: its value in the step that led here was another than the one that belongs to the state
+        here.
     """
 
     def __init__(self, model: Model, function: Callable[[float, State], bool | None], t_end: float) -> None:
         self.function, self.t_end = function, t_end
-        self.timed = [(name, time) for name, time in zip(model.load_names, model.load_times) if time is not None]
+        self.timed = time_functions(model)
         self.found = ""
 
     def __call__(self, t: float, size: float, state: State) -> bool:
@@ -65,4 +89,5 @@ class Callback:
 
     def _values(self, times: tuple[float, float]) -> list[str]:
         """Of all time functions; as texts, so that NaN is equal to itself."""
-        return [repr(time(t)) for _, time in self.timed for t in times]
+        found = (time(t) for _, time in self.timed for t in times)
+        return [repr(x.item() if isinstance(x, np.generic) else x) for x in found]

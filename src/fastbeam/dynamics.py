@@ -10,6 +10,7 @@ import numpy as np
 from .errors import ConvergenceError, SceneError
 from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State
+from .maps import gyration_radii
 from .newton import Stepper
 from .outcome import MEANING, Outcome
 from .ways import Ways
@@ -183,7 +184,8 @@ class StepControl:
     Parameters
     ----------
     tolerance : float
-        Allowed local error of a position per step, relative to the size of the scene.
+        Allowed local error of a position per step, relative to the size of the scene; of a triad at the radius of gyration of its
+        body or section.
     order : int
         Of the method.
     smallest, largest : float
@@ -195,6 +197,8 @@ class StepControl:
     passed : dict
         What steps of the smallest size have missed: number of a spring, damper or line force whose ends passed each other on a
         long way -> whether an event has told so.
+    radius : float64 [N], optional
+        Radii of gyration of all nodes, m, from the first step on.
 
     Raises
     ------
@@ -209,6 +213,7 @@ class StepControl:
     accepted: int = 0
     rejected: int = 0
     passed: dict[int, bool] = field(default_factory=dict)
+    radius: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.smallest <= self.largest:
@@ -313,9 +318,13 @@ class StepControl:
         return float(lines.unseen(before, state.q, t + 0.5 * h, h, stepper.model.gravity_weight)) / stepper.model.length
 
     def error(self, stepper: Stepper, coarse: State) -> float:
-        """Local error of two halves of a step, which led to the present state, against the whole; relative to the scene."""
-        difference = (stepper.state.q - coarse.q).reshape(-1, 12)[:, :3]
-        size = float(np.max(np.linalg.norm(difference, axis=1)))
+        """Local error of two halves of a step, which led to the present state, against the whole; relative to the scene. A triad
+        that is turned counts by what it moves at the radius of gyration."""
+        difference = (stepper.state.q - coarse.q).reshape(-1, 4, 3)
+        if self.radius is None:
+            self.radius = gyration_radii(stepper.model)
+        turned = self.radius * np.linalg.norm(difference[:, 1:], axis=(1, 2)) / np.sqrt(2.0)
+        size = float(np.max(np.hypot(np.linalg.norm(difference[:, 0], axis=1), turned)))
         if coarse.s.size:
             size = max(size, float(np.max(np.abs(stepper.state.s - coarse.s))))
         return size / (2.0**self.order - 1.0) / stepper.model.length

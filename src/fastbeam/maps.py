@@ -93,6 +93,13 @@ def mass_map(model: Model, q: Array | None = None) -> Any:
     return own if ropes is None else own + rope_masses(ropes, q)
 
 
+def gyration_radii(model: Model) -> Array:
+    """Radius of gyration of every node, float64 [N], m: of its body, or of the section of its beam; 0 without mass."""
+    mass = vector_masses(model, True).diagonal().reshape(model.n_nodes, -1)
+    place, turning = mass[:, 0], mass[:, 1:].sum(axis=1)
+    return np.sqrt(np.divide(turning, place, out=np.zeros(len(mass)), where=place > 0.0))
+
+
 def vector_masses(model: Model, without_ropes: bool = False) -> Any:
     """Masses of the vectors (phi, d1, d2, d3) of all nodes, the same in all three directions, sparse [4 N, 4 N]; in a plane of
     (phi, u), [2 N, 2 N]. without_ropes: those of ropes are not asked for."""

@@ -28,7 +28,7 @@ LARGEST_LOSS, GOOD_LOSS = 0.03, 0.01
 LONGEST, LEAST_TURN, LEAST_ERROR = 2.0, 0.1, 2e-3
 MOST_EVENTS = 5
 # shapes that are looked at in a run, and elements in all of them together
-MOST_LOOKS, MOST_ELEMENTS = 20, 500_000
+MOST_LOOKS, MOST_ELEMENTS = 500, 500_000
 
 
 @dataclass

@@ -39,7 +39,7 @@ from .recording import Rows
 from .result import Result
 from .sampling import Sampling
 from .scene.checks import Place
-from .starting import check_start
+from .starting import check_start, moved_supports
 from .watching import Watch
 
 Array = np.ndarray
@@ -103,7 +103,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space, not to
         be written to. Where it changes what a load's time function returns, an event says so, and step control refuses it.
     tolerance : float
-        Step control: local error of a position per step, relative to the size of the scene.
+        Step control: local error of a position per step, relative to the size of the scene; of what turns at its radius of
+        gyration.
     min_step, max_step : float
         Its bounds, default step*1e-6 and (t_end - t_start)/10.
     max_iterations : int
@@ -158,10 +159,12 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     check_times(clock.now, t_end, step)
     notes = [("projected", model.projected)] if start is None and model.projected else []
     if state is not None:
-        state, notes = check_start(model, state, step, mend_start)
-    if isinstance(start, Checkpoint):
-        # it goes on as if it had never stopped
-        notes = []
+        # a checkpoint goes on as if it had never stopped
+        goes_on = isinstance(start, Checkpoint)
+        state, notes = check_start(model, state, step, mend_start, t=clock.now, goes_on=goes_on)
+        notes = [] if goes_on else notes
+    elif clock.now != 0.0:
+        notes += moved_supports(model, model.state(), clock.now)
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True, probe=True)
     if order == 4 and method == "energy_momentum" and extrapolates(model):
@@ -263,14 +266,15 @@ class _Run(Encounters):
                                      self.impacts.times)
 
     def call_back(self, t: float, size: float) -> bool:
-        """Call the user's function; whether the run ends here. Loads that it changes are lagging."""
+        """Call the user's function; whether the run ends here. What it sets lags behind."""
         known = self.callback.found
         stop = self.callback(t, size, self.stepper.copy_state())
         if self.callback.found != known:
-            text = f"{self.callback.found}. A load that a callback sets acts a step late, so that errors are of first order"
+            text = f"{self.callback.found}. What a callback sets acts a step late, so that errors are of first order"
             if self.control is not None:
-                raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, or make loads functions of "
-                                       "time alone", step=self.steps, time=t, state=self.stepper.copy_state())
+                raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, make it a function of time "
+                                       "alone, or use a Controller or a law of your own inside the step", step=self.steps,
+                                       time=t, state=self.stepper.copy_state())
             self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
         return stop
 
@@ -303,8 +307,7 @@ class _Run(Encounters):
                     self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch.turns(t, size)
-                    if self.observer.energy:
-                        self.watch.mesh(t, self.steps)
+                    self.watch.mesh(t, self.steps)
                     if self.callback is not None:
                         with self.interrupts.at_once():
                             ended = self.call_back(t, size)
@@ -341,7 +344,7 @@ class _Run(Encounters):
             if self.control is not None:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
                               "rejected": self.control.rejected}
-            if not self.between and self.observer.energy:
+            if not self.between:
                 self.watch.mesh(clock.now, self.steps, last=True)
             self.watch.drift(clock.now, self.memory.close(self.info), self.info["conserved"])
             self.rows.end(self.info)

@@ -34,6 +34,8 @@ SIDEWAYS, UNTRUE = 0.01, 0.5
 # differ by the square of the step, by 0.05 with steps of a tenth of a swing
 EDITED = 0.1
 TURNS_AROUND = "contact forces alternate from step to step by as much as it takes to turn that around; use a smaller step"
+JUMPS = ("the support takes its node along at once, a blow that makes forces alternate from step to step; let the motion begin "
+         "with the velocity of the state")
 # misfits up to this share of the size of the scene, or of the fastest motion, are mended where that is asked for
 MENDABLE = 1e-2
 # factor on the mass of beams when places are mended, so that what slides moves rather than its beam
@@ -85,7 +87,8 @@ def own_state(model: Model, state: State) -> State:
     return own
 
 
-def check_start(model: Model, state: State, step: float, mend: bool = False, at_rest: bool = False) -> tuple[State, list[Any]]:
+def check_start(model: Model, state: State, step: float, mend: bool = False, at_rest: bool = False, t: float | None = None,
+                goes_on: bool = False) -> tuple[State, list[Any]]:
     """The state to start from, the same bits where it agrees with the model, and (kind, text) of what is to be said about it.
 
     Parameters
@@ -98,6 +101,11 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
         Take the nearest state that agrees where this one does not quite.
     at_rest : bool
         The velocities do not count.
+    t : float, optional
+        When the run begins, s: with it supports that move are looked at, too.
+    goes_on : bool
+        The state is known to be one of a run of this model: its velocities satisfy constraints to second order in the step, which
+        says nothing against it however coarse the step was.
 
     Raises
     ------
@@ -108,8 +116,12 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
     if at_rest:
         state.v[:] = 0.0
         model.start_momenta(state.history, state.q, state.v)
-    notes: list[Any] = _moved_supports(model, state)
-    found = misfits(model, state, step)
+    notes: list[Any] = _displaced_supports(model, state)
+    if t is not None:
+        notes += moved_supports(model, state, t)
+    found = misfits(model, state, step, t)
+    if goes_on:
+        found = [m for m in found if m.mendable < np.inf]
     worst = _worst(found)
     if worst is None:
         if not mend:
@@ -119,8 +131,8 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
             return state, notes
         worst = max(found, key=lambda m: m.size / m.told)
     if mend and worst.size <= worst.mendable:
-        state = mended(model, state)
-        left = _worst(misfits(model, state, step))
+        state = mended(model, state, t)
+        left = _worst(misfits(model, state, step, t))
         if left is None:
             return state, [*notes, ("mended", f"the start was mended: {worst.what} {worst.size:.3g} {worst.unit} off")]
         worst = left
@@ -140,8 +152,8 @@ def _worst(found: list[Misfit]) -> Misfit | None:
     return max(wrong, key=lambda m: m.size / m.mendable if m.size == m.size else np.inf, default=None)
 
 
-def misfits(model: Model, state: State, step: float) -> list[Misfit]:
-    """The worst of every kind."""
+def misfits(model: Model, state: State, step: float, t: float | None = None) -> list[Misfit]:
+    """The worst of every kind; t: when the run begins, if supports that move are to be looked at."""
     q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
     length = model.length
     reach = length + float(np.max(np.abs(q[:, 0])))
@@ -168,6 +180,15 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         still = np.flatnonzero(held & bits != 0)
         axes = held_axes(held[still])[:, None] if bits == 7 else length
         add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, MENDABLE * speed)
+    for motion, node in moving_supports(model, state) if t is not None else ():
+        rates = np.array(motion.rates(t))
+        off = np.array((v[node, 0], 0.5 * np.cross(q[node, 1:], v[node, 1:]).sum(axis=0))) - rates
+        off *= held_axes(np.array([motion.mask]))[0], [float(motion.mask & 56 != 0)] * 3
+        size = float(np.linalg.norm(off[0])) + length * float(np.linalg.norm(off[1]))
+        # taken as it is from solve_static, and nothing against it: a word, and mended on request
+        told = SIDEWAYS * max(speed, float(np.linalg.norm(rates[0]))) + noise
+        out.append(Misfit(f"the velocity of {model.labels[node]}, against that of {motion.label}, is", size, "m/s", np.inf,
+                          np.inf, told, JUMPS))
     away = off_beam(model, state)
     for k, name in enumerate(model.names["sliders"]):
         if away[k]:
@@ -246,7 +267,44 @@ def _standing(model: Model, state: State) -> Array:
     return held
 
 
-def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
+def moving_supports(model: Model, state: State) -> list[tuple[Any, int]]:
+    """Motions that hold their nodes from the start on, and these; not those that take hold on the way, from wherever their nodes
+    are then."""
+    if model.prescribed is None:
+        return []
+    gone: set[int] = set()
+    if model.released is not None:
+        off = model.released.off(state.history[model.release_place:model.motion_place])
+        gone = set(model.released.motion[off].tolist())
+    pairs = zip(model.prescribed.motions, model.prescribed.own.tolist())
+    return [(motion, node) for k, (motion, node) in enumerate(pairs) if motion.since is None and k not in gone]
+
+
+def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]]:
+    """Supports that move begin at time t where the state has their nodes: worth a word where these are not their places then."""
+    q, q0 = state.q.reshape(-1, 4, 3), model.q0.reshape(-1, 4, 3)
+    reach = model.length + float(np.max(np.abs(q0[:, 0])))
+    out = []
+    for motion, node in moving_supports(model, state):
+        place = motion.place(t) if motion.position is not None else q0[node, 0] + motion.place(t) - motion.place(0.0)
+        away = float(np.linalg.norm(np.where(held_axes(np.array([motion.mask]))[0], q[node, 0] - place, 0.0)))
+        turn = motion.turn(t) @ motion.turn(0.0).T
+        angle = _angle(q[node, 1:], q0[node, 1:] @ turn.T) if motion.rotation is not None else 0.0
+        if away > TIED * reach or angle > 10.0 * TIED:
+            by = " and ".join(text for text, size in ((f"{away:.3g} m", away), (f"{angle:.3g} rad", angle)) if size)
+            out.append(("support", f"{motion.label} begins at t = {t:.6g} s, where {model.labels[node]} is {by} off its place at "
+                                   "that time, and keeps that distance: what the function changes from then on is added to where "
+                                   "the state has the node; start with a state of that time, or with t_start= at the time of the "
+                                   "state"))
+    return out
+
+
+def _angle(a: Array, b: Array) -> float:
+    """Between triads (3, 3), rad."""
+    return 2.0 * float(np.arcsin(min(1.0, float(np.linalg.norm(a - b)) / np.sqrt(8.0))))
+
+
+def _displaced_supports(model: Model, state: State) -> list[tuple[str, str]]:
     """A support holds its node where the state has it: worth a word where that is not its place in the model."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
     # what others have caught stands elsewhere
@@ -263,14 +321,19 @@ def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     return out
 
 
-def mended(model: Model, state: State) -> State:
+def mended(model: Model, state: State, t: float | None = None) -> State:
     """The nearest state that ties, supports and sliders allow: velocities weighed by the masses, places so that bodies and masses
-    give way before beams are bent."""
+    give way before beams are bent. t: when supports that move have the velocities that they give, else those of the state."""
     from scipy import sparse
     if off_beam(model, state).any():
         raise SceneError("mend_start: a slider has left its beam; start from the state of a run without mending it")
     q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
     s = state.s.copy()
+    for motion, node in moving_supports(model, state) if t is not None else ():
+        velocity, spin = motion.rates(t)
+        v[node, 0] = np.where(held_axes(np.array([motion.mask]))[0], velocity, v[node, 0])
+        if motion.mask & 56:
+            v[node, 1:] = np.cross(spin, q[node, 1:])
     q = follow(model, q)
     inertia = mass_map(model)
     beams = sparse.diags(np.repeat(np.where(model.numbers.rank == 3, STIFF, 1.0), 12))

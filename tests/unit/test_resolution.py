@@ -83,13 +83,25 @@ def test_a_curved_reference_is_no_bending() -> None:
     assert coarse(fb.simulate(fb.compile_scene(scene), t_end=0.1, step=1e-2, progress=False)) == []
 
 
-def test_nothing_is_looked_at_where_no_energy_is_observed() -> None:
+@pytest.mark.parametrize("observe", [(), ("slider",), ("momentum",), ("energy",)])
+def test_it_is_looked_at_whatever_is_observed(observe: tuple[str, ...]) -> None:
     rope = fb.Beam.straight("rope", (0, 0, 0), (0, 0, -6), section=WIRE, elements=6)
     load = fb.PointMass("load", mass=1000.0, position=(0, 0, -6), velocity=(1.0, 0, 0))
     scene = fb.Scene(rope, load, fb.Clamp(rope.start), fb.BallJoint(load, rope.end), gravity=(0, 0, -9.81),
                      project_velocities=True)
-    result = fb.simulate(fb.compile_scene(scene), t_end=0.6, step=2e-3, progress=False, observe=())
-    assert coarse(result) == []
+    result = fb.simulate(fb.compile_scene(scene), t_end=0.6, step=2e-3, progress=False, observe=observe)
+    assert any("beam 'rope'" in text for text in coarse(result))
+
+
+def test_a_turn_beyond_a_right_angle_is_seen_however_long_the_run() -> None:
+    section = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1e-3, rhoI2=1e-6, rhoI3=1e-6)
+    bar = fb.Beam.straight("bar", (0, 0, 0), (1, 0, 0), section=section, elements=1, degree=1)
+    wheel = fb.RigidBody("wheel", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0), spin=(1.65, 0, 0))
+    model = fb.compile_scene(fb.Scene(bar, wheel, fb.Clamp(bar.start), fb.RigidConnection(wheel, bar.end),
+                                      project_velocities=True))
+    # some twenty periods, at whose turning points one linear element is twisted by more than 1.6 rad
+    result = fb.simulate(model, t_end=125.0, step=0.02, progress=False)
+    assert any("more than a right angle" in text for text in coarse(result)), coarse(result)
 
 
 def test_nets_name_the_place_by_nodes() -> None:

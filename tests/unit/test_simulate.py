@@ -269,6 +269,58 @@ def test_a_load_that_a_callback_sets_is_told_and_refused_by_step_control() -> No
     assert caught.value.result.state is not None and len(caught.value.result.t) >= 2
 
 
+def driven_by_a_callback(**options: Any) -> tuple[fb.Result, str]:
+    """A body on a hinge, a bead with a drive, a drag and a support, one of which a callback sets."""
+    name, = options.pop("of")
+    value = [0.0]
+
+    def at(t: float, which: str) -> float:
+        return value[0] if which == name else 0.0
+
+    rod = straight("rod", (0, 0, 0), (2, 0, 0))
+    arm = fb.RigidBody("arm", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 3, 0))
+    bead = fb.PointMass("bead", mass=0.2)
+    scene = fb.Scene(rod, arm, bead, fb.Clamp(rod.start), fb.Slider("run", bead, rod, at=1.0,
+                                                                   drive=fb.Drive(force=lambda t: at(t, "drive"))),
+                     fb.PrescribedMotion("lift", rod.end, displacement=lambda t: (0, 0, at(t, "lift"))),
+                     fb.RevoluteJoint(fb.GROUND.point((0, 3, 0)), arm, "hinge", axis=(0, 0, 1), torque=lambda t: at(t, "torque")),
+                     fb.Drag("air", rod, normal=0.1, air=(1.0, 0, 0), time=lambda t: 1.0 + at(t, "air")))
+
+    def change(t: float, state: Any) -> None:
+        value[0] = 1e-3 * t
+
+    return fb.simulate(fb.compile_scene(scene, planar=False), t_end=0.02, step=2e-3, every=1, progress=False, callback=change,
+                       **options), name
+
+
+@pytest.mark.parametrize(("of", "says"), [
+    ("torque", "what is given to revolute joint 'hinge'"), ("drive", r"the drive of slider 'run' \(force\)"),
+    ("lift", r"prescribed motion 'lift' \(displacement\)"), ("air", "the air of drag 'air' on beam 'rod'")])
+def test_whatever_a_callback_sets_is_told_and_refused_by_step_control(of: str, says: str) -> None:
+    result, _ = driven_by_a_callback(of=[of])
+    event, = (x for x in result.events if x["kind"] == "lagging load")
+    assert re.search(f"changed {says}: its time function gave", event["text"]), event["text"]
+    with pytest.raises(fb.ConvergenceError, match=f"changed {says}.*step control cannot see"):
+        driven_by_a_callback(of=[of], tolerance=1e-4)
+
+
+def test_step_control_sees_what_only_turns() -> None:
+    """A tumbling body, whose centre rests: local errors at the radius of gyration."""
+    top = fb.RigidBody("top", mass=1.0, inertia=(1, 2, 3), position=(0, 0, 0), spin=(0.2, 5.0, 0.2))
+    model = fb.compile_scene(fb.Scene(top))
+
+    def end(**options: Any) -> tuple[Any, int]:
+        result = fb.simulate(model, t_end=2.0, step=1e-3, snapshots=0, progress=False, every=10**6, **options)
+        return result.state.q.reshape(4, 3)[1:], result.info["steps"]
+
+    exact = end(order=4)[0]
+    off, steps = zip(*((np.linalg.norm(d - exact), n) for d, n in (end(tolerance=x) for x in (1e-4, 1e-6))))
+    print(f"turned wrong by {off[0]:.1e} and {off[1]:.1e} in {steps[0]} and {steps[1]} steps")
+    # local errors are of third order: for a hundredth of the tolerance 4.6 times as many steps, and an error 21 times smaller
+    assert off[0] < 2e-2 and off[1] < 1e-3 and 15.0 < off[0] / off[1] < 30.0
+    assert 4.0 < steps[1] / steps[0] < 5.0
+
+
 def test_callbacks_that_leave_loads_alone_are_left_alone() -> None:
     beam = straight("beam", (0, 0, 0), (3, 0, 0))
     times: list[float] = []

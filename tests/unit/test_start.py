@@ -2,6 +2,7 @@
 states of one model as states of another."""
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -275,3 +276,83 @@ def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
         fb.load_result(tmp_path / "run.h5").state_for(other)
     with pytest.raises(fb.SceneError, match="state_for: needs a compiled model"):
         run.state_for(bead())
+
+
+# ------------------------------------------------------------------------------------------------- supports that move
+def lifted(**motion: object) -> tuple[fb.Model, int]:
+    beam = straight("beam", (0, 0, 0), (2, 0, 0))
+    scene = fb.Scene(beam, fb.Clamp(beam.start), fb.PrescribedMotion("lift", beam.end, **motion), gravity=(0, 0, -9.81))
+    return fb.compile_scene(scene, planar=False), beam.n_nodes - 1
+
+
+def said(model: fb.Model, kind: str, **options: object) -> list[str]:
+    options = {"step": H, "t_end": 0.01 + float(options.get("t_start", 0.0)), "progress": False} | options
+    return [event["text"] for event in fb.simulate(model, **options).events if event["kind"] == kind]
+
+
+@pytest.mark.parametrize("motion", [dict(position=lambda t: (2.0, 0.0, 0.1 * t * t)),
+                                    dict(displacement=lambda t: (0, 0, 0.1 * t * t)),
+                                    dict(displacement=lambda t: 0.1 * t * t, axes="z")])
+def test_a_support_that_moves_begins_at_its_place_of_that_time_or_it_is_told(motion: dict[str, object]) -> None:
+    model, end = lifted(**motion)
+    later = fb.simulate(model, t_end=0.5, step=0.01, progress=False)
+    assert said(model, "support") == said(model, "support", start=later.state, t_start=0.5) == []
+    assert said(model, "support", start=later.checkpoint, t_end=0.51, step=0.01) == []
+    says = "prescribed motion 'lift' begins at t = .* s, where beam 'beam' .* is 0.025 m off its place at that time, and keeps"
+    for options in (dict(start=later.state), dict(t_start=0.5)):
+        text, = said(model, "support", **options)
+        assert re.match(says, text)
+    state = model.state()
+    state.q.reshape(-1, 4, 3)[end, 0, 2] += 0.01
+    text, = said(model, "support", start=state)
+    assert "is 0.01 m off" in text
+
+
+def test_a_support_that_turns_is_looked_at_as_well() -> None:
+    model, _ = lifted(rotation=lambda t: (0.3 * t * t, 0, 0), displacement=lambda t: (0, 0, 0))
+    later = fb.simulate(model, t_end=1.0, step=0.01, progress=False)
+    assert said(model, "support", start=later.state, t_start=1.0) == []
+    text, = said(model, "support", start=later.state)
+    assert "is 0.3 rad off" in text
+
+
+def test_velocities_of_supports_that_move_are_told_and_mended() -> None:
+    model, end = lifted(displacement=lambda t: (0, 0, 0.1 * np.sin(t)))
+    state = model.state()
+    assert state.v.reshape(-1, 4, 3)[end, 0, 2] == pytest.approx(0.1)
+    assert said(model, "start", start=state) == []
+    state.v.reshape(-1, 4, 3)[end, 0, 2] = 5.0
+    text, = said(model, "start", start=state)
+    assert text.startswith("the velocity of beam 'beam' node ") and "against that of prescribed motion 'lift', is 4.9 m/s" in text
+    assert said(model, "start", start=state, mend_start=True) == []
+    assert "was mended" in said(model, "mended", start=state, mend_start=True)[0]
+    run = fb.simulate(model, start=state, t_end=0.5, step=H, mend_start=True, progress=False)
+    assert run.drift("balance") < 1e-12
+    # as if it had begun with the velocity that the support gives
+    np.testing.assert_allclose(run.state.q, fb.simulate(model, t_end=0.5, step=H, progress=False).state.q, atol=1e-12)
+
+
+# ---------------------------------------------------------------------------------------------------------- checkpoints
+def test_a_run_goes_on_from_its_checkpoint_however_coarse_its_steps() -> None:
+    """A light bead with friction runs over corners: at the end of a step its velocity across the path is as large as its speed,
+    which a state from elsewhere were refused for."""
+    section = fb.Section(EA=20.0, GA2=50.0, GA3=40.0, GJ=20.0, EI2=140.0, EI3=18.0, rhoA=0.23, rhoI2=0.008, rhoI3=0.2)
+    one = fb.Beam.straight("one", (0, 0, 0), (0.65, 0, 0), section=section, elements=4, degree=4)
+    two = fb.Beam.straight("two", (0.65, 0, 0), (1.5, 0.7, 0), section=section, elements=2, degree=2)
+    bead = fb.PointMass("bead", mass=0.014)
+    scene = fb.Scene(one, two, fb.RigidConnection(one.end, two.start), bead, fb.Slider(
+        "run", bead, fb.Path("way", (one, two)), at=0.4, rate=4.0, friction=0.3, curve="own"), project_velocities=True)
+    model = fb.compile_scene(scene)
+    options: dict[str, object] = dict(step=0.012, every=1, progress=False, snapshots=0)
+    whole = fb.simulate(model, t_end=24 * 0.012, **options)
+    across = []
+    for k in range(1, len(whole.t) - 1):
+        part = fb.simulate(model, t_end=k * 0.012, **options)
+        q, v = (x.reshape(-1, 4, 3) for x in part.state[:2])
+        _, tangent, relative = contact(model, 0, part.state.s[0], q, v)
+        across.append(np.linalg.norm(np.cross(tangent, relative)) / np.linalg.norm(tangent) / np.max(np.abs(v[:, 0])))
+        on = fb.simulate(model, start=part.checkpoint, t_end=24 * 0.012, **options)
+        for x, y in zip(on.state, whole.state):
+            np.testing.assert_array_equal(x, y)
+    print(f"velocity across the path: up to {max(across):.2f} of the largest velocity")
+    assert max(across) > 0.5
