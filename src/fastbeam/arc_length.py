@@ -210,7 +210,7 @@ class PathSolver(SlidingSolver):
 
         def move(x: Array, factor: float) -> float:
             self.gone += x
-            size = self._move(Increment(x[:nodes], x[nodes:n], x[n:]))
+            size = self.move(Increment(x[:nodes], x[nodes:n], x[n:]))
             self.factor += factor
             return size + abs(factor)
 
@@ -368,15 +368,15 @@ def _bordered_places(inner_indptr: Array, inner_indices: Array, column: Array, r
     return indptr, indices, of_inner, indptr[1:-1][column] - 1
 
 
-def root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float) -> float | None:
-    """Where f changes its sign between a and b; None where it cannot be evaluated there."""
+def root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float, accurate: float = ACCURATE) -> float | None:
+    """Where f changes its sign between a and b, as accurate as this; None where it cannot be evaluated there."""
     x = b
     for _ in range(MOST_EVALUATIONS):
         x = (a * fb - b * fa) / (fb - fa)
         fx = f(x)
         if not np.isfinite(fx):
             return None
-        if fx == 0.0 or abs(b - a) <= ACCURATE:
+        if fx == 0.0 or abs(b - a) <= accurate:
             return x
         if fx * fb < 0.0:
             a, fa = b, fb

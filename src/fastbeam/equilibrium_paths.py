@@ -117,7 +117,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     Result
         Rows are equilibria along the path, `result.t` its length; `series["load_factor"]`, `series["unstable_directions"]` (NaN
         where moments leave the number open). Critical points are rows, too; `info["critical_points"]` lists them: kind ("limit"
-        or "bifurcation"), load_factor, length, row; of the bifurcation that stop_at= ends at also multiplicity, branches
+        or "bifurcation"), type ("maximum", "minimum"; "supercritical", "subcritical", "transcritical", "multiple", "unknown"),
+        load_factor, length, row, mode (displacements [N, 3] of all nodes, largest 1), mode_sliders (of sliders [S]), mode_at (the
+        node that moves most); of the bifurcation that stop_at= ends at also multiplicity, branches
         (directions that lead away, as components along the vectors that vanish together) and continuum (whether they are two
         opposite ones of a continuum, as of a column that may bend to all sides).
 

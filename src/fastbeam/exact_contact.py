@@ -257,7 +257,7 @@ class ExactSolver(SlidingSolver):
             nodes, force = (sum(w * x for w, x in zip(way, y)) for y in ([a.nodes for a in found.ahead],
                                                                          [a.force for a in found.ahead]))
             saved = before._saved()
-            before._move(Increment(nodes, np.zeros(self.held.size), force))
+            before.move(Increment(nodes, np.zeros(self.held.size), force))
             at = State(*(x.copy() for x in before.state))
             before._restore(saved)
         else:
@@ -327,7 +327,7 @@ class ExactSolver(SlidingSolver):
         take, because in the sum of derivatives that of the normal force of a stiff beam is left as round-off."""
         step, saved, slope = BEND_STEP * cut.length_at(k), solver._saved(), []
         for way in (step, -step):
-            solver._move(Increment(way * ahead.nodes, ahead.s, way * ahead.force))
+            solver.move(Increment(way * ahead.nodes, ahead.s, way * ahead.force))
             there = energy_along(cut.shifted(k, way), solver.stepper.model.numbers, acting, solver.state.q.reshape(-1, 4, 3), k)
             self._less_contact_forces(solver, there)
             slope.append(float(there.slope[k]))

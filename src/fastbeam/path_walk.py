@@ -2,12 +2,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from .arc_length import Direction, PathSolver, root
+from .arc_length import Direction, PathSolver
+from .critical_points import CriticalPoint, PathStep, mode_of, type_of_bifurcation
 from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .interrupt import Interrupts
 from .kernels.work import State
@@ -148,15 +149,15 @@ class PathWalk:
             if self.rows == 1 and branch is not None:
                 # what changes on the way off is no event
                 sign = np.sign(after.factor)
-            elif after.factor * sign < 0.0:
-                # to the limit point first
-                sign = -sign
-                found = self._limit(before, along, after)
-            elif counted is not None and unstable is not None and counted != unstable:
-                found = self._bifurcation(before, along, min(counted, unstable))
+            else:
+                rates = (along.factor, after.factor) if after.factor * sign < 0.0 else None
+                found = self._critical(PathStep(solver, before, along, size), rates, unstable, counted)
             if found is not None:
-                size, after, met = found, self._direction(along), None
+                size, counted, after, met = found.size, found.unstable, self._direction(along), None
                 off = self._off_values()
+                if found.kind == "limit":
+                    sign = -sign
+                self._note(found, sign)
             if (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to:
                 solver.restore(before)
                 share = (to - before[3]) / along.factor if along.factor else size
@@ -176,8 +177,8 @@ class PathWalk:
                 self.buffer.event({"kind": "wanted", "time": self.length, "text": text})
                 return
             self.off = off
-            if found is not None and self.info["critical_points"][-1]["kind"] == stop_at:
-                self._list_branches(min(counted or 0, unstable or 0))
+            if found is not None and found.kind == stop_at:
+                self._list_branches(found.number)
                 return
             along, unstable = after, counted
             self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
@@ -201,7 +202,8 @@ class PathWalk:
             one = self.wanted[k]
             size: float | None = whole
             if off[k] != 0.0:
-                size = self._located(before, along, lambda: one.off(solver.state), float(self.off[k]), float(off[k]))
+                step = PathStep(solver, before, along, whole)
+                size = step.zero(lambda: one.off(solver.state), float(self.off[k]), float(off[k]))
             if size is not None and (met is None or size < met[0]):
                 met = size, one, solver.saved()
         if met is None:
@@ -287,21 +289,6 @@ class PathWalk:
                                    step=self.rows - 1, time=self.length, worst=where, state=result.state, result=result)
         self.step = max(self.smallest, 0.5 * self.step)
 
-    def _located(self, before: tuple[Any, ...], along: Direction, f: Callable[[], float], first: float, last: float,
-                 ) -> float | None:
-        """The step at which f vanishes, with the solver there; f at the start and the end of the present step."""
-        solver, end = self.solver, self.solver.saved()
-
-        def at(size: float) -> float:
-            solver.restore(before)
-            return f() if solver.go(along, size) else np.nan
-
-        size = root(at, 0.0, first, self.size, last) if first * last < 0.0 else None
-        if size is None or not 0.0 < size < self.size or not np.isfinite(at(size)):
-            solver.restore(end)
-            return None
-        return size
-
     def _back(self, first: tuple[Any, ...], before: tuple[Any, ...], along: Direction, size: float) -> float | None:
         """The part of the present step that leads back to the first equilibrium, with the solver there; None where it does not.
 
@@ -328,44 +315,39 @@ class PathWalk:
         solver.restore(end)
         return None
 
-    def _limit(self, before: tuple[Any, ...], along: Direction, after: Direction) -> float | None:
-        """Go to the limit point within the present step, whose length to there it returns."""
-        solver = self.solver
+    def _critical(self, step: PathStep, rates: tuple[float, float] | None, unstable: int | None,
+                  counted: int | None) -> CriticalPoint | None:
+        """The first critical point within the present step, with the solver there; else with the solver at its end."""
+        found = step.first(rates, unstable, counted)
+        if step.is_lost:
+            what = "the load factor turns around" if rates is not None and found is None else (
+                f"the number of unstable directions changes from {unstable} to {counted}")
+            low, high = sorted((step.before[3], step.end[3]))
+            self.buffer.event({"kind": "unresolved", "time": self.length,
+                               "text": f"between load factors {low:.6g} and {high:.6g} {what} at a critical point that was not "
+                                       "located; use a smaller largest_step there"})
+        return found
 
-        def rate() -> float:
-            found = solver.direction(along)
-            return np.nan if found is None else found.factor
-
-        size = self._located(before, along, rate, along.factor, after.factor)
-        if size is not None:
-            self._note("limit", size)
-        return size
-
-    def _bifurcation(self, before: tuple[Any, ...], along: Direction, k: int) -> float | None:
-        """The same for the bifurcation at which the eigenvalue of number k changes its sign."""
-        solver = self.solver
-        end = solver.saved()
-        vectors = solver.critical_directions(k) if solver.is_unsymmetric else None
-
-        def test() -> float:
-            return solver.eigenvalue(k) if vectors is None else solver.test_of(vectors[:, 0])
-
-        last = test()
-        solver.restore(before)
-        first = test()
-        solver.restore(end)
-        size = self._located(before, along, test, first, last)
-        if size is not None:
-            self._note("bifurcation", size)
-        return size
-
-    def _note(self, kind: str, size: float) -> None:
-        length = float(self.length + size)
-        point = {"kind": kind, "load_factor": float(self.solver.factor), "length": length, "row": self.rows}
+    def _note(self, found: CriticalPoint, sign: float) -> None:
+        """Keep what is known of a critical point, at which the solver is; sign: that of the change of the load factor behind
+        it."""
+        solver, length = self.solver, float(self.length + found.size)
+        vectors = solver.critical_directions(found.number)
+        point: dict[str, Any] = {"kind": found.kind, "load_factor": float(solver.factor), "length": length, "row": self.rows}
+        if found.kind == "limit":
+            point["type"] = "maximum" if sign < 0.0 else "minimum"
+            text = f"limit point ({point['type']}): loads cannot grow beyond it, or not fall"
+        else:
+            point["type"] = "unknown" if vectors is None else type_of_bifurcation(solver, vectors, self.first_step, sign)
+            text = f"bifurcation ({point['type']}): another path branches off; side= leads there (see solve_path)"
+        mode = None if vectors is None else mode_of(solver, vectors[:, 0])
+        if mode is not None:
+            moves, slides = mode
+            node = int(np.argmax(np.linalg.norm(moves, axis=1)))
+            point |= {"mode": moves.tolist(), "mode_sliders": slides.tolist(), "mode_at": self.model.node_label(node)}
+            text += f"; its mode moves {point['mode_at']} most, by ({', '.join(f'{x:.2g}' for x in moves[node] + 0.0)})"
         self.info["critical_points"].append(point)
-        text = ("limit point: loads cannot grow beyond it, or not fall" if kind == "limit" else
-                "bifurcation: another path branches off; side= leads there (see solve_path)")
-        self.buffer.event({"kind": kind, "time": length, "text": f"load factor {self.solver.factor:.12g}: {text}"})
+        self.buffer.event({"kind": found.kind, "time": length, "text": f"load factor {solver.factor:.12g}: {text}"})
 
 
 def _from_chord(point: Array, a: Array, b: Array) -> tuple[float, float]:

@@ -91,7 +91,7 @@ class Response(SlidingSolver):
     def go(self, x: Array) -> None:
         """Add an increment of all unknowns [n]."""
         n = self.nodes + self.sliding.size
-        self._move(Increment(x[:self.nodes], x[self.nodes:n], x[n:]))
+        self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:]))
 
     def unbalanced(self) -> Array:
         """Forces, forces along beams and gaps that are left [n]; held unknowns have none."""

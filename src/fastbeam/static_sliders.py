@@ -369,7 +369,7 @@ class SlidingSolver(StaticSolver):
         """Of an increment of the nodes that is not too long."""
         return min(1.0, LARGEST_MOVE / max(self._size(nodes), 1e-300))
 
-    def _move(self, x: Increment) -> float:
+    def move(self, x: Increment) -> float:
         """Add an increment. Returns its size."""
         state, core = self.stepper.core_state, self.core
         # the kernels take half of what solves the equations of half the tangent, and subtract it
@@ -394,7 +394,7 @@ class SlidingSolver(StaticSolver):
                 return SLIDER_END, sizes
             share = self._share(x.nodes)
             # forces stand in the equations as they are: whole ones balance the loads whatever nodes do
-            sizes.append(self._move(Increment(share * x.nodes, share * x.s, x.force)))
+            sizes.append(self.move(Increment(share * x.nodes, share * x.s, x.force)))
             self.longest = max(self.longest, len(sizes))
             if not sizes[-1] < np.inf:
                 return NOT_FINITE, sizes
@@ -449,7 +449,7 @@ class SlidingSolver(StaticSolver):
                 return SLIDER_END, sizes
             share = float(np.max(np.abs(steps)) / np.max(np.abs(x.s)))
             share *= self._share(share * x.nodes)
-            sizes.append(self._move(Increment(share * x.nodes, steps, share * x.force)))
+            sizes.append(self.move(Increment(share * x.nodes, steps, share * x.force)))
             status, more = self._newton(held)
             sizes += more
             after = np.where(free, self._border().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)

@@ -10,7 +10,7 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ellipe, ellipk
 
 import fastbeam as fb
-from fastbeam import path_walk
+from fastbeam import critical_points, path_walk
 from fastbeam.arc_length import PathSolver
 
 Array = np.ndarray
@@ -328,3 +328,67 @@ def test_a_column_that_may_bend_to_all_sides_says_so() -> None:
     point = at.info["critical_points"][-1]
     assert (point["multiplicity"], len(point["branches"]), point["continuum"]) == (2, 2, True)
     assert 5.0 * point["load_factor"] == pytest.approx(np.pi**2 / 4.0, rel=1e-5)
+
+
+# --------------------------------------------------------------------------------------------- critical points in their order
+def test_no_point_of_a_step_is_lost() -> None:
+    """A column that is a hundredth stiffer to one side buckles twice within a step, at the same loads as with small steps; the
+    modes are those sides."""
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e4, 1e4, 1.0, 1.0, 1.01), elements=8)
+    model = fb.compile_scene(fb.Scene(column, fb.Clamp(column.start), fb.Load("press", column.end, force=(0, 0, -5.0))),
+                             planar=False)
+    paths = [fb.solve_path(model, to=0.6, step=0.05, largest_step=size, most_points=100) for size in (0.1, 0.02)]
+    for path in paths:
+        points = path.info["critical_points"]
+        assert [(x["kind"], x["type"]) for x in points] == 2 * [("bifurcation", "supercritical")]
+        assert {x["mode_at"] for x in points} == {"beam 'column' node 24"}
+        np.testing.assert_allclose(np.abs([x["mode"][24] for x in points]), [[1, 0, 0], [0, 1, 0]], atol=1e-9)
+        assert path.series["unstable_directions"][-1] == 2.0
+        rows = [x["row"] for x in points]
+        assert path.series["unstable_directions"][rows].tolist() == [1.0, 2.0]
+    loads = np.array([critical(path, "bifurcation") for path in paths])
+    np.testing.assert_allclose(loads[0], loads[1], rtol=1e-9)
+    # EI to both sides, but for shear and shortening of some 1e-4
+    np.testing.assert_allclose(5.0 * loads[0], np.array([1.0, 1.01]) * np.pi**2 / 4.0, rtol=1e-3)
+
+
+def test_points_where_newtons_matrix_is_singular_are_located(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pinned arch: bifurcation before limit point on the way down and on the way up, the same at any size of the steps; all
+    changes of the number of unstable directions are at critical points, which are equilibria as others are."""
+    half = 0.6
+    sin, cos = np.sin(half), np.cos(half)
+    arch = fb.Beam.arc("arch", (-sin, 0, 0), (cos, 0, sin), (sin, 0, -cos), radius=1.0, angle=2 * half,
+                       section=section(1e4, 1e4, 1.0, 1.0), elements=8)
+    scene = fb.Scene(arch, fb.Pin(arch.start), fb.Pin(arch.end), fb.Load("top", arch.at(arch.length / 2), force=(0, 0, -30.0)))
+    model = fb.compile_scene(scene, planar=True)
+    left: list[float] = []
+    record = path_walk.PathWalk.record
+
+    def watch(self: Any, *arguments: Any) -> None:
+        left.append(float(np.max(np.abs(self.solver.equations()[1]))) / 30.0)
+        record(self, *arguments)
+
+    monkeypatch.setattr(path_walk.PathWalk, "record", watch)
+    loads = []
+    for size in (0.1, 0.05):
+        path = fb.solve_path(model, to=1.5, step=0.05, largest_step=size, most_points=300)
+        points = path.info["critical_points"]
+        assert [(x["kind"], x["type"]) for x in points] == [("bifurcation", "subcritical"), ("limit", "maximum"),
+                                                            ("bifurcation", "subcritical"), ("limit", "minimum")]
+        unstable = path.series["unstable_directions"]
+        assert (np.flatnonzero(np.diff(unstable)) + 1).tolist() == [x["row"] for x in points]
+        assert not [event for event in path.events if event["kind"] == "unresolved"]
+        loads.append([x["load_factor"] for x in points])
+    print(f"left of the equations: {max(left):.1e} of the load")
+    assert max(left) < 1e-10
+    np.testing.assert_allclose(loads[0], loads[1], rtol=1e-9)
+
+
+def test_what_is_not_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(critical_points.PathStep, "zero", lambda self, *_, **__: self.solver.restore(self.end))
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=4)
+    scene = fb.Scene(column, fb.Clamp(column.start), fb.Load("press", column.end, force=(0, 0, -5.0)))
+    path = fb.solve_path(fb.compile_scene(scene, planar=True))
+    event = next(x for x in path.events if x["kind"] == "unresolved")
+    assert "the number of unstable directions changes from 0 to 1 at a critical point that was not located" in event["text"]
+    assert path.info["critical_points"] == []

@@ -1,0 +1,233 @@
+"""Critical points within a step along a path of equilibria: the first of them, where it is, and of which type (theory.md 12)."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .arc_length import Direction, PathSolver, root
+from .static_sliders import Increment
+
+Array = np.ndarray
+# zeros so near to each other, as a share of the step, are those of one point; counts beside a point are taken so far from it
+TOGETHER, BESIDE = 1e-6, 1e-3
+# where Newton's matrix is singular at a zero: distance of the samples beside it that are interpolated, as a share of the
+# step, from the first to the largest that is tried, and how many there are on either side
+CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
+# step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
+# are none; increment of the unknowns by which a mode is told
+ASIDE, NO_CHANGE, SHORT = 0.2, 1e-13, 1e-6
+
+
+class CriticalPoint(NamedTuple):
+    """The first one within a step."""
+
+    kind: str                # 'limit' or 'bifurcation'
+    size: float              # part of the step that leads there
+    number: int              # of the eigenvalue that vanishes, counted from 0
+    unstable: int | None     # negative eigenvalues behind it
+
+
+class PathStep:
+    """A step along a path, of which parts can be gone.
+
+    Parameters
+    ----------
+    solver : PathSolver
+        At the end of the step.
+    before : tuple
+        What the solver has saved at its beginning.
+    along : Direction
+    size : float
+    """
+
+    def __init__(self, solver: PathSolver, before: tuple[Any, ...], along: Direction, size: float) -> None:
+        self.solver, self.before, self.along, self.size = solver, before, along, size
+        self.end = solver.saved()
+        # whether something changes within the step that was not found
+        self.is_lost = False
+
+    def zero(self, f: Callable[[], float], first: float, last: float, size: float | None = None,
+             is_singular: bool = False) -> float | None:
+        """The part of the step at which f of the solver vanishes, with the solver there; first, last: f at the beginning of the
+        step and at its end, or that of its part `size`; is_singular: whether Newton's matrix is there, too. None, with the solver
+        at the end of the step, where it is not found."""
+        size = self.size if size is None else size
+        failed: list[float] = []
+
+        def at(x: float) -> float:
+            self.solver.restore(self.before)
+            value = f() if self.solver.go(self.along, x) else np.nan
+            if not np.isfinite(value):
+                failed.append(x)
+            return value
+
+        if not first * last < 0.0:
+            return None
+        x = root(at, 0.0, first, size, last, *([CLOSEST * self.size] if is_singular else []))
+        if is_singular:
+            x = self._between_samples(at, failed[-1] if x is None else x)
+        elif x is not None and not (0.0 < x < size and np.isfinite(at(x))):
+            x = None
+        if x is None:
+            self.solver.restore(self.end)
+        return x
+
+    def _between_samples(self, at: Callable[[float], float], near: float) -> float | None:
+        """The same by interpolation between equilibria on both sides of a place where Newton's matrix is singular, as it is at a
+        bifurcation: next to it round-off moves the solver along the vector that vanishes, and Newton's method may fail."""
+        places = np.array([*range(-SAMPLES, 0), *range(1, SAMPLES + 1)], float)
+        width = CLOSEST * self.size
+        while width <= WIDEST * self.size:
+            values, states = [], []
+            for place in places:
+                values.append(at(near + width * place))
+                if not np.isfinite(values[-1]):
+                    break
+                states.append(self.solver.saved())
+            if len(states) == places.size and values[0] * values[-1] < 0.0:
+                line = np.polynomial.Polynomial.fit(places, values, places.size - 1)
+                zeros = np.array([z.real for z in line.roots() if abs(z.imag) < 1e-9 and abs(z.real) < SAMPLES])
+                if zeros.size:
+                    x = float(zeros[np.argmin(np.abs(zeros))])
+                    weights = [np.prod([(x - b) / (a - b) for b in places if b != a]) for a in places]
+                    self._restore_mean(weights, states)
+                    return float(near + width * x)
+            width *= 4.0
+        return None
+
+    def _restore_mean(self, weights: list[Any], states: list[tuple[Any, ...]]) -> None:
+        """Put the solver to the mean of states with these weights."""
+        q, s, force, factor = (sum(w * x for w, x in zip(weights, part)) for part in zip(*states))
+        if self.solver.stepper.plane is None:
+            triads = q.reshape(-1, 4, 3)[:, 1:]
+            u, _, v = np.linalg.svd(triads)
+            triads[:] = u @ v
+        else:
+            u = q.reshape(-1, 4)[:, 2:]
+            u /= np.linalg.norm(u, axis=1)[:, None]
+        self.solver.restore((q, s, force, float(factor)))
+
+    # --- what is looked for -------------------------------------------------------------------------------------------
+    def first(self, rates: tuple[float, float] | None, unstable: int | None, counted: int | None) -> CriticalPoint | None:
+        """The first critical point, with the solver there; None, with the solver at the end, where there is none.
+
+        Parameters
+        ----------
+        rates : (float, float), optional
+            Of the load factor at the beginning and the end, where they differ in sign.
+        unstable, counted : int, optional
+            Negative eigenvalues of the tangent at the beginning and the end.
+        """
+        known = unstable is not None and counted is not None
+        found: list[tuple[float, int, tuple[Any, ...]]] = []
+        limit = None
+        if rates is not None:
+            size = self.zero(self._rate, *rates)
+            limit = None if size is None else (size, self.solver.saved())
+            self.is_lost |= limit is None
+        if known and counted != unstable:
+            found = self._bifurcations(unstable, counted, self.size, self.end)  # type: ignore[arg-type]
+        behind = counted
+        if limit is not None and known and not any(self._is_at(x[0], limit[0]) for x in found):
+            # it changes the number, too: the other way where a bifurcation is beside it
+            ahead, behind = (self._count(limit[0] + sign * BESIDE * self.size) for sign in (-1.0, 1.0))
+            if ahead is not None and ahead != unstable and not found:
+                size = limit[0] - BESIDE * self.size
+                if self.to(size):
+                    found = self._bifurcations(unstable, ahead, size, self.solver.saved())  # type: ignore[arg-type]
+        best = min(found, default=None, key=lambda x: x[0])
+        way = int(np.sign((counted or 0) - (unstable or 0))) or 1
+        if limit is not None and (best is None or best[0] >= limit[0] or self._is_at(best[0], limit[0])):
+            here = [x for x in found if self._is_at(x[0], limit[0])]
+            self.solver.restore(limit[1])
+            number = min((x[1] for x in here), default=min(unstable or 0, behind or 0))
+            return CriticalPoint("limit", limit[0], number, (unstable or 0) + way * len(here) if here else behind)
+        if best is not None:
+            here = [x for x in found if self._is_at(x[0], best[0])]
+            number = min(x[1] for x in here)
+            way = 1 if number >= (unstable or 0) else -1
+            self.solver.restore(best[2])
+            alone = self.solver.is_unsymmetric and limit is None
+            return CriticalPoint("bifurcation", best[0], number, counted if alone else (unstable or 0) + way * len(here))
+        self.solver.restore(self.end)
+        return None
+
+    def to(self, size: float) -> bool:
+        """Go so far."""
+        self.solver.restore(self.before)
+        return bool(self.solver.go(self.along, size))
+
+    def _is_at(self, a: float, b: float) -> bool:
+        return abs(a - b) <= TOGETHER * self.size
+
+    def _count(self, size: float) -> int | None:
+        return self.solver.unstable() if self.to(size) else None
+
+    def _rate(self) -> float:
+        found = self.solver.direction(self.along)
+        return np.nan if found is None else found.factor
+
+    def _bifurcations(self, unstable: int, counted: int, size: float, end: tuple[Any, ...]
+                      ) -> list[tuple[float, int, tuple[Any, ...]]]:
+        """Where eigenvalues of the tangent vanish up to this size, at whose end the solver has saved `end`: size, number and what
+        the solver has saved there."""
+        solver, out = self.solver, []
+        numbers = range(min(unstable, counted), max(unstable, counted))
+        # of tangents without symmetry one vector at the end tells all that is near it
+        for k in numbers[:1] if solver.is_unsymmetric else numbers:
+            solver.restore(end)
+            vectors = solver.critical_directions(k) if solver.is_unsymmetric else None
+
+            def test(k: int = k, vectors: Array | None = vectors) -> float:
+                return solver.eigenvalue(k) if vectors is None else solver.test_of(vectors[:, 0])
+
+            last = test()
+            solver.restore(self.before)
+            first = test()
+            x = self.zero(test, first, last, size, is_singular=True)
+            if x is None:
+                self.is_lost = True
+            else:
+                out.append((x, k, solver.saved()))
+        return out
+
+
+def type_of_bifurcation(solver: PathSolver, vectors: Array, step: float, sign: float) -> str:
+    """Of the bifurcation at which the solver is, by the vectors [n, m] of the eigenvalues that vanish.
+
+    'supercritical' and 'subcritical' pitchforks have load factors that grow and fall on both sides (sign -1: the other way round,
+    on a path that goes down), a 'transcritical' one those that grow here and fall there; 'multiple' where several eigenvalues
+    vanish together, 'unknown' where no step leads aside.
+    """
+    if vectors.shape[1] > 1:
+        return "multiple"
+    before, changes = solver.saved(), []
+    for side in (1.0, -1.0):
+        solver.restore(before)
+        if not solver.go(Direction(side * vectors[:, 0], 0.0), ASIDE * step):
+            break
+        changes.append(sign * (solver.factor - before[3]))
+    solver.restore(before)
+    if len(changes) < 2 or max(map(abs, changes)) <= NO_CHANGE:
+        return "unknown"
+    if changes[0] * changes[1] < 0.0:
+        return "transcritical"
+    return "supercritical" if sum(changes) > 0.0 else "subcritical"
+
+
+def mode_of(solver: PathSolver, vector: Array) -> tuple[Array, Array] | None:
+    """Displacements of all nodes [N, 3] and of sliders [S] by a vector [n], the largest of them 1; None where nothing moves."""
+    before, places = solver.saved(), []
+    n, s = vector.size - solver.core.n_forces, solver.sliding.size
+    for sign in (1.0, -1.0):
+        solver.restore(before)
+        x = sign * SHORT * vector
+        solver.move(Increment(x[:n - s], x[n - s:n], 0.0 * x[n:]))
+        state = solver.state
+        places.append((state.q.reshape(-1, 4, 3)[:, 0].copy(), state.s.copy()))
+    solver.restore(before)
+    moves, slides = ((a - b) / (2.0 * SHORT) for a, b in zip(*places))
+    size = max(float(np.max(np.linalg.norm(moves, axis=1), initial=0.0)), float(np.max(np.abs(slides), initial=0.0)))
+    return (moves / size, slides / size) if size > 0.0 else None
