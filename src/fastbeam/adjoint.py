@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Anything, Count, Names, Number, Word, checked, numbers, shown
+from .arguments import LARGEST, Anything, Count, Names, Number, Word, checked, numbers, shown
 from .backward import Backward, Stretch, Sums, Weights
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
@@ -307,7 +307,7 @@ class AdjointRun:
                 there = ", ".join(map(repr, self._points)) or "none"
                 raise SceneError(f"gradient: there is no point {name!r}; there are {there}")
             found = numbers(value)
-            if found is None or found.shape not in ((3,), (self.t.size, 3)) or not np.isfinite(found).all():
+            if found is None or found.shape not in ((3,), (self.t.size, 3)) or not np.all(np.abs(found) <= LARGEST):
                 raise SceneError(f"gradient, point {name!r}: needs weights (3,) of the last row, or ({self.t.size}, 3) of all, "
                                  f"got {shown(value)}")
             rows = np.zeros((self.t.size, 3))

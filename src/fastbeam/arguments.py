@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Parameter, signature
+from itertools import chain
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar
@@ -25,8 +26,6 @@ T = TypeVar("T")
 # beyond these, products of a few numbers leave the range of doubles
 SMALLEST, LARGEST = 1e-60, 1e60
 LONGEST_RANGE = 10**7
-# lists up to this length are searched for truth values among the numbers
-SHORT = 1000
 # what float() takes all the same
 NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, complex, np.complexfloating, np.datetime64, np.timedelta64, type)
 # what people call arguments elsewhere
@@ -107,10 +106,7 @@ def numbers(value: Any) -> Array | None:
     except Exception:          # ragged lists, and what foreign objects raise
         return None
     if raw.dtype.kind in "iuf":
-        # among numbers True would pass for 1
-        short = type(value) in (list, tuple) and len(value) <= SHORT
-        mixed = short and any(isinstance(x, (bool, np.bool_)) or is_masked(x) for x in value)
-        if mixed:
+        if isinstance(value, (list, tuple)) and hides_others(value):
             return None
         if raw.dtype == float:
             return raw
@@ -120,6 +116,19 @@ def numbers(value: Any) -> Array | None:
         items = [real(x) for x in raw.reshape(-1)]
         return None if None in items else np.array(items, dtype=float).reshape(raw.shape)
     return None
+
+
+def hides_others(value: list[Any] | tuple[Any, ...]) -> bool:
+    """Whether truth values, which pass for 0 and 1 among numbers, or masked arrays stand in a list, at any depth; by the types of
+    its entries, since a net may have a million."""
+    kinds = set(map(type, value))
+    if any(issubclass(kind, (bool, np.bool_)) or hasattr(kind, "mask") for kind in kinds):
+        return True
+    arrays = [x for x in value if isinstance(x, np.ndarray)] if any(issubclass(kind, np.ndarray) for kind in kinds) else []
+    if any(x.dtype.kind == "b" for x in arrays):
+        return True
+    inner = [x for x in value if isinstance(x, (list, tuple))] if any(issubclass(kind, (list, tuple)) for kind in kinds) else []
+    return bool(inner) and hides_others(list(chain.from_iterable(inner)))
 
 
 def constant(array: Array) -> Array:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import shown
+from .arguments import LARGEST, numbers, shown
 from .connections import held_axes
 from .errors import SceneError
 from .coordinates import Coordinate
@@ -64,13 +64,17 @@ def own_state(model: Model, state: State) -> State:
     """
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
-    for name, x, mine in zip(State._fields, state, model.state()):
-        if np.shape(x) != mine.shape:
-            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from "
+    found = [numbers(x) for x in state]
+    for name, given, x, mine in zip(State._fields, state, found, model.state()):
+        if x is None:
+            raise SceneError(f"start: {name} must hold real numbers, got {shown(given)}; start from the state of a run")
+        if x.shape != mine.shape:
+            raise SceneError(f"start: {name} has shape {x.shape}, scene {model.scene_name!r} needs {mine.shape}; start from "
                              "a state of the same model, or bring it over with result.state_for(model)")
-        if not np.isfinite(x).all():
-            raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
-    own = State(*(np.array(x, dtype=float) for x in state))
+        if not np.all(np.abs(x) <= LARGEST):
+            what = f"larger than {LARGEST:g}" if np.isfinite(x).all() else "that are not finite"
+            raise SceneError(f"start: {name} holds values {what}; start from an earlier state")
+    own = State(*(np.array(x, dtype=float) for x in found))
     triads = own.q.reshape(-1, 4, 3)[:, 1:]
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
     if skew > 1e-6:
