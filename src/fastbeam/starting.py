@@ -157,6 +157,8 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         """error [m, ...] of nodes [m]"""
         if len(nodes):
             size = np.sqrt(np.sum(error.reshape(len(nodes), -1)**2, axis=1))
+            # of the difference of two triads the angle between them
+            size = size if unit != "rad" else 2.0 * np.arcsin(np.minimum(size / np.sqrt(8.0), 1.0))
             k = int(np.argmax(size))
             out.append(Misfit(what.format(_joint_of(model, int(nodes[k]))), float(size[k]), unit, allowed, mendable))
 
@@ -187,7 +189,7 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         _, tangent, relative = contact(model, int(k), state.s[k], q, v)
         spins = np.concatenate((np.zeros_like(v[:, 0]), 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)), axis=1).reshape(-1)
         rate = section.row(0, len(q)) @ spins + section.values(1) * (relative @ tangent) / (tangent @ tangent)
-        out.append(Misfit(f"{name}: its direction is", float(np.linalg.norm(section.values())), "rad", GAP, MENDABLE))
+        out.append(Misfit(f"{name}: its direction is", _angle(section.values()), "rad", GAP, MENDABLE))
         out.append(Misfit(f"{name}: its spin against the section of the beam, times the size of the scene, is",
                           float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
@@ -201,7 +203,8 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         place, what, unit = ("its directions are", "the rate of its directions is", "rad") if link.law.is_angle else (
             "its points lie", "the velocity of its points is", "m")
         big, wide = (1.0, length) if link.law.is_angle else (reach, 1.0)
-        out.append(Misfit(f"{link.name}: {place}", float(np.linalg.norm(gap)), unit, GAP * big,
+        size = _angle(gap) if link.law.is_angle else float(np.linalg.norm(gap))
+        out.append(Misfit(f"{link.name}: {place}", size, unit, GAP * big,
                           MENDABLE * (1.0 if link.law.is_angle else length)))
         out.append(Misfit(f"{link.name}: {what}", float(np.linalg.norm(rate)) * wide, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
@@ -211,6 +214,11 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
                           "m/s", EDITED * speed + noise, np.inf, SIDEWAYS * speed + noise,
                           "the momenta count; give velocities to the parts of the scene"))
     return out
+
+
+def _angle(products: Array) -> float:
+    """By which directions are turned whose products are sines of it, rad."""
+    return float(np.arcsin(min(float(np.linalg.norm(products)), 1.0)))
 
 
 def off_beam(model: Model, state: State) -> Array:
