@@ -155,6 +155,21 @@ def test_a_support_holds_its_node_where_the_start_has_it_and_says_so() -> None:
     assert abs(run.series["strain"][-1] - 0.5 * 1e4 * 0.01**2 * 3) < 1e-9
 
 
+def test_paths_and_adjoint_runs_say_it_too() -> None:
+    rope = straight("rope", (0, 0, 0), (3, 0, 0))
+    model = fb.compile_scene(fb.Scene(rope, fb.Clamp(rope.start), gravity=(0, 0, -1e-4)))
+    state = model.state()
+    state.q.reshape(-1, 4, 3)[:, 0] += (0, 0, 0.5)
+    says = "the support of beam 'rope' node 0 stands 0.5 m from its place in the model and holds it there"
+    path = fb.solve_path(model, start=state, load_factor=0.0, most_points=3)
+    assert [(e["kind"], e["time"], e["text"]) for e in path.events][0] == ("support", 0.0, says)
+    assert [(e["kind"], e["text"]) for e in fb.adjoint_run(model, start=state, t_end=2 * H, step=H).events] == [("support", says)]
+    path = fb.solve_path(model, start=model.state(), load_factor=0.0, most_points=3)
+    assert [e["kind"] for e in path.events] == ["stopped"]
+    assert fb.adjoint_run(model, start=model.state(), t_end=2 * H, step=H).events == fb.adjoint_run(
+        model, t_end=2 * H, step=H).events == []
+
+
 # --------------------------------------------------------------------------------------------------- states of runs
 @pytest.mark.parametrize("planar", ["auto", False])
 @pytest.mark.parametrize("h", [0.05, H])
