@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Anything, Count, Names, Number, Word, checked, numbers, shown
+from .arguments import LARGEST, Anything, Count, Names, Number, Word, checked, numbers, shown
 from .backward import Backward, Stretch, Sums, Weights
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
@@ -139,6 +139,8 @@ class AdjointRun:
         The last one.
     outside : int
         Steps of the last `gradient` that block elimination left to a solver with pivoting.
+    events : list of dict
+        What there is to say about the start, as in a `Result`.
     """
 
     def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Place], h: float, n: int,
@@ -146,6 +148,7 @@ class AdjointRun:
         self.model, self._stepper, self._h, self._every = model, stepper, h, every
         self.t = h * np.arange(n + 1)
         self.outside = 0
+        self.events: list[dict[str, Any]] = []
         self._points = Observer(model, (), points).points
         self._rows = {name: np.empty((2, n + 1, 3)) for name in self._points}
         self._saved: list[Any] = []
@@ -307,7 +310,7 @@ class AdjointRun:
                 there = ", ".join(map(repr, self._points)) or "none"
                 raise SceneError(f"gradient: there is no point {name!r}; there are {there}")
             found = numbers(value)
-            if found is None or found.shape not in ((3,), (self.t.size, 3)) or not np.isfinite(found).all():
+            if found is None or found.shape not in ((3,), (self.t.size, 3)) or not np.all(np.abs(found) <= LARGEST):
                 raise SceneError(f"gradient, point {name!r}: needs weights (3,) of the last row, or ({self.t.size}, 3) of all, "
                                  f"got {shown(value)}")
             rows = np.zeros((self.t.size, 3))
@@ -372,9 +375,12 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
         advice = f"keep a state of every {least} steps by keep_every={least}" if every == n else "run in parts"
         raise SceneError(f"adjoint_run: {n} steps of {model.n_nodes} nodes take {size / 1e9:.3g} GB of memory, more than "
                          f"{MOST / 1e9:g}; {advice}")
+    notes: list[tuple[str, str]] = []
     if start is not None:
-        start, _ = check_start(model, start, step)
-    return AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every)
+        start, notes = check_start(model, start, step)
+    run = AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every)
+    run.events = [{"kind": kind, "time": 0.0, "text": text} for kind, text in notes]
+    return run
 
 
 def _without_adjoint(model: Model) -> list[str]:

@@ -10,8 +10,9 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import wraps
+from functools import cache, wraps
 from inspect import Parameter, signature
+from itertools import chain
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar
@@ -19,27 +20,15 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .errors import SceneError
+from .synonyms import instead, listed
 
 Array = np.ndarray
 T = TypeVar("T")
 # beyond these, products of a few numbers leave the range of doubles
 SMALLEST, LARGEST = 1e-60, 1e60
 LONGEST_RANGE = 10**7
-# lists up to this length are searched for truth values among the numbers
-SHORT = 1000
 # what float() takes all the same
 NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, complex, np.complexfloating, np.datetime64, np.timedelta64, type)
-# what people call arguments elsewhere
-ALSO = {"dt": "step", "h": "step", "time_step": "step", "timestep": "step", "tend": "t_end", "duration": "t_end", "T": "t_end",
-        "tol": "tolerance", "n": "elements", "n_elements": "elements", "num_elements": "elements", "p": "degree", "g": "gravity",
-        "material": "section", "E": "section=fb.Section.circle(radius=..., E=..., rho=...)", "density": "rho", "r": "radius",
-        "diameter": "radius", "d": "radius", "outer_radius": "radius", "t": "thickness", "h_": "height", "b": "width",
-        "poisson": "nu", "m": "mass", "I": "inertia", "J": "inertia", "x": "position", "pos": "position", "v": "velocity",
-        "omega": "spin", "s": "at", "s0": "at", "node": "at", "F": "force", "M": "moment", "f": "force", "output": "file",
-        "filename": "file", "path": "file", "restart": "start", "initial_state": "start", "load_steps": "load_step",
-        "n_steps": "t_end and step", "steps": "t_end and step", "parts": "each part without a name", "mu": "friction"}
-# what is not there at all: docs/limits.md
-ABSENT = ("spring", "motor", "contact", "plasticity", "gpu", "dofs")
 
 
 class Refusal(ValueError):
@@ -64,6 +53,10 @@ def shown(value: Any) -> str:
         text = "a function" if isinstance(value, FunctionType) else " ".join(repr(value).split())
         label = getattr(value, "label", None) if len(text) > 60 else None
         text = label if isinstance(label, str) else text
+        kind = type(value).__name__
+        if len(text) > 60 and text.startswith(f"{kind}(") or " object at 0x" in text:
+            # nobody knows it by what is inside
+            text = f"{'an' if kind[:1] in 'AEIOUaeiou' else 'a'} {kind}"
     except Exception:          # whatever a foreign repr does, or a whole number with too many digits
         text = f"a {type(value).__name__}"
     return text if len(text) <= 100 else text[:97] + "..."
@@ -107,10 +100,7 @@ def numbers(value: Any) -> Array | None:
     except Exception:          # ragged lists, and what foreign objects raise
         return None
     if raw.dtype.kind in "iuf":
-        # among numbers True would pass for 1
-        short = type(value) in (list, tuple) and len(value) <= SHORT
-        mixed = short and any(isinstance(x, (bool, np.bool_)) or is_masked(x) for x in value)
-        if mixed:
+        if isinstance(value, (list, tuple)) and hides_others(value):
             return None
         if raw.dtype == float:
             return raw
@@ -120,6 +110,19 @@ def numbers(value: Any) -> Array | None:
         items = [real(x) for x in raw.reshape(-1)]
         return None if None in items else np.array(items, dtype=float).reshape(raw.shape)
     return None
+
+
+def hides_others(value: list[Any] | tuple[Any, ...]) -> bool:
+    """Whether truth values, which pass for 0 and 1 among numbers, or masked arrays stand in a list, at any depth; by the types of
+    its entries, since a net may have a million."""
+    kinds = set(map(type, value))
+    if any(issubclass(kind, (bool, np.bool_)) or hasattr(kind, "mask") for kind in kinds):
+        return True
+    arrays = [x for x in value if isinstance(x, np.ndarray)] if any(issubclass(kind, np.ndarray) for kind in kinds) else []
+    if any(x.dtype.kind == "b" for x in arrays):
+        return True
+    inner = [x for x in value if isinstance(x, (list, tuple))] if any(issubclass(kind, (list, tuple)) for kind in kinds) else []
+    return bool(inner) and hides_others(list(chain.from_iterable(inner)))
 
 
 def constant(array: Array) -> Array:
@@ -372,33 +375,39 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
     more = any(p.kind is Parameter.VAR_KEYWORD for p in parameters)
     names = {p.name for p in named}
     required = [p.name for p in named if p.default is Parameter.empty]
-    optional = {p.name for p in named if p.default is None}
+    must, optional = set(required), {p.name for p in named if p.default is None}
     # defaults are cleaned once
     defaults = {p.name: kinds[p.name](p.default) for p in named
                 if p.name in kinds and p.default is not None and p.default is not Parameter.empty}
     visible = [name for name in (p.name for p in named) if not name.startswith("_")]
-    # what goes on to another call by its name
-    visible += [name for name in kinds if more and name not in names and name != every]
+
+    @cache
+    def known() -> tuple[list[str], list[str]]:
+        """Arguments to name in messages, and which of them are needed: also those that go on to another call."""
+        if not more:
+            return visible, required
+        full = [p for p in signature(call).parameters.values() if p.kind is not Parameter.VAR_KEYWORD][bound:]
+        return [p.name for p in full], [p.name for p in full if p.default is Parameter.empty]
 
     @wraps(function)
     def call(*args: Any, **given: Any) -> Any:
         own, args = args[:bound], args[bound:]
         rest = args[len(positional):]
         if rest and every is None:
-            others = [n for n in visible if n not in positional]
-            raise SceneError(f"{_subject(function, own, given)}: takes {_listed(positional)} without a name, got {len(args)} "
-                             f"arguments; give the others by name: {_listed(others, '=...')}")
+            others = [n for n in known()[0] if n not in positional]
+            raise SceneError(f"{_subject(function, own, given)}: takes {listed(positional)} without a name, got {len(args)} "
+                             f"arguments; give the others by name: {listed(others, '=...')}")
         for name, value in zip(positional, args):
             if name in given:
                 raise SceneError(f"{_subject(function, own, given)}: {name} was given twice, without and with its name")
             given[name] = value
-        if not (more or given.keys() <= names):
-            unknown = next(name for name in given if name not in names)
-            raise SceneError(f"{_subject(function, own, given)}: has no argument {unknown!r}{_instead(unknown, visible)}")
-        for name in required:
-            if name not in given:
-                lacking = [name for name in required if name not in given]
-                raise SceneError(f"{_subject(function, own, given)}: {_listed(lacking)} missing; it takes {_listed(visible)}")
+        if not given.keys() <= (names | kinds.keys() if more else names):
+            unknown = next(name for name in given if name not in names and not (more and name in kinds))
+            raise SceneError(f"{_subject(function, own, given)}: has no argument {unknown!r}{instead(unknown, known()[0])}")
+        if more or not given.keys() >= must:
+            lacking = [name for name in known()[1] if name not in given]
+            if lacking:
+                raise SceneError(f"{_subject(function, own, given)}: {listed(lacking)} missing; it takes {listed(known()[0])}")
         try:
             for name, kind in kinds.items():
                 if name in given and (given[name] is not None or name not in optional):
@@ -437,26 +446,7 @@ def _subject(function: Any, own: tuple[Any, ...], given: dict[str, Any]) -> str:
         beam = given.get("beam")
         of = getattr(beam, "label", None) if getattr(beam, "kind", None) == "beam" else None
         return function.__qualname__ if isinstance(own[0], type) else f"{kind} of {of}" if isinstance(of, str) else kind
-    return getattr(own[0], "label", function.__qualname__)
-
-
-def _listed(names: list[str], tail: str = "") -> str:
-    """Names in a row, the first ten of them."""
-    return ", ".join(f"{name}{tail}" for name in names[:10]) + (", ..." if len(names) > 10 else "") or "nothing"
-
-
-def _instead(unknown: str, names: list[str]) -> str:
-    """What to write instead of an argument that does not exist."""
-    if unknown in ("radius", "height", "width", "thickness", "E") and "EA" in names:
-        return "; Section.circle, Section.tube and Section.rectangle take sizes and material"
-    other = ALSO.get(unknown, "")
-    if other and (other in names or not other.isidentifier() and any(name in other for name in (*names, "parts"))):
-        return f"; use {other}" if "=" in other or other in names else f"; give {other}"
-    if unknown.lower() in ABSENT:
-        return "; fastbeam does not do that, docs/limits.md says what to do instead"
-    from difflib import get_close_matches
-    close = get_close_matches(unknown, names, 1, 0.6)
-    return f"; did you mean {close[0]}?" if close else f"; it takes {_listed(names)}"
+    return getattr(own[0], "label", f"{type(own[0]).__name__}.{function.__name__}")
 
 
 # --- single checks of code that is no public call ---------------------------------------------------------------------------

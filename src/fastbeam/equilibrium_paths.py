@@ -160,8 +160,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if start is None and (np.any(factors[0]) and np.any(model.loads) or by_laws and laws.begins):
         raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
                          "start=solve_static(model, at_time=...).state")
+    notes: list[tuple[str, str]] = []
     if start is not None:
-        start, _ = check_start(model, start, 1.0, at_rest=True)
+        start, notes = check_start(model, start, 1.0, at_rest=True)
     if branch is not None and side is not None:
         raise SceneError("branch: give side= or branch=, not both")
     if branch is not None and start is None:
@@ -181,6 +182,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     wanted = wanted_of(model, stop, points)
     path = PathWalk(model if strains is None else strains.model, solver, points, step, largest_step, smallest_step, most_points,
                     observe, wanted)
+    for kind, text in notes:
+        path.buffer.event({"kind": kind, "time": 0.0, "text": text})
     if strains is not None:
         strains.watch([*path.observer.sections, *(x.section for x in wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .arguments import numbers, real, shown
+from .arguments import LARGEST, numbers, real, shown
 from .errors import SceneError
 from .observe import Observer
 from .response import Response
@@ -108,7 +108,7 @@ def _weights(noun: str, names: list[str], given: Mapping[str, ArrayLike] | None,
         if name not in names:
             raise SceneError(f"gradient: there is no {noun} {name!r}; there are {', '.join(map(repr, names[:12])) or 'none'}")
         weight = real(value) if shape == () else numbers(value)
-        if weight is None or np.shape(weight) != shape or not np.all(np.isfinite(weight)):
+        if weight is None or np.shape(weight) != shape or not np.all(np.abs(weight) <= LARGEST):
             need = "a number" if shape == () else "weights (3,)"
             raise SceneError(f"gradient, {noun} {name!r}: needs {need}, got {shown(value)}")
         out[names.index(name)] = weight

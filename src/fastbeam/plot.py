@@ -391,7 +391,7 @@ def _finish(axes: Any, title: str, label: str, columns: int = 0) -> None:
 def _slider_name(result: Result, slider: str | None) -> str:
     names = slider_names(result)
     if not names:
-        raise SceneError("the result holds no slider: add a Slider to the scene and record 's_slide'")
+        raise SceneError("the result holds no slider: add a Slider to the scene, and keep 'slider' among observe=")
     return names[0] if slider is None else slider
 
 

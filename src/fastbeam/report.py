@@ -133,13 +133,17 @@ def _paths(scene: Scene, model: Model) -> list[str]:
 
 def _together(scene: Scene, model: Model) -> list[str]:
     """In how many pieces the scene is, and which ends touch something without a joint."""
-    count, places = pieces(scene, model.numbers, model.held_mask, model.length)
+    count, places, near = pieces(scene, model.numbers, model.held_mask, model.length)
     lines = [f"  together           {_plural(count, 'connected piece')}"]
     for place in places[:4]:
         names = " and ".join(model.labels[k] for k in place[:3]) + (f" and {len(place) - 3} more" if len(place) > 3 else "")
         lines.append(f"  NOT JOINED         {names} lie at the same place without a joint")
     if len(places) > 4:
         lines.append(f"  NOT JOINED         nor are the nodes at {_plural(len(places) - 4, 'other place')}")
+    for i, j, distance in near[:4]:
+        lines.append(f"  NOT JOINED         {model.labels[i]} and {model.labels[j]} lie {distance:.2g} m apart without a joint")
+    if len(near) > 4:
+        lines.append(f"  NOT JOINED         nor are {_plural(len(near) - 4, 'other end')} that all but touch something")
     return lines
 
 

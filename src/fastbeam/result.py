@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, is_masked, shown
+from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, hides_others, is_masked, shown
 from .errors import SceneError
 from .exchanged import balance_of, joint_of
 from .exports import Exports
@@ -126,7 +126,8 @@ class Series:
             clean = None if foreign else np.asarray(value)
         except Exception:          # ragged lists, and what foreign objects raise
             clean = None
-        if clean is None or clean.dtype.kind not in "iufb":
+        others = isinstance(value, (list, tuple)) and clean is not None and clean.dtype.kind in "iuf" and hides_others(value)
+        if clean is None or others or clean.dtype.kind not in "iufb":
             raise Refusal(f"must be numbers, got {shown(value)}")
         return clean
 

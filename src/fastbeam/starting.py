@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import shown
+from .arguments import LARGEST, numbers, shown
 from .connections import held_axes
 from .errors import SceneError
 from .coordinates import Coordinate
@@ -66,13 +66,17 @@ def own_state(model: Model, state: State) -> State:
     """
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
-    for name, x, mine in zip(State._fields, state, model.state()):
-        if np.shape(x) != mine.shape:
-            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from "
+    found = [numbers(x) for x in state]
+    for name, given, x, mine in zip(State._fields, state, found, model.state()):
+        if x is None:
+            raise SceneError(f"start: {name} must hold real numbers, got {shown(given)}; start from the state of a run")
+        if x.shape != mine.shape:
+            raise SceneError(f"start: {name} has shape {x.shape}, scene {model.scene_name!r} needs {mine.shape}; start from "
                              "a state of the same model, or bring it over with result.state_for(model)")
-        if not np.isfinite(x).all():
-            raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
-    own = State(*(np.array(x, dtype=float) for x in state))
+        if not np.all(np.abs(x) <= LARGEST):
+            what = f"larger than {LARGEST:g}" if np.isfinite(x).all() else "that are not finite"
+            raise SceneError(f"start: {name} holds values {what}; start from an earlier state")
+    own = State(*(np.array(x, dtype=float) for x in found))
     triads = own.q.reshape(-1, 4, 3)[:, 1:]
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
     if skew > 1e-6:
@@ -165,6 +169,8 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         """error [m, ...] of nodes [m]"""
         if len(nodes):
             size = np.sqrt(np.sum(error.reshape(len(nodes), -1)**2, axis=1))
+            # of the difference of two triads the angle between them
+            size = size if unit != "rad" else 2.0 * np.arcsin(np.minimum(size / np.sqrt(8.0), 1.0))
             k = int(np.argmax(size))
             out.append(Misfit(what.format(_joint_of(model, int(nodes[k]))), float(size[k]), unit, allowed, mendable))
 
@@ -204,7 +210,7 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         _, tangent, relative = contact(model, int(k), state.s[k], q, v)
         spins = np.concatenate((np.zeros_like(v[:, 0]), 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)), axis=1).reshape(-1)
         rate = section.row(0, len(q)) @ spins + section.values(1) * (relative @ tangent) / (tangent @ tangent)
-        out.append(Misfit(f"{name}: its direction is", float(np.linalg.norm(section.values())), "rad", GAP, MENDABLE))
+        out.append(Misfit(f"{name}: its direction is", _angle(section.values()), "rad", GAP, MENDABLE))
         out.append(Misfit(f"{name}: its spin against the section of the beam, times the size of the scene, is",
                           float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
@@ -218,7 +224,8 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         place, what, unit = ("its directions are", "the rate of its directions is", "rad") if link.law.is_angle else (
             "its points lie", "the velocity of its points is", "m")
         big, wide = (1.0, length) if link.law.is_angle else (reach, 1.0)
-        out.append(Misfit(f"{link.name}: {place}", float(np.linalg.norm(gap)), unit, GAP * big,
+        size = _angle(gap) if link.law.is_angle else float(np.linalg.norm(gap))
+        out.append(Misfit(f"{link.name}: {place}", size, unit, GAP * big,
                           MENDABLE * (1.0 if link.law.is_angle else length)))
         out.append(Misfit(f"{link.name}: {what}", float(np.linalg.norm(rate)) * wide, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
@@ -228,6 +235,11 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
                           "m/s", EDITED * speed + noise, np.inf, SIDEWAYS * speed + noise,
                           "the momenta count; give velocities to the parts of the scene"))
     return out
+
+
+def _angle(products: Array) -> float:
+    """By which directions are turned whose products are sines of it, rad."""
+    return float(np.arcsin(min(float(np.linalg.norm(products)), 1.0)))
 
 
 def off_beam(model: Model, state: State) -> Array:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import Anything, Number, Vector, checked, real, shown
+from .arguments import LARGEST, Anything, Number, Vector, checked, real, shown
 from .added import refuse_added
 from .errors import SceneError
 from .kernels.kinds import SPACE
@@ -88,7 +88,7 @@ class Travel:
         self.speeds: dict[Beam, float] = {}
         for beam, speed in speeds.items():
             value = real(speed)
-            if not isinstance(beam, Beam) or value is None or not np.isfinite(value):
+            if not isinstance(beam, Beam) or value is None or not abs(value) <= LARGEST:
                 raise SceneError(f"Travel: speeds must be a mapping {{beam: speed in m/s}}, got {shown(beam)}: {shown(speed)}")
             if beam.basis.interpolation != "lagrange":
                 raise SceneError(f"Travel: {beam.label} has interpolation {beam.basis.interpolation!r}; beams that travel need "

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Anything, Count, Name, Number, Numbers, Word, checked
+from .arguments import Anything, Count, Name, Number, Numbers, Word, checked, shown
 from .errors import ConvergenceError, SceneError
 from .kernels.step import OK
 from .kernels.work import State
@@ -91,7 +91,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
         raise SceneError(f"stick_interval: {slider!r}: nothing twists in a plane; compile the scene without planar=True")
     check_backend(backend)
     if not within[0] <= load_factor <= within[1]:
-        raise SceneError(f"within: {tuple(within)} must enclose load_factor={load_factor:.6g}")
+        raise SceneError(f"within: {shown(within)} must enclose load_factor={load_factor:.6g}")
     base, change = load_path("stick_interval", model, at_time)
     if at_time is None and (model.slider_forces is not None and model.slider_forces.has_functions(~stays)
                             or model.motions is not None and model.motions.holds.has_functions):

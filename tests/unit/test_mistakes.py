@@ -59,7 +59,7 @@ MISTAKES = {
     "fb.Clamp(rod.start, rod.end)": "each support holds one node, write one for every node",
     "fb.Clamp(net)": "clamp: at names all of net 'roof'; use its node(i), or a node of its beam(k)",
     "fb.Pin()": "pin: at missing; it takes at, name, axes, until, since",
-    "fb.Pin(rod.start, dofs='yz')": "pin: has no argument 'dofs'; fastbeam does not do that, docs/limits.md",
+    "fb.Pin(rod.start, dofs='yz')": "pin: has no argument 'dofs'; use axes",
     "fb.Pin(rod.start, axes=2)": "pin: axes must name axes of space by their letters, as in axes='yz', got 2",
     "fb.BallJoint('j', rod.end, block)": "ball joint: a must be a node of a beam, a RigidBody, a point of one, or a PointMass,",
     "fb.BallJoint(rod.end)": "ball joint: b missing; it takes a, b, name",

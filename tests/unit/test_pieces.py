@@ -54,6 +54,53 @@ def test_free_ends_that_touch_are_named() -> None:
     assert says(ring)[1:] == [missing.format("beam 'ring' node 0 and beam 'ring' node 24")]
 
 
+@pytest.mark.parametrize("gap", [1e-8, 1e-6, 1e-4, 9e-4])
+def test_free_ends_that_all_but_touch_are_named(gap: float) -> None:
+    # as typed coordinates do: 0.866, 0.333333
+    a, b = straight("a", (0, 0, 0), (1, 0, 0)), straight("b", (1 + gap, 0, 0), (2, 0, 0))
+    apart = "NOT JOINED {} lie " + f"{gap:.2g} m apart without a joint"
+    assert says(a, b) == ["together 2 connected pieces", apart.format("beam 'a' node 6 and beam 'b' node 0")]
+    body = fb.RigidBody("body", mass=1.0, inertia=(1, 1, 1), position=(1, gap, 0))
+    assert says(a, body)[1:] == [apart.format("beam 'a' node 6 and body 'body'")]
+    tee = straight("tee", (0.5, gap, 0), (0.5, 1, 0))
+    assert says(a, tee)[1:] == [apart.format("beam 'tee' node 0 and beam 'a' node 3")]
+    # a ring that does not quite close
+    ring = fb.Beam.arc("ring", (0, 0, 0), (1, 0, 0), (0, 1, 0), radius=1.0, angle=2.0 * np.pi - gap, section=SECTION, elements=8)
+    assert says(ring)[1:] == [apart.format("beam 'ring' node 0 and beam 'ring' node 24")]
+
+
+def test_ends_that_all_but_touch_for_a_reason_are_not_named() -> None:
+    gap = 1e-4
+    a, b = straight("a", (0, 0, 0), (1, 0, 0)), straight("b", (1 + gap, 0, 0), (2, 0, 0))
+    for joint in (fb.RigidConnection(a.end, b.start), fb.Spring(a.end, b.start, stiffness=1.0, length=0.0)):
+        assert says(a, b, joint) == ["together 1 connected piece"]
+    assert len(says(a, b, fb.Clamp(a.end), fb.Pin(b.start))) == 1
+    cart = fb.PointMass("cart", mass=1.0)
+    assert len(says(a, cart, fb.Slider("run", cart, a, at=gap))) == 1
+    # of the beam's length: the gap of a small thing is none of a large one, and many elements do not matter
+    fine = straight("fine", (0, 0, 0), (1, 0, 0), elements=500)
+    assert len(says(fine)) == 1
+    small = straight("small", (1 + gap, 0, 0), (1.01, 0, 0))
+    assert len(says(a, small)) == 1
+    far = straight("far", (1.002, 0, 0), (2, 0, 0))
+    assert len(says(a, far)) == 1
+
+
+def test_many_ends_that_all_but_touch() -> None:
+    # a tree finds the same as distances one by one
+    import fastbeam.pieces as searched
+    n = 200
+    beams = [straight(f"{k}", (k, 0.2 * (k % 7), 0), (k + 1, 0.2 * ((k + 1) % 7) + 1e-5 * (k % 3), 0)) for k in range(n)]
+    lines = says(*beams)
+    few, searched.FEW = searched.FEW, 0
+    try:
+        assert says(*beams) == lines
+    finally:
+        searched.FEW = few
+    apart = sum(k % 3 > 0 for k in range(n - 1))
+    assert lines[-1] == f"NOT JOINED nor are {apart - 4} other ends that all but touch something"
+
+
 def test_ends_that_touch_for_a_reason_are_not() -> None:
     a, b = straight("a", (0, 0, 0), (1, 0, 0)), straight("b", (1, 0, 0), (2, 0, 0))
     assert len(says(a, b, fb.Clamp(a.end), fb.Pin(b.start))) == 1

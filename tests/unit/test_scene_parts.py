@@ -137,12 +137,17 @@ def test_joints_join_two_different_nodes(kind, word):
 def test_load_keeps_its_vectors_and_time():
     load = Load("tip", BOOM.end, force=(0, 0, -1), moment=(1, 0, 0), time=np.cos)
     assert load.at == BOOM.end and load.force.tolist() == [0, 0, -1] and load.moment.tolist() == [1, 0, 0]
-    assert load.time is np.cos and Load("x", WHEEL).time is None
+    only = Load("x", WHEEL, moment=(0, 0, 1))
+    assert load.time is np.cos and only.time is None and only.force.tolist() == [0, 0, 0]
+    # none at all is a slip, one of zeros is meant (a case of a sweep)
+    assert Load("x", WHEEL, force=(0, 0, 0)).moment.tolist() == [0, 0, 0]
     assert Load("x", WHEEL.point((1, 0, 0)), force=(1, 0, 0)).at.offset.tolist() == [1, 0, 0]
 
 
 @pytest.mark.parametrize(("options", "text"), [
     (dict(at=BOOM), "at names all of beam 'boom'"),
+    (dict(), r"give force \(N\) or moment \(N m\), 3 numbers each"),
+    (dict(force=None, moment=None), "give force"),
     (dict(force=1.0), "force must be 3 finite numbers, got 1"),
     (dict(moment=(0, 0, np.nan)), r"moment must be 3 finite numbers, got \(0, 0, nan\)"),
     (dict(time=3.0), r"time must be a function of t that returns a number, or None, got 3\.0"),
@@ -153,7 +158,7 @@ def test_load_keeps_its_vectors_and_time():
 ])
 def test_load_arguments_are_checked(options, text):
     with pytest.raises(SceneError, match="load 'tip': " + text):
-        Load("tip", **{"at": BOOM.end, **options})
+        Load("tip", **{"at": BOOM.end, **({"force": (0, 0, 1)} if "at" in options or "time" in options else {}), **options})
 
 
 def test_distributed_load_is_constant_or_a_field():

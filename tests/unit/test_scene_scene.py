@@ -33,7 +33,7 @@ def refused(text, *parts):
 
 
 def test_lists_by_kind_in_the_order_added():
-    load, wind = Load("tip", RAIL.end), DistributedLoad("wind", RAIL, force=(1, 0, 0))
+    load, wind = Load("tip", RAIL.end, force=(0, 0, 1)), DistributedLoad("wind", RAIL, force=(1, 0, 0))
     clamp, pin, rigid, ball = Clamp(RAIL.start), Pin(POST.end), RigidConnection(POST.end, WHEEL), BallJoint(RAIL.end, POST.start)
     start, motion, slider = InitialVelocity(RAIL), RigidMotion(), Slider("run", CART, RAIL, at=0.3)
     scene = Scene(POST, load, clamp, RAIL, slider).add(wind, pin, CART).add(rigid, ball, WHEEL, start, motion)
@@ -77,8 +77,8 @@ def test_empty_scene_is_refused():
 
 def test_equal_names_are_refused():
     refused("the name 'rail' is used twice, by a beam and a beam", RAIL, make_rail())
-    refused("the name 'rail' is used twice, by a beam and a load", RAIL, Load("rail", RAIL.end))
-    refused("the name 'run' is used twice, by a load and a slider", RAIL, CART, Load("run", CART),
+    refused("the name 'rail' is used twice, by a beam and a load", RAIL, Load("rail", RAIL.end, force=(0, 0, 1)))
+    refused("the name 'run' is used twice, by a load and a slider", RAIL, CART, Load("run", CART, force=(0, 0, 1)),
             Slider("run", CART, RAIL, at=0))
     refused("beam 'rail' was added twice", RAIL, RAIL)
     motion = RigidMotion()
@@ -99,7 +99,7 @@ def test_the_same_support_twice_is_allowed():
     (Pin(CART, name="peg"), "pin 'peg': point mass 'cart' is not in scene"),
     (RigidConnection(RAIL.end, WHEEL), "body 'wheel' is not in scene"),
     (BallJoint(POST.start, RAIL.end), "beam 'post' is not in scene"),
-    (Load("tip", POST.end), "load 'tip': beam 'post' is not in scene"),
+    (Load("tip", POST.end, force=(0, 0, 1)), "load 'tip': beam 'post' is not in scene"),
     (DistributedLoad("wind", POST, force=(1, 0, 0)), "distributed load 'wind': beam 'post' is not in scene"),
     (InitialVelocity(POST), "initial velocity of beam 'post': beam 'post' is not in scene"),
     (RigidMotion([RAIL, CART]), "rigid motion: point mass 'cart' is not in scene"),
@@ -111,16 +111,17 @@ def test_parts_must_refer_to_members(part, text):
 
 
 def test_an_equal_beam_is_not_the_member():
-    refused("load 'tip': beam 'rail' is not in scene", RAIL, Load("tip", make_rail().end))
+    refused("load 'tip': beam 'rail' is not in scene", RAIL, Load("tip", make_rail().end, force=(0, 0, 1)))
 
 
 def test_interior_control_points_cannot_be_held_or_loaded():
     spline = make_rail(interpolation="bspline", degree=2)
     text = r"beam 'rail' node 2 \(s = 0\.45 m\) is a control point, which does not lie on the beam"
     inner = spline.node(2)
-    for part in (Clamp(inner), Pin(inner), BallJoint(WHEEL, inner), Slider("run", inner, POST, at=0), Load("mid", inner)):
+    for part in (Clamp(inner), Pin(inner), BallJoint(WHEEL, inner), Slider("run", inner, POST, at=0),
+                 Load("mid", inner, force=(0, 0, 1))):
         refused(text, spline, WHEEL, POST, part)
-    Scene(spline, Clamp(spline.start), Pin(spline.end), Load("tip", spline.end)).check()
+    Scene(spline, Clamp(spline.start), Pin(spline.end), Load("tip", spline.end, force=(0, 0, 1))).check()
 
 
 # --- positions -------------------------------------------------------------------------------------------------------------

@@ -66,7 +66,34 @@ def test_a_wrong_rigid_offset_is_refused_with_its_name_and_size() -> None:
     state = model.state()
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     state.q.reshape(-1, 4, 3)[at(model, scene.beams[0].end), 1:] @= turn
-    refused(model, state, r"start: .*weld.* is turned by 2 rad off|start: .*weld.* (stands|is turned by) .* off")
+    refused(model, state, r"start: .*weld.* is turned by 1.57 rad off")
+
+
+def around(axis: tuple[float, float, float], angle: float) -> Array:
+    n = np.array(axis) / np.linalg.norm(axis)
+    x = np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]])
+    return np.eye(3) + np.sin(angle) * x + (1.0 - np.cos(angle)) * x @ x
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.3, 1.5])
+@pytest.mark.parametrize(("kind", "axis", "says"), [
+    (fb.RigidConnection, (1, 2, 3), r"body 'wheel' \(arm\) is turned by"),
+    (fb.RevoluteJoint, (1, 0, 1), r"revolute joint 'arm' \(directions\): its directions are"),
+    (fb.UniversalJoint, (1, 0, 0), r"universal joint 'arm' \(directions\): its directions are")])
+def test_sizes_of_turns_are_angles(kind: type, axis: tuple[float, float, float], says: str, angle: float) -> None:
+    frame = fb.RigidBody("frame", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0))
+    wheel = fb.RigidBody("wheel", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0))
+    more = {fb.RigidConnection: {}, fb.RevoluteJoint: {"axis": (0, 1, 0)},
+            fb.UniversalJoint: {"axis_a": (0, 1, 0), "axis_b": (0, 0, 1)}}[kind]
+    a, b = (frame, wheel) if kind is fb.RigidConnection else (frame.point((1.0, 0, 0)), wheel)
+    model = fb.compile_scene(fb.Scene(frame, wheel, kind(a, b, "arm", **more)), planar=False)
+    state = model.state()
+    node = at(model, wheel)
+    q = state.q.reshape(-1, 4, 3)
+    for k in range(model.n_nodes):
+        if k == node or "'wheel'" in model.labels[k]:
+            q[k, 1:] = q[k, 1:] @ around(axis, angle).T
+    refused(model, state, f"start: {says} {angle:.3g} rad off")
 
 
 def test_velocities_that_a_joint_or_a_support_does_not_allow_are_refused() -> None:
@@ -127,6 +154,21 @@ def test_a_support_holds_its_node_where_the_start_has_it_and_says_so() -> None:
     assert [(e["kind"], e["text"]) for e in run.events] == [("support", says)]
     # at rest under 1 % of strain
     assert abs(run.series["strain"][-1] - 0.5 * 1e4 * 0.01**2 * 3) < 1e-9
+
+
+def test_paths_and_adjoint_runs_say_it_too() -> None:
+    rope = straight("rope", (0, 0, 0), (3, 0, 0))
+    model = fb.compile_scene(fb.Scene(rope, fb.Clamp(rope.start), gravity=(0, 0, -1e-4)))
+    state = model.state()
+    state.q.reshape(-1, 4, 3)[:, 0] += (0, 0, 0.5)
+    says = "the support of beam 'rope' node 0 stands 0.5 m from its place in the model and holds it there"
+    path = fb.solve_path(model, start=state, load_factor=0.0, most_points=3)
+    assert [(e["kind"], e["time"], e["text"]) for e in path.events][0] == ("support", 0.0, says)
+    assert [(e["kind"], e["text"]) for e in fb.adjoint_run(model, start=state, t_end=2 * H, step=H).events] == [("support", says)]
+    path = fb.solve_path(model, start=model.state(), load_factor=0.0, most_points=3)
+    assert [e["kind"] for e in path.events] == ["stopped"]
+    assert fb.adjoint_run(model, start=model.state(), t_end=2 * H, step=H).events == fb.adjoint_run(
+        model, t_end=2 * H, step=H).events == []
 
 
 # --------------------------------------------------------------------------------------------------- states of runs

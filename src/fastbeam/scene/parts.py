@@ -253,7 +253,8 @@ class Load:
     Raises
     ------
     SceneError
-        A vector is not 3 finite numbers, `time` is no function, a point mass gets a moment, or a load that turns with it.
+        A vector is not 3 finite numbers, or none is given, `time` is no function, a point mass gets a moment, or a load that
+        turns with it.
     """
 
     kind: ClassVar[str] = "load"
@@ -261,13 +262,16 @@ class Load:
     name: str
     at: NodeField
     _: KW_ONLY
-    force: ArrayField = ZERO
-    moment: ArrayField = ZERO
+    force: FilledArray = None
+    moment: FilledArray = None
     time: TimeFactor | None = None
     follower: bool = False
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
+        if self.force is None and self.moment is None:
+            raise SceneError(f"{who}: give force (N) or moment (N m), 3 numbers each")
+        checks.fill(self, **{key: checks.constant(np.zeros(3)) for key in ("force", "moment") if getattr(self, key) is None})
         if isinstance(self.at.owner, PointMass) and self.follower:
             raise SceneError(f"{who}: {self.at.label} has no triad that turns; use a RigidBody or leave follower out")
         if isinstance(self.at.owner, PointMass) and np.any(self.moment):

@@ -25,9 +25,10 @@ TIME = Number(unit="s")
 
 @dataclass(frozen=True)
 class _Components:
-    """So many finite numbers; one also without brackets. None: three at most."""
+    """So many finite numbers; one also without brackets. None: three at most. `axes` they are for, where these are not all."""
 
     count: int | None = 3
+    axes: str = ""
 
     def __call__(self, value: Any) -> Array:
         found = numbers(value)
@@ -36,7 +37,8 @@ class _Components:
         fits = found is not None and found.ndim == 1 and (found.size == self.count if self.count else 0 < found.size < 4)
         if found is None or not fits or not np.all(np.abs(found) <= LARGEST):
             need = "a finite number" if self.count == 1 else f"{self.count or 'up to 3'} finite numbers"
-            raise Refusal(f"must return {need}, got {shown(value)}")
+            many = f", one for each of axes={self.axes!r}" if self.axes else ""
+            raise Refusal(f"must return {need}{many}, got {shown(value)}")
         return found
 
 
@@ -175,7 +177,8 @@ class PrescribedMotion:
             return np.zeros(3)
         what = "displacement" if self.position is None else "position"
         returned = called(self.label, what, function, t)
-        found = take(_Components(len(self.axes)), f"{self.label}: {what}(t) at t = {t:.6g} s", returned)
+        need = _Components(len(self.axes), "" if self.axes == AXES else self.axes)
+        found = take(need, f"{self.label}: {what}(t) at t = {t:.6g} s", returned)
         if self.axes == AXES:
             return found
         out = np.zeros(3)
