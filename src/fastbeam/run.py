@@ -74,8 +74,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         End time and step size, s. With `tolerance`, `step` is the first step. The last step ends at t_end: it is shorter than the
         others, or up to a hundredth longer instead of leaving less than that, and none behind an impact just before t_end.
     order : {2, 4}
-        4 composes five substeps, one of them backwards: for smooth scenes. With damping, drag, dampers and user forces it
-        extrapolates two runs, of `step` and half of it, at three times the cost of order 2 (theory.md 6).
+        4 composes five substeps, one of them backwards: for smooth scenes. With damping, drag, dampers and user forces, and with
+        'reaction' observed, it extrapolates two runs, of `step` and half of it, at three times the cost of order 2 (theory.md 6).
     method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
         All but the first are for comparison: same equations, sliders and solvers, but they conserve less. The last two have
         order 2 only and no step control.
@@ -164,7 +164,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         notes = []
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True, probe=True)
-    if order == 4 and method == "energy_momentum" and extrapolates(model):
+    if order == 4 and method == "energy_momentum" and extrapolates(model, observe):
         check_two_runs(tolerance, callback, checkpoint, min_step, max_step)
         return _of_two_runs(model, clock.now, t_end, step, every, file, overwrite, {
             "rho_inf": rho_inf, "start": state, "observe": observe, "points": points, "snapshots": snapshots,
@@ -199,7 +199,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
 
 def _of_two_runs(model: Model, t_start: float, t_end: float, step: float, every: int | None, file: Any, overwrite: bool,
                  options: dict[str, Any]) -> Result:
-    """Order 4 with what dissipates; the step becomes a whole part of the time, so that both runs have the same rows."""
+    """Order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that both runs have the same rows."""
     if file is not None:
         check_new("result file", Path(file), Path(file), overwrite)
     n = max(1, math.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
