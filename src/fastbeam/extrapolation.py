@@ -1,4 +1,4 @@
-"""Order four with what dissipates, and of reactions: runs with steps h and h/2 of the conserving step, extrapolated (theory.md 6)."""
+"""Order four with what dissipates, and of reactions: conserving steps of h and of h/2, extrapolated (theory.md 6)."""
 from __future__ import annotations
 
 from collections.abc import Collection

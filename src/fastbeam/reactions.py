@@ -228,9 +228,9 @@ class ReactingStepper(Stepper):
         if self.method.name != "energy_momentum":
             raise SceneError("observe: reactions are those of the conserving step; leave out method, or 'reaction'")
         if self.weights.size > 1:
-            raise SceneError("observe: reactions with order=4 are extrapolated from two runs, which is not possible over friction, "
-                             "rigid stops, switches, locks and supports that let go (theory.md 6); use order=2, or leave out "
-                             "'reaction'")
+            raise SceneError("observe: reactions with order=4 are extrapolated from two runs, not over friction, rigid stops, "
+                             "drives with a limit, switches, locks and supports that let go (theory.md 6); use order=2, or "
+                             "leave out 'reaction'")
         self.reactions = Reactions(self)
 
     @property
