@@ -31,6 +31,7 @@ drive = fb.Drive(position=lambda t: 0.5 * t, speed=lambda t: 0.5, stiffness=1e4,
 law = fb.Drive(force=lambda t, s, rate: -3.0 * rate)
 signal = fb.Signal([0, 1, 2, 3], [0, 1, 1, 0])
 follow = fb.Drive(position=signal)
+ground: fb.Signal = fb.Signal.from_acceleration([0, 1, 2, 3], [0, 1, 1, 0], direction=(0, 0, 1), velocity=0.1, baseline=2)
 shake = fb.PrescribedMotion("m", a.start, displacement=fb.Signal(np.linspace(0, 1, 11), np.zeros((11, 3))), until=2.0)
 shake2 = fb.PrescribedMotion("m", bead, position=lambda t: (t, 0, 0), until=lambda t, state: t > 1.0)
 shake3 = fb.PrescribedMotion("m", block, displacement=lambda t: 0.1 * np.sin(t), axes="y")

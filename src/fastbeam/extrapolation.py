@@ -1,6 +1,7 @@
-"""Order four with what dissipates: runs with steps h and h/2 of the conserving step, extrapolated (theory.md 6)."""
+"""Order four with what dissipates, and of reactions: conserving steps of h and of h/2, extrapolated (theory.md 6)."""
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,15 @@ Array = np.ndarray
 NEAR = 0.05
 
 
-def extrapolates(model: Model) -> bool:
-    """Whether order 4 takes two runs: something dissipates, and nothing that has a kink in time does."""
+# for messages: what does so
+WHICH = "order=4 with what dissipates, or with 'reaction' observed, extrapolates two runs"
+
+
+def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
+    """Whether order 4 takes two runs: something dissipates, or reactions are recorded, which are means over whole steps; and
+    nothing that has a kink in time is there."""
     sliders, motions = model.slider_forces, model.motions
-    smooth = bool(model.losses or model.needs_forward_steps)
+    smooth = bool(model.losses or model.needs_forward_steps) or "reaction" in observed
     # on switches arc lengths jump where a slider goes on to another track
     rough = model.released is not None or bool(model.spans)
     if sliders is not None:
@@ -44,8 +50,7 @@ def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any
     given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint),
                                   ("min_step", min_step), ("max_step", max_step)) if x is not None]
     if given:
-        raise SceneError(f"{given[0]}: order=4 with what dissipates extrapolates two runs, and there is no {given[0]} between "
-                         "them; leave it out, or use order=2")
+        raise SceneError(f"{given[0]}: {WHICH}, and there is no {given[0]} between them; leave it out, or use order=2")
 
 
 def between(coarse: Array, fine: Array) -> Array:
@@ -116,8 +121,8 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     for run in (coarse, fine):
         if run.state is None or run.t[-1] != t_end:
             why = run.events[-1]["text"] if run.events else "it ended early"
-            raise ConvergenceError(f"order=4 with what dissipates extrapolates two runs, and one of them ended at t = "
-                                   f"{run.t[-1]:g} s: {why}; end the run before that, or use order=2",
+            raise ConvergenceError(f"{WHICH}, and one of them ended at t = {run.t[-1]:g} s: {why}; end the run before that, or "
+                                   "use order=2",
                                    step=int(run.info["steps"]), time=float(run.t[-1]), state=run.state)
     rows = [np.flatnonzero(np.isin(a.t, b.t)) for a, b in ((coarse, fine), (fine, coarse))]
     shapes = [np.flatnonzero(np.isin(a.t_snap, b.t_snap)) for a, b in ((coarse, fine), (fine, coarse))]

@@ -19,6 +19,7 @@ from .kernels.step import OK
 from .kernels.terms import Conserving, Equilibrium
 from .kernels.work import State
 from .load_times import load_factors
+from .multipliers import Distance, KeptLink
 from .newton import Stepper
 from .outcome import Outcome
 from .released import OwnSupports
@@ -148,10 +149,17 @@ class Reactions:
             m = link.forces(3)
             _, (b, by_velocity, by_spin) = link.by_motion(q[list(link.node)])
             push = by_velocity.T @ multipliers[at:at + m]
+            if isinstance(link.law, Distance):
+                # along the mean of both ends of a step, which is shorter than the joint where this turns (theory.md 4.1)
+                push *= np.linalg.norm(x[b] - x[link.node[0]]) / self._length(link)
             kept[k, 0] += push
             kept[k, 1] += by_spin.T @ multipliers[at:at + m] + np.cross(x[b] - x[link.node[0]], push)
             at += m
         return out.reshape(-1)
+
+    def _length(self, link: KeptLink) -> float:
+        a, b = (self.stepper.model.q0.reshape(-1, 12)[k, :3] for k in link.node)
+        return float(np.linalg.norm(b - a))
 
     def _rows(self) -> tuple[Array, Array]:
         """Forces and moments [N, 3] that the equations of the nodes lack."""
@@ -217,9 +225,12 @@ class ReactingStepper(Stepper):
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
-        if self.weights.size > 1 or self.method.name != "energy_momentum":
-            raise SceneError("observe: reactions are those of the conserving step with order=2; leave out method and order, or "
-                             "'reaction'")
+        if self.method.name != "energy_momentum":
+            raise SceneError("observe: reactions are those of the conserving step; leave out method, or 'reaction'")
+        if self.weights.size > 1:
+            raise SceneError("observe: reactions with order=4 are extrapolated from two runs, not over friction, rigid stops, "
+                             "drives with a limit, switches, locks and supports that let go (theory.md 6); use order=2, or "
+                             "leave out 'reaction'")
         self.reactions = Reactions(self)
 
     @property

@@ -24,6 +24,7 @@ from .extrapolation import check_two_runs, combine, extrapolates
 from .filtering import FilteringStepper, check_filtered
 from .impacts import Impacts
 from .interrupt import Calls, Interrupts
+from .kinks import Kinks
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .locking import Locking
@@ -74,8 +75,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         End time and step size, s. With `tolerance`, `step` is the first step. The last step ends at t_end: it is shorter than the
         others, or up to a hundredth longer instead of leaving less than that, and none behind an impact just before t_end.
     order : {2, 4}
-        4 composes five substeps, one of them backwards: for smooth scenes. With damping, drag, dampers and user forces it
-        extrapolates two runs, of `step` and half of it, at three times the cost of order 2 (theory.md 6).
+        4 composes five substeps, one of them backwards: for smooth scenes; an event `order` tells of kinks on the way. With
+        damping, drag, dampers and user forces, and with 'reaction' observed, it extrapolates two runs, of `step` and half of it,
+        at three times the cost of order 2 (theory.md 6).
     method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
         All but the first are for comparison: same equations, sliders and solvers, but they conserve less. The last two have
         order 2 only and no step control.
@@ -167,7 +169,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         notes += moved_supports(model, model.state(), clock.now)
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True, probe=True)
-    if order == 4 and method == "energy_momentum" and extrapolates(model):
+    if order == 4 and method == "energy_momentum" and extrapolates(model, observe):
         check_two_runs(tolerance, callback, checkpoint, min_step, max_step)
         return _of_two_runs(model, clock.now, t_end, step, every, file, overwrite, {
             "rho_inf": rho_inf, "start": state, "observe": observe, "points": points, "snapshots": snapshots,
@@ -202,14 +204,18 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
 
 def _of_two_runs(model: Model, t_start: float, t_end: float, step: float, every: int | None, file: Any, overwrite: bool,
                  options: dict[str, Any]) -> Result:
-    """Order 4 with what dissipates; the step becomes a whole part of the time, so that both runs have the same rows."""
+    """Order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same."""
     if file is not None:
         check_new("result file", Path(file), Path(file), overwrite)
     n = max(1, math.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
     every = max(1, n // 500) if every is None else min(every, n)
     step = (t_end - t_start) / n
-    coarse, fine = (simulate(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every, **options) for k in (1, 2))
+    kinks = Kinks(model, step)
+    kinks(t_start, options["start"] or model.state())
+    coarse, fine = (simulate(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every,
+                             callback=kinks if k == 2 and kinks.groups else None, **options) for k in (1, 2))
     result = combine(model, coarse, fine, step, t_end)
+    result.events += kinks.events
     if file is not None:
         result.save(file, overwrite=overwrite)
     return result
@@ -248,7 +254,9 @@ class _Run(Encounters):
         # whether the clock lags behind the state
         self.between = False
         self.locking = Locking(model)
-        self.watch = Watch(model, stepper, self.event, clock.now, t_end)
+        # step control finds smaller steps there by itself
+        kinks = Kinks(model, clock.step) if order == 4 and control is None else None
+        self.watch = Watch(model, stepper, self.event, clock.now, t_end, kinks)
 
     def keep_checkpoint(self, present: Checkpoint | None = None) -> None:
         """Renew the checkpoint file, at the end of a run or where its time has come."""
@@ -300,6 +308,7 @@ class _Run(Encounters):
             for kind, text in self.notes:
                 self.event({"kind": kind, "time": self.t_start, "text": text})
             self.watch.massless()
+            self.watch.order(clock.now)
             for t, outcome, size, row_due in self.chunks(every):
                 self.took(t, outcome, size)
                 self.between = False
@@ -307,6 +316,7 @@ class _Run(Encounters):
                     self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch.turns(t, size)
+                        self.watch.order(t)
                     self.watch.mesh(t, self.steps)
                     if self.callback is not None:
                         with self.interrupts.at_once():

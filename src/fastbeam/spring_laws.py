@@ -11,6 +11,8 @@ from .kernels.spring_laws import SpringLaws
 from .kernels.work import State
 
 Array = np.ndarray
+# jumps of slopes of a law that are no round-off, as a share of the largest slope
+JUMP = 1e-9
 
 
 class Pieces(NamedTuple):
@@ -71,6 +73,19 @@ def laws_of(parts: Sequence[Any], node: Array, row: Array, block: Array, distanc
                       np.array([part.side for part in parts], np.int64), place, first, begin, origin, energy, force.reshape(-1))
 
 
+def kinks_of(part: Any) -> tuple[tuple[float, int], ...]:
+    """Elongations, m, at which the slope of the force of a spring or damper jumps, or its damper begins, and the order that steps
+    of order 4 have behind them. Where the curvature alone jumps, at the ends of a spline, they keep theirs."""
+    law, out = pieces_of(part), []
+    for k in range(1, len(law.begin)):
+        x = law.begin[k] - law.origin[k - 1:k + 1]
+        c1, c2, c3 = law.force[k - 1:k + 1, 1:].T
+        slopes = c1 + x * (2.0 * c2 + 3.0 * c3 * x)
+        if abs(slopes[1] - slopes[0]) > JUMP * np.max(np.abs(law.force[:, 1])):
+            out.append((float(law.begin[k]), 1 if part.side != 0 and part.is_damped else 3))
+    return tuple(out)
+
+
 class SpringRows:
     """What springs and dampers have at rows: lengths, forces and energies of S of them.
 
@@ -85,7 +100,7 @@ class SpringRows:
     kind = "springs"
 
     def __init__(self, parts: list[Any], node: Array, distance: Array) -> None:
-        self.names = [str(part.name) for part in parts]
+        self.names, self.labels = [str(part.name) for part in parts], [str(part.label) for part in parts]
         self._parts, self._node, self._distance = parts, node, distance
 
     @cached_property
@@ -114,14 +129,23 @@ class SpringRows:
         e = np.linalg.norm(x[b] - x[a], axis=1) - laws.length
         return [self.names[k] for k in np.flatnonzero((laws.side != 0) & (laws.side * e <= 0.0))]
 
-    def row(self, state: State) -> dict[str, Array]:
-        """Series of one row."""
-        laws, (a, b) = self._laws, self._node.T
+    def kinks(self) -> list[tuple[tuple[float, int], ...]]:
+        """Of all of them, as `kinks_of`."""
+        return [kinks_of(part) for part in self._parts]
+
+    def motion(self, state: State) -> tuple[Array, Array]:
+        """Elongations, m, and their rates, m/s, [S]."""
+        a, b = self._node.T
         x, v = (y.reshape(-1, 12)[:, :3] for y in (state.q, state.v))
         r = x[b] - x[a]
         length = np.linalg.norm(r, axis=1)
-        e = length - laws.length
-        rate = np.sum(r * (v[b] - v[a]), axis=1) / np.where(length > 0.0, length, 1.0)
+        return length - self._laws.length, np.sum(r * (v[b] - v[a]), axis=1) / np.where(length > 0.0, length, 1.0)
+
+    def row(self, state: State) -> dict[str, Array]:
+        """Series of one row."""
+        laws = self._laws
+        e, rate = self.motion(state)
+        length = e + laws.length
         j = self._pieces(e)
         y = (e - laws.origin[j])[:, None]**np.arange(5)
         c = laws.force.reshape(-1, 4)[j]

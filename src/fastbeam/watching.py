@@ -6,6 +6,7 @@ from typing import Any
 
 from .axial_waves import braking_time
 from .dynamics import UNRESOLVED_TURN
+from .kinks import Kinks
 from .model import Model
 from .newton import Stepper
 from .resolution import Resolution
@@ -30,11 +31,14 @@ class Watch:
         Takes an event {'kind', 'time', 'text', ...}.
     t_start, t_end : float
         Of the run, s.
+    kinks : Kinks, optional
+        Of a run with order 4.
     """
 
     def __init__(self, model: Model, stepper: Stepper, event: Callable[[dict[str, Any]], None], t_start: float,
-                 t_end: float) -> None:
+                 t_end: float, kinks: Kinks | None = None) -> None:
         self.model, self.stepper, self.event, self.t_start, self.t_end = model, stepper, event, t_start, t_end
+        self.kinks = kinks
         self._turns_are_resolved = True
         self._struck: dict[int, int] = {}
         self._resolution: Resolution | None = None
@@ -50,6 +54,12 @@ class Watch:
         if len(massless) > MOST_NAMED:
             self.event({"kind": "massless", "time": self.t_start,
                         "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
+
+    def order(self, t: float) -> None:
+        """Events where a run with order 4 passed a kink since the last row."""
+        if self.kinks is not None:
+            for event in self.kinks.look(t, self.stepper.state):
+                self.event(event)
 
     def turns(self, t: float, h: float) -> None:
         """An event where a step turns a triad further than it can resolve, once a run."""

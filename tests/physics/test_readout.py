@@ -200,12 +200,6 @@ def test_reactions_survive_files_and_checkpoints(tmp_path):
     assert np.allclose(rest.reaction("pin")["force"][1:], whole.reaction("pin")["force"][-4:], rtol=1e-9, atol=1e-9)
 
 
-def test_reactions_of_composed_steps_are_refused():
-    model = fb.compile_scene(loop_scene())
-    with pytest.raises(fb.SceneError, match="reactions are those of the conserving step with order=2"):
-        fb.simulate(model, t_end=0.01, step=1e-3, order=4, observe=("reaction",))
-
-
 def test_section_forces_refuse_what_is_not_there():
     beam, _, model = cantilever("simo_reissner")
     other = fb.Beam.straight("other", (0, 0, 0), (1, 0, 0), section=BAR, elements=2)

@@ -330,6 +330,9 @@ def calls(folder: Path) -> dict[str, Call]:
                                             dict(t=0.5), dict(t=is_real)) for name in ("place", "turn", "rates")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
             times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag)),
+        "Signal.from_acceleration": Call(fb.Signal.from_acceleration, dict(times=np.arange(4.0), acceleration=np.zeros(4)), dict(
+            times=VECTOR, acceleration=is_array(1, 2), direction=VECTOR, velocity=either(is_real, VECTOR),
+            displacement=either(is_real, VECTOR), baseline=is_count)),
         "RigidConnection": Call(fb.RigidConnection, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import LARGEST, Flag, Name, Number, Numbers, Refusal, Vector, checked, numbers, shown, take
+from fastbeam.arguments import LARGEST, Count, Flag, Name, Number, Numbers, Refusal, Vector, checked, numbers, shown, take
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array, NodeField, Rotation, UntilLike, called, noun, tried
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # a signal needs so many values
 FEWEST = 4
+# degrees of corrections of accelerations, which the spline of their sum keeps exactly; points that integrate (v + w)^2 exactly
+MOST_DEGREE, GAUSS = 3, 5
 TIME = Number(unit="s")
 
 
@@ -220,9 +222,24 @@ def _values(value: Any) -> Array:
     return checks.constant(found)
 
 
-@checked(times=Numbers((None,), "increasing finite numbers [n]"), values=_values, direction=Vector, rest=Flag())
+def _at_start(value: Any) -> Array:
+    """A number, or (3,)."""
+    found = numbers(value)
+    if found is None or found.shape not in ((), (3,)) or not np.all(np.abs(found) <= LARGEST):
+        raise Refusal(f"must be a finite number, or three, got {shown(value)}")
+    return checks.constant(found)
+
+
+def _degree(value: Any) -> int | None:
+    return None if value is None else Count(0, MOST_DEGREE)(value)
+
+
+TIMES = Numbers((None,), "increasing finite numbers [n]")
+
+
+@checked(times=TIMES, values=_values, direction=Vector, rest=Flag())
 class Signal:
-    """A function of time from a table: a cubic spline through its values.
+    """A function of time from a table: a cubic spline through its values, or through accelerations (`from_acceleration`).
 
     Parameters
     ----------
@@ -253,25 +270,66 @@ class Signal:
     kind: ClassVar[str] = "signal"
 
     def __init__(self, times: ArrayLike, values: ArrayLike, *, direction: ArrayLike | None = None, rest: bool = True) -> None:
-        from scipy.interpolate import CubicSpline
-        if len(times) < FEWEST or not np.all(np.diff(times) > 0.0):
-            raise SceneError(f"Signal: times must increase, and be at least {FEWEST}, got {shown(times)}")
-        if len(values) != len(times):
-            raise SceneError(f"Signal: values must be as many as times, got {len(values)} and {len(times)}")
-        if direction is not None:
-            if values.ndim == 2:
-                raise SceneError("Signal: direction belongs to values [n]; these are vectors already")
-            values = values[:, None] * direction
+        x = _table("Signal", times, values, direction)
+        self._take(times, x, _through("Signal", times, x, "clamped" if rest else "not-a-knot"), rest)
+
+    def _take(self, times: Array, values: Array, spline: Any, rest: bool, velocities: tuple[Array, Array] | None = None) -> None:
+        """velocities: before and after the table, None: what is outside rests, or is unknown."""
         self.begin, self.end, self.rest = float(times[0]), float(times[-1]), rest
         self.times, self.values = checks.constant(times), checks.constant(values)
-        try:
-            with np.errstate(all="ignore"):
-                self._spline = CubicSpline(times, values, bc_type="clamped" if rest else "not-a-knot")
-            good = np.isfinite(self._spline.c).all()
-        except (ValueError, np.linalg.LinAlgError):
-            good = False
-        if not good:
-            raise SceneError("Signal: no spline goes through this table, its numbers are too large or its times too close")
+        self._spline, self._outside = spline, velocities
+
+    @classmethod
+    @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start, baseline=_degree)
+    def from_acceleration(cls, times: ArrayLike, acceleration: ArrayLike, *, direction: ArrayLike | None = None,
+                          velocity: ArrayLike = 0.0, displacement: ArrayLike = 0.0, baseline: int | None = None) -> Signal:
+        """The displacement, m, whose acceleration is the cubic spline through a table (not-a-knot), integrated twice exactly.
+
+        Outside the table nothing accelerates: before it the motion has the initial velocity, behind it the final one.
+
+        Parameters
+        ----------
+        times : array_like [n]
+            s, increasing, at least four.
+        acceleration : array_like [n] or [n, 3]
+            m/s^2; records in shares of g are multiplied by 9.81 first.
+        direction : array_like (3,), optional
+            Makes vectors of accelerations [n], with the initial values.
+        velocity, displacement : float, or array_like (3,) where accelerations are [n, 3]
+            At times[0], m/s and m.
+        baseline : {0, 1, 2, 3}, optional
+            Degree of a polynomial in time that is added to the accelerations, of each component by itself, so that the velocity
+            is 0 at the end of the table and, with what this leaves free, has the least mean square (theory.md 4.2). 2 is the
+            usual parabolic correction of records. Default: none; a record that is off by a constant a drifts by a t^2/2.
+
+        Raises
+        ------
+        SceneError
+            As `Signal`; initial values of another shape than accelerations at a time.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> t = np.linspace(0.0, 2.0, 401)
+        >>> quake = Signal.from_acceleration(t, 3.0 * np.sin(np.pi * t), direction=(1, 0, 0), baseline=2)
+        >>> bool(np.allclose(quake(5.0), quake(2.0)))
+        True
+        """
+        who = "Signal.from_acceleration"
+        x = _table(who, times, acceleration, direction)
+        start = [_initial(who, name, value, acceleration, direction) for name, value in
+                 (("velocity", velocity), ("displacement", displacement))]
+        if baseline is not None:
+            x = x + _correction(times, _through(who, times, x, "not-a-knot").antiderivative(), start[0], baseline)
+        # constants of the integrals are the last coefficients of all pieces
+        rate = _through(who, times, x, "not-a-knot").antiderivative()
+        rate.c[-1] += start[0]
+        place = rate.antiderivative()
+        place.c[-1] += start[1]
+        final = np.zeros_like(start[0]) if baseline is not None else rate(times[-1])
+        out = cls.__new__(cls)
+        out._take(times, place(times), place, True, (start[0], final))
+        return out
 
     @checked(t=TIME)
     def __call__(self, t: float) -> float | Array:
@@ -280,8 +338,70 @@ class Signal:
             raise SceneError(f"Signal: t = {t:.6g} s lies outside its table, {self.begin:.6g} to {self.end:.6g} s; give more "
                              "values, or rest=True where nothing moves beyond it")
         found = self._spline(min(max(float(t), self.begin), self.end))
+        if self._outside is not None and not self.begin <= t <= self.end:
+            found = found + self._outside[int(t > self.end)] * (t - (self.end if t > self.end else self.begin))
         return float(found) if found.ndim == 0 else found
 
     def __repr__(self) -> str:
         what, rests = "numbers" if self.values.ndim == 1 else "vectors", ", at rest outside" if self.rest else ""
+        rests = rests if self._outside is None else ", from accelerations"
         return f"<signal: {len(self.times)} {what}, {self.begin:.6g} to {self.end:.6g} s{rests}>"
+
+
+def _table(who: str, times: Any, values: Any, direction: Any) -> Array:
+    """Values [n] or [n, 3] of a table."""
+    if len(times) < FEWEST or not np.all(np.diff(times) > 0.0):
+        raise SceneError(f"{who}: times must increase, and be at least {FEWEST}, got {shown(times)}")
+    if len(values) != len(times):
+        what = "values" if who == "Signal" else "accelerations"
+        raise SceneError(f"{who}: {what} must be as many as times, got {len(values)} and {len(times)}")
+    if direction is None:
+        return np.asarray(values)
+    if values.ndim == 2:
+        raise SceneError(f"{who}: direction belongs to values [n]; these are vectors already")
+    return np.asarray(values[:, None] * direction)
+
+
+def _through(who: str, times: Array, values: Array, ends: str) -> Any:
+    """The spline through a table."""
+    from scipy.interpolate import CubicSpline
+    try:
+        with np.errstate(all="ignore"):
+            spline = CubicSpline(times, values, bc_type=ends)
+        good = np.isfinite(spline.c).all()
+    except (ValueError, np.linalg.LinAlgError):
+        good = False
+    if not good:
+        raise SceneError(f"{who}: no spline goes through this table, its numbers are too large or its times too close")
+    return spline
+
+
+def _initial(who: str, name: str, value: Any, acceleration: Array, direction: Any) -> Array:
+    """An initial value as what is integrated has it at a time; 0 stands for a vector, too."""
+    found, shape = np.asarray(value, dtype=float), acceleration.shape[1:]
+    if found.shape != shape and np.any(found):
+        need = "(3,), as of accelerations [n, 3]" if shape else "a number, as accelerations [n] have at a time"
+        raise SceneError(f"{who}: {name} must be {need}, got {shown(value)}")
+    found = found if found.shape == shape else np.zeros(shape)
+    return found if direction is None else np.asarray(found * direction)
+
+
+def _correction(times: Array, rate: Any, velocity: Array, degree: int) -> Array:
+    """What is added to accelerations: the derivative of w with v + w = 0 at the end and the least integral of (v + w)^2, for
+    the velocity v = velocity + rate(t) and w a polynomial of degree + 1 that is 0 at the begin (theory.md 4.2)."""
+    begin, span = times[0], times[-1] - times[0]
+    x, weight = np.polynomial.legendre.leggauss(GAUSS)
+    step = np.diff(times)
+    at = (times[:-1, None] + 0.5 * step[:, None] * (1.0 + x)).reshape(-1)
+    s = (at - begin) / span
+    v, last = velocity + rate(at), velocity + rate(times[-1])
+    v, last = v.reshape(len(at), -1), np.reshape(last, (1, -1))
+    # the part that meets the end, and those that do not change it: powers of s less s
+    v = v - last * s[:, None]
+    powers = np.arange(2, degree + 2)
+    free = s[:, None]**powers - s[:, None]
+    root = np.sqrt(0.5 * step[:, None] * weight).reshape(-1, 1)
+    share = -np.linalg.lstsq(root * free, root * v, rcond=None)[0] if degree else np.zeros((0, v.shape[1]))
+    s = ((times - begin) / span)[:, None]
+    out = (-last + (powers * s**(powers - 1) - 1.0) @ share) / span
+    return np.asarray(out.reshape(len(times), *np.shape(velocity)))
