@@ -18,7 +18,7 @@ from hypothesis import assume, given, settings
 import fastbeam as fb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from exchange import assert_balanced, share_exchanged  # noqa: E402
+from exchange import balanced, exchanged, largest  # noqa: E402
 from restarts import assert_goes_on  # noqa: E402
 from scene_strategies import Drawn, DrawnPath, build, build_path, sliding_paths, sliding_scenes  # noqa: E402
 from test_scene_properties import MANY, QUICK, SAME, STEPS  # noqa: E402
@@ -63,14 +63,13 @@ def check_balance(drawn: Drawn | DrawnPath) -> None:
     assert result.info["fallbacks"] == 0
     for name in result.info["conserved"]:
         assert result.drift(name) < (1e-14 if name == "gap" else 1e-13), name
-    if share_exchanged(result) > 0.05:
-        assert_balanced(result, 1e-12)
-    books = result.balance()
-    largest = max(float(np.max(np.abs(x))) for name, x in books.items() if name != "sum")
-    for name, x in books.items():
+    size = largest(result)
+    if exchanged(result) > 0.05 * size:
+        assert balanced(result)
+    for name, x in result.balance().items():
         if name.startswith(("friction of", "stops of")):
             # what friction and stops took never comes back; a loss at a stop is a difference of energies
-            assert np.min(np.diff(x)) >= -1e-14 * largest, name
+            assert np.min(np.diff(x)) >= -1e-14 * size, name
 
 
 def check_restart(drawn: Drawn | DrawnPath) -> None:
