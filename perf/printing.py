@@ -3,6 +3,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+# what is measured, at most, found, a note
+Bar = tuple[str, float, float, str]
+
 
 def table(header: Sequence[str], lines: Sequence[Sequence[str]], markdown: bool = False, left: Sequence[int] = (0,)) -> str:
     """Text of a table; `left`: columns whose texts begin below each other, those of others end there. Lines shorter than the
@@ -19,3 +22,10 @@ def table(header: Sequence[str], lines: Sequence[Sequence[str]], markdown: bool 
             cells[-1] = row[-1]
         out.append("  ".join(cells).rstrip())
     return "\n".join(out)
+
+
+def judged(found: list[Bar]) -> int:
+    """Print all bars; how many are missed."""
+    lines = [[text, f"{most:g}", f"{value:.4g}", "ok" if value <= most else "missed", note] for text, most, value, note in found]
+    print(table(["bar", "at most", "found", "", "note"], lines))
+    return sum(not value <= most for _, most, value, _ in found)

@@ -4,6 +4,8 @@
     python perf/ropeway.py --rounds 100       a line every tenth of the way
     python perf/ropeway.py --scaling          time of a step with 50 to 400 cabins
 
+Exits with 1 where a bar is missed.
+
 The cable is a circle of ten spans, tensioned by springs at the supports, under its own weight and that of the cabins, point
 masses whose drives bring them to their speed and keep it. Starts from the equilibrium with the cabins at rest. Prints the
 largest error of the energy balance, relative to the largest energy exchanged meanwhile, Newton iterations and the time of a step.
@@ -15,11 +17,16 @@ import os
 os.environ.setdefault("FASTBEAM_THREADS", "1")
 
 import argparse  # noqa: E402
+import sys  # noqa: E402
 import time  # noqa: E402
 from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from printing import Bar, judged  # noqa: E402
+
+# bars: error of the balance over what was exchanged; time of a step per cabin, of the most over the fewest, as in perf/sliders.py
+BALANCE, GROWTH = 1e-11, 1.5
 RADIUS, SPANS, SPEED, RAMP, STEP = 20.0, 10, 4.0, 5.0, 0.02
 
 
@@ -53,33 +60,42 @@ def ropeway(cabins: int, elements: int = 5) -> tuple[Any, Any]:
     return fb.Scene(*parts, name="ropeway", gravity=(0.0, 0.0, -9.81)), path
 
 
-def run(cabins: int, rounds: float) -> None:
-    """Print how a run goes."""
+def run(cabins: int, rounds: float) -> list[Bar]:
+    """Print how a run goes; bars with what was found. A step that fails ends it."""
     import fastbeam as fb
     scene, path = ropeway(cabins)
     model = fb.compile_scene(scene)
     print(model)
     state = fb.solve_static(model, held=True).state
     t_end = RAMP / 2.0 + rounds * path.length / SPEED
-    begin, clock = 0.0, time.thread_time()
+    begin, clock, worst, failed = 0.0, time.thread_time(), 0.0, 0
     for part in range(1, 11):
         end = t_end * part / 10
-        result = fb.simulate(model, t_end=end, step=STEP, start=state, t_start=begin)
+        try:
+            result = fb.simulate(model, t_end=end, step=STEP, start=state, t_start=begin)
+        except fb.ConvergenceError as error:
+            print(error)
+            failed = 1
+            break
         books = result.balance()
         exchanged = max(float(np.max(np.abs(x - x[0]))) for name, x in books.items() if name != "sum")
         error = float(np.max(np.abs(books["sum"] - books["sum"][0])))
+        worst = max(worst, error / exchanged)
         s = result.slider("hanger 0")["s"][-1]
         steps = result.info["steps"]
         print(f"round {s / path.length:8.3f}  {steps} steps, {result.series['iterations'].mean():.2f} iterations, balance "
               f"{error:.2e} J of {exchanged:.4g} J, {error / exchanged:.2e}, gap {result.series['gap'].max():.1e} m, "
               f"{1e3 * (time.thread_time() - clock) / steps:.2f} ms a step, events {len(result.events)}", flush=True)
         state, begin, clock = result.checkpoint, None, time.thread_time()
+    return [(f"{cabins} cabins: failed steps", 0.0, float(failed), f"{rounds:g} rounds"),
+            (f"{cabins} cabins: error of the balance, of what was exchanged", BALANCE, worst, "largest of ten parts")]
 
 
-def scaling() -> None:
-    """Print the time of a step by the number of cabins, one element a cabin, without observers."""
+def scaling(counts: list[int]) -> list[Bar]:
+    """Print the time of a step by the number of cabins, one element a cabin, without observers; the bar of its growth."""
     import fastbeam as fb
-    for cabins in (50, 100, 200, 400):
+    of_a_cabin: dict[int, tuple[float, float]] = {}
+    for cabins in counts:
         model = fb.compile_scene(ropeway(cabins, cabins // SPANS)[0])
         state = fb.solve_static(model, held=True).state
         times = []
@@ -88,20 +104,24 @@ def scaling() -> None:
             result = fb.simulate(model, t_end=300 * STEP, step=STEP, start=state, observe=(), snapshots=0)
             times.append((time.thread_time() - clock) / result.info["steps"])
         iterations = float(result.series["iterations"].mean())
+        of_a_cabin[cabins] = min(times) / iterations / cabins, min(times) / cabins
         print(f"{cabins:4} cabins: {1e3 * min(times):.3f} ms a step, {iterations:.2f} iterations, "
               f"{1e6 * min(times) / iterations / cabins:.1f} us a cabin and iteration", flush=True)
+    few, many = min(counts), max(counts)
+    one, step = np.array(of_a_cabin[many]) / of_a_cabin[few]
+    return [(f"time of a step per cabin, {many} cabins over {few}", GROWTH, float(step), f"of an iteration {one:.2f}")]
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--cabins", type=int, default=50)
     parser.add_argument("--rounds", type=float, default=5.0)
     parser.add_argument("--scaling", action="store_true")
+    parser.add_argument("--counts", type=int, nargs="+", default=[50, 100, 200, 400], help="of cabins, for --scaling")
     arguments = parser.parse_args()
-    if arguments.scaling:
-        return scaling()
-    run(arguments.cabins, arguments.rounds)
+    found = scaling(arguments.counts) if arguments.scaling else run(arguments.cabins, arguments.rounds)
+    return int(judged(found) > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

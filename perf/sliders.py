@@ -30,7 +30,7 @@ sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 import fastbeam as fb  # noqa: E402
 from fastbeam.newton import Stepper  # noqa: E402
-from printing import table  # noqa: E402
+from printing import Bar, judged, table  # noqa: E402
 
 COUNTS = (1, 4, 16, 64, 256, 1024, 4096)
 ELEMENTS = 4  # a slider
@@ -112,9 +112,6 @@ def rows(kinds: list[str], degrees: list[int], curves: list[str], counts: list[i
     return out
 
 
-Bar = tuple[str, float, float, str]
-
-
 def bars(results: list[dict[str, Any]]) -> list[Bar]:
     """Bars with what was found: text, most, value, note."""
     out: list[Bar] = []
@@ -138,13 +135,6 @@ def bars(results: list[dict[str, Any]]) -> list[Bar]:
             out.append((f"{name}time of a slider, {max(by)} over 16", GROWTH, last["time"] / few["time"],
                         f"bare cable {last['bare'] / few['bare']:.2f}, sliders alone {last['own'] / few['own']:.2f}"))
     return out
-
-
-def judged(found: list[Bar]) -> int:
-    """Print all bars; how many are missed."""
-    lines = [[text, f"{most:g}", f"{value:.4g}", "ok" if value <= most else "missed", note] for text, most, value, note in found]
-    print(table(["bar", "at most", "found", "", "note"], lines))
-    return sum(not value <= most for _, most, value, _ in found)
 
 
 def main() -> int:

@@ -3,11 +3,11 @@
 All scenes have the same kinds of parts, so that few variants of the kernels are compiled: beams of both strain sets with inner
 nodes, a body on a rigid connection, a ball joint on one of its points, one or two sliders; supports and loads where `held`; two
 bodies on joints with axes where `jointed`. Paths are drawn by `paths`; springs with laws, bushings, crossings, switches and
-rollers by `yards`.
+rollers by `yards`. `sliding_scenes` and `sliding_paths` draw what a slider has, too: sleeves, friction, drives and stops.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -143,14 +143,85 @@ def section(of: dict[str, Any]) -> fb.Section:
     return fb.Section.from_matrix((a @ a.T + 6.0 * np.eye(6)) * of["EI2"], rhoA=of["rhoA"], rhoI2=of["rhoI2"], rhoI3=of["rhoI3"])
 
 
-def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None) -> fb.Scene:
-    """The scene, turned by a rotation matrix; order: a function that permutes a list in place."""
+# --- what sliders have ---------------------------------------------------------------------------------------------------
+@st.composite
+def sliding(draw: Draw, kinds: Any = ("sleeve", "point")) -> dict[str, Any]:
+    """What a slider has: its kind, friction, a drive, stops near its place; lengths are shares of that of what it slides on."""
+    kind = draw(st.sampled_from(kinds))
+    friction = draw(st.sampled_from(["coulomb", "coulomb", "viscous", "none"]))
+    drive = draw(st.sampled_from(["none", "none", "position", "speed", "force", "controller"]))
+    # a prescribed motion does not end at a rigid stop
+    stops = draw(st.sampled_from(["none", "elastic"] + ["rigid"] * (drive not in ("position", "speed"))))
+    out = {"kind": kind, "friction": friction, "drive": drive, "stops": stops, "coefficient": draw(number(0.05, 0.8)),
+           "viscous": draw(power(-1, 1)), "way": draw(number(-0.1, 0.1)), "rhythm": draw(number(2, 12)),
+           "force": draw(number(-5, 5)), "gains": (draw(power(0, 3)), draw(power(-1, 1))),
+           "before": draw(number(0.002, 0.15)), "behind": draw(number(0.002, 0.15)), "stiffness": draw(power(1, 4)),
+           "restitution": draw(number(0, 1))}
+    if kind == "sleeve":
+        # friction of a bore needs its length
+        out |= {"bore": draw(st.sampled_from([None, 0.0, 0.1, 0.25] if friction != "coulomb" else [0.05, 0.1, 0.25])),
+                "keyed": draw(st.booleans()), "inertia": draw(power(-2, 0))}
+    return out
+
+
+def rubs(of: dict[str, Any]) -> bool:
+    """Whether it has friction."""
+    return of["friction"] != "none"
+
+
+def _drive(of: dict[str, Any], at: float, length: float) -> fb.Drive | None:
+    """The drive of a slider that begins at `at`."""
+    way, rhythm, force = of["way"] * length, of["rhythm"], of["force"]
+    if of["drive"] == "position":
+        return fb.Drive(position=lambda t: at + way * np.sin(rhythm * t))
+    if of["drive"] == "speed":
+        return fb.Drive(speed=lambda t: way * rhythm * np.cos(rhythm * t))
+    if of["drive"] == "force":
+        return fb.Drive(force=lambda t: force * np.cos(rhythm * t))
+    if of["drive"] == "controller":
+        return fb.Drive(position=at + way, stiffness=of["gains"][0], damping=of["gains"][1], limit=2.0 * abs(force) + 0.1)
+    return None
+
+
+def forces_of(of: dict[str, Any], at: float, length: float, rate: float | None) -> dict[str, Any]:
+    """Arguments of a slider for what was drawn, at an arc length of what has this length."""
+    friction = {"coulomb": fb.Friction(of["coefficient"]), "viscous": fb.Friction(viscous=of["viscous"]), "none": None}
+    out: dict[str, Any] = {"friction": friction[of["friction"]], "drive": _drive(of, at, length), "at": at}
+    out["rate"] = None if of["drive"] in ("position", "speed") else rate
+    if of["stops"] != "none":
+        gives = {"stiffness": of["stiffness"]} if of["stops"] == "elastic" else {"restitution": of["restitution"]}
+        out["stops"] = fb.Stops(at - of["before"] * length, at + of["behind"] * length, **gives)
+    return out
+
+
+def _slider(name: str, of: dict[str, Any], beam: fb.Beam, mass: float, rotation: Array, **forces: Any) -> list[Any]:
+    """A mass in a point contact, or a body in a sleeve."""
+    if of["kind"] == "point":
+        bead = fb.PointMass(f"mass of {name}", mass=mass)
+        return [bead, fb.Slider(name, bead, beam, **forces)]
+    body = fb.RigidBody(f"holder of {name}", mass=mass, inertia=of["inertia"] * np.array((0.7, 0.8, 1.0)),
+                        position=beam.reference(forces["at"])[0][0], directors=rotation.T)
+    bore = of["bore"] if of["bore"] is None else of["bore"] * beam.length
+    return [body, fb.Sleeve(name, body, beam, length=bore, keyed=of["keyed"], **forces)]
+
+
+@st.composite
+def sliding_scenes(draw: Draw, planar: bool = False, held: bool = False, kinds: Any = ("sleeve", "point")) -> Drawn:
+    """Scenes with what their sliders have. The first one is of the first kind and has friction: as many terms in every scene."""
+    drawn = draw(scenes(planar, held))
+    ways = [draw(sliding(kinds[:1]).filter(rubs)), *(draw(sliding(kinds)) for _ in drawn.rest["sliders"][1:])]
+    return Drawn(drawn.beams, drawn.rest | {"sliding": ways}, planar, held)
+
+
+def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None, shift: Array = np.zeros(3)) -> fb.Scene:
+    """The scene, turned by a rotation matrix, then shifted; order: a function that permutes a list in place."""
     rest = drawn.rest
     made: list[fb.Beam] = []
     turned = {"start", "end", "d2", "tangent", "normal", "points"}
     makers = {"straight": fb.Beam.straight, "arc": fb.Beam.arc, "points": fb.Beam.through_points}
     for k, (kind, shape, of, common) in enumerate(drawn.beams):
         shape = {name: value @ rotation.T if name in turned else value for name, value in shape.items()}
+        shape |= {name: shape[name] + shift for name in ("start", "end", "points") if name in shape}
         if kind != "points":
             positions = (shape.pop("start"), shape.pop("end") if kind == "straight" else shape.pop("tangent"))
             positions += () if kind == "straight" else (shape.pop("normal"),)
@@ -167,9 +238,14 @@ def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None) -> fb.Sc
     if len(made) > 2 and rest["link"]:
         parts.append(fb.RigidConnection(made[1].end, made[2].start))
     for k, (on, share, rate, mass, curve) in enumerate(rest["sliders"]):
+        at, rate = made[on].length * share, 0.0 if drawn.held else rate
+        if "sliding" in rest:
+            of = rest["sliding"][k]
+            parts += _slider(f"slider {k}", of, made[on], mass, rotation, curve=curve,
+                             **forces_of(of, at, made[on].length, rate))
+            continue
         bead = fb.PointMass(f"mass {k}", mass=mass)
-        parts += [bead, fb.Slider(f"slider {k}", bead, made[on], at=made[on].length * share, rate=0.0 if drawn.held else rate,
-                                  curve=curve)]
+        parts += [bead, fb.Slider(f"slider {k}", bead, made[on], at=at, rate=rate, curve=curve)]
     options: dict[str, Any] = {}
     if drawn.held:
         parts += [fb.Clamp(made[0].start), fb.Load("load", made[1].end, force=rest["force"] @ rotation.T),
@@ -177,7 +253,7 @@ def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None) -> fb.Sc
                   fb.DistributedLoad("wind", made[0], force=rest["wind"] @ rotation.T)]
         options["gravity"] = rest["gravity"] @ rotation.T
     else:
-        parts.append(fb.RigidMotion(velocity=rest["velocity"] @ rotation.T, spin=rest["spin"] @ rotation.T))
+        parts.append(fb.RigidMotion(velocity=rest["velocity"] @ rotation.T, spin=rest["spin"] @ rotation.T, about=shift))
     if order is not None:
         order(parts)
     return fb.Scene(*parts, project_velocities=True, **options)
@@ -198,6 +274,8 @@ class DrawnPath:
     sliders: list[tuple[float, float, float, str]]
     motion: tuple[Array, Array]
     step: float
+    # what the sliders have; empty: nothing
+    ways: tuple[dict[str, Any], ...] = ()
 
 
 @st.composite
@@ -217,6 +295,14 @@ def paths(draw: Draw, planar: bool = False) -> DrawnPath:
                for _ in range(draw(st.integers(1, 2)))]
     spin = np.array((0.0, 0.0, draw(number(-1, 1)))) if planar else draw(vectors(0.7, False))
     return DrawnPath(closed, planar, pieces, sliders, (draw(vectors(0.5, planar)), spin), draw(power(-2.7, -1.7)))
+
+
+@st.composite
+def sliding_paths(draw: Draw, planar: bool = False) -> DrawnPath:
+    """Paths with what their sliders have; the first one has friction."""
+    drawn = draw(paths(planar))
+    ways = [draw(sliding(("point",)).filter(rubs)), *(draw(sliding(("point",))) for _ in drawn.sliders[1:])]
+    return replace(drawn, ways=tuple(ways))
 
 
 def build_path(drawn: DrawnPath) -> fb.Scene:
@@ -249,8 +335,9 @@ def build_path(drawn: DrawnPath) -> fb.Scene:
         kind = fb.RigidConnection if len(beams) < 3 and drawn.closed else drawn.pieces[k]["joint"]
         parts.append(kind(a, b))
     for k, (share, rate, mass, curve) in enumerate(drawn.sliders):
-        bead = fb.PointMass(f"mass {k}", mass=mass)
-        parts += [bead, fb.Slider(f"slider {k}", bead, on=path, at=path.length * share, rate=rate, curve=curve)]
+        bead, at = fb.PointMass(f"mass {k}", mass=mass), path.length * share
+        forces = forces_of(drawn.ways[k], at, path.length, rate) if drawn.ways else {"at": at, "rate": rate}
+        parts += [bead, fb.Slider(f"slider {k}", bead, on=path, curve=curve, **forces)]
     return fb.Scene(*parts, fb.RigidMotion(velocity=drawn.motion[0], spin=drawn.motion[1]), project_velocities=True)
 
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from validate.rows import reference
 
 Array = np.ndarray
+EXACT = reference("sliding_exact")
 
 
 def rod_section(EA: float, GA: float | None = None) -> fb.Section:
@@ -19,7 +21,7 @@ def rod_section(EA: float, GA: float | None = None) -> fb.Section:
 SLENDER = rod_section(1e4)
 
 
-def in_sleeves(starts: Array, length: float, places: tuple[float, ...], section: fb.Section, elements: int, *more: Any,
+def in_sleeves(starts: Array, length: float, places: tuple[float, ...], section: fb.Section, elements: Any, *more: Any,
                tilt: float = 0.0, angles: tuple[float, ...] = (), tips: tuple[float, float] = (0.0, 0.0), tail: float = 0.0,
                planar: bool = True) -> tuple[fb.Beam, fb.Model]:
     """A rod through sleeves 0, 1, ... at `places` along it, its start at `starts`; weights at its tips, a pull at its start."""
@@ -50,18 +52,9 @@ def test_the_driving_force_of_a_sleeve_is_the_same_anywhere_in_an_element() -> N
     assert worst < 1e-6
 
 
-@pytest.mark.parametrize(("EA", "GA", "length", "moment"), [
-    (100.0, 50.0, 0.781766570482762683, 0.762167960491649111), (1e4, 1e4, 0.794141219048179469, 0.774537926766662602)])
-def test_a_pull_on_the_tail_holds_a_bent_rod_in_a_sleeve(EA: float, GA: float, length: float, moment: float) -> None:
-    """Unit weight at the tip, the pull 0.3 on the tail of a rod that stretches and shears: it rests, unstably, where this length
-    is outside (by quadratures, 18 digits); the pull grows by 0.684 per length there."""
-    _, model = in_sleeves(np.array((length - 2.0, 0.0, 0.0)), 2.0, (2.0 - length,), rod_section(EA, GA), 20, tips=(0.0, 1.0),
-                          tail=0.3)
-    found = fb.solve_static(model, held=True, contacts="exact")
-    off = abs(found.info["force_along"]["sleeve 0"]) / 0.684 / length
-    print(f"EA = {EA:g}: length off by {off:.1e}")
-    assert off < 1e-9
-    assert abs(found.slider("sleeve 0")["moment"][-1, 2]) == pytest.approx(moment, rel=1e-9)
+def quick(table: str, *rows: int) -> list[Any]:
+    """All rows of a table of exact numbers; those that are not named run with the slow tests."""
+    return [row if k in rows else pytest.param(row, marks=pytest.mark.slow) for k, row in enumerate(EXACT[table])]
 
 
 # rods that do not stretch: the limit of EA = GA = 1e6, 2e6
@@ -69,36 +62,90 @@ def limit(values: list[Array]) -> Array:
     return 2.0 * values[1] - values[0]
 
 
-@pytest.mark.parametrize(("tilt", "weights", "left", "both", "moments"), [
-    (0.0, (1.0, 1.5), 1.59213449730509727, 2.5, 1.25265208134592781),
-    pytest.param(np.radians(30.0), (0.4, 1.2), 1.83358432954436759, 3.0, 0.500509335235184185, marks=pytest.mark.slow)])
-def test_an_arm_scale_is_in_balance_where_the_elastica_says(tilt: float, weights: tuple[float, float], left: float, both: float,
-                                                            moments: float) -> None:
-    found = []
+def pulled(pull: float, length: float, EA: float, GA: float) -> Array:
+    """Force along at this free length, moment in the sleeve, place of the tip from the exit."""
+    rod, model = in_sleeves(np.array((length - 2.5, 0.0, 0.0)), 2.5, (2.5 - length,), rod_section(EA, GA), 40, tips=(0.0, 1.0),
+                            tail=pull)
+    found = fb.solve_static(model, held=True, contacts="exact", points={"tip": rod.end})
+    return np.array((found.info["force_along"]["sleeve 0"], abs(found.slider("sleeve 0")["moment"][-1, 2]),
+                     *found.point("tip")[-1, :2]))
+
+
+@pytest.mark.parametrize("row", quick("tail_pull", 4), ids=lambda row: f"{row['pull']:g}")
+def test_a_pull_on_the_tail_holds_an_elastica_in_a_sleeve(row: dict[str, Any]) -> None:
+    """Unit weight at the tip: it rests, unstably, where this length is outside."""
+    off = limit([pulled(row["pull"], row["length"], EA, EA) for EA in (1e6, 2e6)]) - (0.0, row["moment"], *row["tip"])
+    print(f"pull {row['pull']:g}: force along {off[0]:.1e} N, moment {off[1]:.1e} N m, tip {np.abs(off[2:]).max():.1e} m")
+    assert np.all(np.abs(off) < 1e-9)
+
+
+@pytest.mark.parametrize("row", quick("rod_tail_pull", 1, 3), ids=lambda row: f"EA {row['EA']}")
+def test_a_pull_on_the_tail_holds_a_bent_rod_in_a_sleeve(row: dict[str, Any]) -> None:
+    """The same of rods that stretch and shear; the pull grows by 0.684 per length there."""
+    cases = [(row["EA"], row["GA"])] if row["EA"] else [(1e6, 1e6), (2e6, 2e6)]
+    found = [pulled(row["pull"], row["length"], *case) for case in cases]
+    off = (limit(found) if len(found) > 1 else found[0]) - (0.0, row["moment"], *row["tip"])
+    print(f"EA = {row['EA']}: length off by {abs(off[0]) / 0.684 / row['length']:.1e}, moment {off[1] / row['moment']:.1e}, tip "
+          f"{np.abs(off[2:]).max():.1e} m")
+    assert abs(off[0]) / 0.684 / row["length"] < 1e-9 and abs(off[1]) < 1e-9 * row["moment"] and np.all(np.abs(off[2:]) < 1e-9)
+
+
+@pytest.mark.parametrize("row", quick("arm_scale", 0), ids=lambda row: f"{row['tilt']} {row['weights'][0]:g}")
+def test_an_arm_scale_is_in_balance_where_the_elastica_says(row: dict[str, Any]) -> None:
+    found, tilt, left = [], np.radians(row["tilt"]), row["left"]
     for EA in (1e6, 2e6):
         start = -left * np.array((np.cos(tilt), np.sin(tilt), 0.0))
-        _, model = in_sleeves(start, both + 0.5, (left, left + 0.5), rod_section(EA), 40, tilt=tilt, tips=weights)
-        result = fb.solve_static(model, held="sleeve 0", contacts="exact")
-        found.append(np.array((result.info["force_along"]["sleeve 0"], result.slider("sleeve 0")["moment"][-1, 2])))
-    force, moment = limit(found)
-    print(f"tilt {tilt:.2f}: out of balance by {force:.1e} N, moment off by {moment - moments:.1e} N m")
-    assert abs(force) < 1e-8 and abs(moment - moments) < 1e-8
+        rod, model = in_sleeves(start, left + row["right"] + 0.5, (left, left + 0.5), rod_section(EA), 40, tilt=tilt,
+                                tips=row["weights"])
+        result = fb.solve_static(model, held="sleeve 0", contacts="exact", points={"left": rod.start, "right": rod.end})
+        exit_right = 0.5 * np.array((np.cos(tilt), np.sin(tilt)))
+        found.append(np.array((result.info["force_along"]["sleeve 0"], result.slider("sleeve 0")["moment"][-1, 2],
+                               result.slider("sleeve 1")["moment"][-1, 2], *result.point("left")[-1, :2],
+                               *(result.point("right")[-1, :2] - exit_right))))
+    off = limit(found) - (0.0, *row["moments"], *np.ravel(row["tips"]))
+    print(f"tilt {row['tilt']}: out of balance by {off[0]:.1e} N, moments off by {off[1]:.1e}, {off[2]:.1e} N m, tips by "
+          f"{np.abs(off[3:]).max():.1e} m")
+    assert abs(off[0]) < 1e-8 and np.all(np.abs(off[1:]) < 1e-9)
 
 
-@pytest.mark.parametrize(("angle", "length", "moment"), [
-    (30.0, 1.04814029250327, 0.952100156742488), pytest.param(60.0, 1.23220937185058, 1.34071026421216, marks=pytest.mark.slow)])
-def test_two_sleeves_hold_a_piece_of_the_elastica(angle: float, length: float, moment: float) -> None:
-    """Axes at +a and -a to the chord of length 1, one sleeve free to slide."""
-    found, a = [], np.radians(angle)
+@pytest.mark.parametrize("row", quick("two_sleeves", 0), ids=lambda row: f"{row['angle']}")
+def test_two_sleeves_hold_a_piece_of_the_elastica(row: dict[str, Any]) -> None:
+    """Axes at +a and -a to the chord of length 1, one sleeve free to slide; 40 elements, of which two meet in the middle."""
+    found, a, middle = [], np.radians(row["angle"]), 0.33 + 0.5 * row["length"]
+    mesh = [*np.linspace(0.0, middle, 21)[:-1], *np.linspace(middle, 1.8, 21)]
     for EA in (1e6, 2e6):
-        _, model = in_sleeves(np.array((-0.33, 0.0, 0.0)), 1.8, (0.33, 1.33), rod_section(EA), 20, angles=(a, -a))
-        result = fb.solve_static(model, held="sleeve 0", at_time=1.0, contacts="exact", load_step=1.0 if angle < 45 else 0.5)
+        rod, model = in_sleeves(np.array((-0.33, 0.0, 0.0)), 1.8, (0.33, 1.33), rod_section(EA), mesh, angles=(a, -a))
+        result = fb.solve_static(model, held="sleeve 0", at_time=1.0, contacts="exact", points={"middle": rod.node(60)},
+                                 load_step=1.0 if row["angle"] < 45 else 0.5)
         assert result.info["unstable_directions"] == 0 and result.info["free_directions"] == 0
-        s = result.state.s
-        found.append(np.array((s[1] - s[0], abs(result.slider("sleeve 0")["moment"][-1, 2]))))
-    off = limit(found) / (length, moment) - 1.0
-    print(f"{angle:g} degrees: length off by {off[0]:.1e}, moment by {off[1]:.1e}")
-    assert np.all(np.abs(off) < (1e-8, 3e-8))
+        s, one = result.state.s, result.slider("sleeve 0")
+        found.append(np.array((s[1] - s[0], abs(one["force"][-1, 0]), abs(one["moment"][-1, 2]), result.point("middle")[-1, 1])))
+    off = limit(found) / (row["length"], row["force"], row["moment"], row["height"]) - 1.0
+    print(f"{row['angle']} degrees: length {off[0]:.1e}, force {off[1]:.1e}, moment {off[2]:.1e}, height {off[3]:.1e}")
+    assert np.all(np.abs(off) < 1e-9)
+
+
+@pytest.mark.parametrize("distance", [0.4, 0.2, 0.1])
+def test_two_rings_drive_a_rod_as_the_weights_at_its_ends_say(distance: float) -> None:
+    """Rings as a sleeve on elements of 0.25 m, a weight at the tip and a pull on the tail: in sum they drive the rod by what
+    N + N^2/(2 EA) + Q^2/(2 GA) is at the tip less what it is at the other end, where no moment acts."""
+    EA, GA, forces = 1e3, 5e2, {"tip": np.array((0.0, -1.0, 0.0)), "tail": np.array((-0.3, 0.0, 0.0))}
+    rod = fb.Beam.straight("rod", (-1.37, 0, 0), (1.13, 0, 0), section=rod_section(EA, GA), elements=10)
+    rings = [fb.PointMass(f"ring {k}", mass=1.0, position=(-distance * k, 0, 0)) for k in range(2)]
+    scene = fb.Scene(rod, *rings, *map(fb.Pin, rings), fb.Load("tip", rod.end, force=forces["tip"]),
+                     fb.Load("tail", rod.start, force=forces["tail"]),
+                     *(fb.Slider(f"on {k}", ring, rod, at=1.37 - distance * k) for k, ring in enumerate(rings)))
+    model = fb.compile_scene(scene, planar=True)
+    found = fb.solve_static(model, held=True, contacts="exact")
+    along = {}
+    for name, node, sign in (("tip", rod.end, 1.0), ("tail", rod.start, -1.0)):
+        # of the section, which shears against the curve
+        axes = found.directors[-1, model.numbers.number(node)]
+        normal, shear = sign * forces[name] @ axes[0], sign * forces[name] @ axes[1]
+        along[name] = normal + normal**2 / (2.0 * EA) + shear**2 / (2.0 * GA)
+    off = sum(found.info["force_along"].values()) / (along["tip"] - along["tail"]) - 1.0
+    print(f"rings {distance} m from each other: off by {off:.1e}")
+    assert abs(off) < 2e-6
 
 
 # --- places of rest -----------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from exchange import balanced
 
 G = 9.81
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
@@ -27,12 +28,6 @@ def run(model: Any, t_end: float, step: float = 0.01, **settings: Any) -> fb.Res
 
 def happened(result: fb.Result) -> list[tuple[str, float]]:
     return [(x["kind"], x["time"]) for x in result.events if x["kind"] in ("locked", "unlocked", "released", "impact")]
-
-
-def balanced(result: fb.Result, limit: float = 1e-12) -> bool:
-    parts = result.balance()
-    scale = max(float(np.max(np.abs(x))) for x in parts.values())
-    return result.drift("balance") < limit and float(np.ptp(parts["sum"])) < limit * scale
 
 
 @pytest.mark.parametrize("planar", ["auto", False])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from exchange import balanced
 from fastbeam.locking import Locking
 from fastbeam.mapping import shapes_at
 
@@ -27,11 +28,6 @@ def ball_above(height: float = 0.2, at: float = 1.0, speed: float = 0.3, restitu
 
 def run(model: Any, t_end: float, step: float = 0.01, **settings: Any) -> fb.Result:
     return fb.simulate(model, t_end=t_end, step=step, every=1, progress=False, **settings)
-
-
-def balanced(result: fb.Result, limit: float = 1e-12) -> bool:
-    parts = result.balance()
-    return float(np.ptp(parts["sum"])) < limit * max(float(np.max(np.abs(x))) for x in parts.values())
 
 
 def soft_rail(way: str, elements: int = 8) -> Any:

@@ -14,6 +14,7 @@ import fastbeam as fb
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / "perf")]
 import ropeway  # noqa: E402
+from exchange import balanced  # noqa: E402
 from naive import Step, Twin, cayley_vector  # noqa: E402
 from scene_strategies import DrawnPath, build_path, paths  # noqa: E402
 
@@ -290,29 +291,23 @@ def test_other_methods_cross_joints(method: str) -> None:
 
 
 # --- friction, drives, stops, kinks, ends --------------------------------------------------------------------------------
-def balance_error(result: fb.Result) -> float:
-    parts = result.balance()
-    scale = max(float(np.max(np.abs(x))) for x in parts.values())
-    return float(np.ptp(parts["sum"])) / scale
-
-
 def test_friction_drives_and_stops_go_by_the_arc_length_of_the_path() -> None:
     length = 2.0 * np.pi * 1.5
     driven = run(fb.compile_scene(ring(4, True, drive=fb.Drive(speed=6.0), friction=0.2)), 4.0)
     np.testing.assert_allclose(driven.slider("s0")["s"], 0.3 + 6.0 * driven.t, rtol=0.0, atol=1e-10)
-    assert balance_error(driven) < 1e-12 and driven.slider("s0")["friction_loss"][-1] > 1.0
+    assert balanced(driven) and driven.slider("s0")["friction_loss"][-1] > 1.0
     slowed = run(fb.compile_scene(ring(4, True, friction=0.3)), 4.0)
-    assert balance_error(slowed) < 1e-12 and slowed.slider("s0")["s"][-1] < 0.3 + 20.0
+    assert balanced(slowed) and slowed.slider("s0")["s"][-1] < 0.3 + 20.0
     # a stop in the second round, on the third beam; none behind
     place = 1.6 * length
     stopped = run(fb.compile_scene(ring(4, True, stops=fb.Stops(end=place, restitution=0.5))), 4.0)
     s = stopped.slider("s0")["s"]
     assert abs(s.max() - place) < 1e-9 and s[-1] < place and stopped.events[0]["kind"] == "impact"
-    assert balance_error(stopped) < 1e-12
+    assert balanced(stopped)
     behind = run(fb.compile_scene(ring(4, True, at=0.8 * length, rate=-6.0, stops=fb.Stops(start=0.2 * length))), 2.0)
     assert abs(behind.slider("s0")["s"].min() - 0.2 * length) < 1e-9
     sprung = run(fb.compile_scene(ring(4, True, stops=fb.Stops(end=place, stiffness=500.0))), 4.0)
-    assert place < sprung.slider("s0")["s"].max() < place + 0.5 and balance_error(sprung) < 1e-12
+    assert place < sprung.slider("s0")["s"].max() < place + 0.5 and balanced(sprung)
 
 
 def test_the_end_of_an_open_path_ends_the_run() -> None:
@@ -367,7 +362,7 @@ def test_cabins_go_around_a_tensioned_cable(joint: Any) -> None:
     result = fb.simulate(model, t_end=14.0, step=0.02, start=start, progress=False)
     # over three supports each, of which one is the seam of the path for some
     assert result.state.s.max() > path.length + 30.0 and np.min(result.state.s - start.s) > 40.0
-    assert result.info["fallbacks"] == 0 and result.drift("balance") < 1e-11 and balance_error(result) < 1e-11
+    assert result.info["fallbacks"] == 0 and result.drift("balance") < 1e-11 and balanced(result, 1e-11)
     assert np.max(np.abs(result.series["contact_force"][1:])) < 2000.0
 
 

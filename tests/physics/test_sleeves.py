@@ -10,11 +10,14 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.mapping import contact
+from validate.rows import reference
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from exchange import balanced  # noqa: E402
 from naive_sleeve import CurveFrameTwin, Sleeve, State  # noqa: E402
 
 Array = np.ndarray
+EXACT = reference("sliding_exact")
 SOFT = fb.Section(EA=2e3, GA2=1e3, GA3=1.2e3, GJ=80.0, EI2=100.0, EI3=120.0, rhoA=1.0, rhoI2=0.02, rhoI3=0.03)
 TUBE = fb.Section(EA=3e3, GA2=2e3, GA3=2e3, GJ=300.0, EI2=200.0, EI3=200.0, rhoA=1.5, rhoI2=0.1, rhoI3=0.1)
 SLENDER = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
@@ -86,7 +89,9 @@ def test_energy_momenta_and_conditions_stay_and_the_way_back_is_the_same(kind: s
     if kind != "held":
         assert result.drift("lin_mom") < 1e-12 and result.drift("ang_mom") < 1e-12
     back = run(model, 0.4, order=order, start=result.state._replace(v=-result.state.v))
-    assert np.abs(back.state.q - model.q0).max() < 1e-11 and np.abs(back.state.s - model.s0).max() < 1e-11
+    off = np.abs(back.state.q - model.q0).max(), np.abs(back.state.s - model.s0).max()
+    print(f"there and back: {off[0]:.1e} m, s {off[1]:.1e} m")
+    assert max(off) < 1e-12
 
 
 @pytest.mark.parametrize("keyed", [True, False], ids=["keyed", "twist free"])
@@ -140,30 +145,44 @@ def rigid_rod(begin: float, length: float, mass: float, inertia: float) -> tuple
     return rod, fb.RigidConnection(rod.start, rod.end)
 
 
-def rotor(kind: str, planar: bool) -> fb.Model:
-    """A body of 1 kg on a rod that turns about its pinned end, or a rod in a sleeve that turns freely about its centre."""
+def rotor(kind: str, planar: bool) -> tuple[fb.Model, int]:
+    """A body of 1 kg on a rod that turns about its pinned end, or a rod in a sleeve that turns freely about its centre; most of
+    the mass of the second one in a body at the middle of the rod. With the number of the body that moves outwards."""
     if kind == "pivoted":
         rod, stays = rigid_rod(0.0, 1.5, 0.6, 0.5 - 0.6 * 0.75**2)
         body = fb.RigidBody("body", mass=1.0, inertia=(0.2, 0.3, 0.5), position=(0.1, 0, 0))
-        parts, at = [fb.Pin(rod.start)], 0.1
+        parts, at, moves = [fb.Pin(rod.start)], 0.1, body
     else:
-        rod, stays = rigid_rod(-0.85, 1.9, 1.0, 1.0 / 3.0)
+        rod, stays = rigid_rod(-1.4, 3.0, 0.3, 0.23)
         body = fb.RigidBody("body", mass=1.0, inertia=(0.5, 0.5, 0.5), position=(0, 0, 0))
-        parts, at = [fb.Pin(body)], 0.85
-    return fb.compile_scene(fb.Scene(rod, body, stays, *parts, fb.RigidMotion(spin=(0, 0, 2.0)),
-                                     fb.Sleeve("sleeve", body, rod, at=at, length=0.0)), planar=planar)
+        most = fb.RigidBody("most", mass=0.7, inertia=(0.06, 0.06, 1.0 / 3.0 - 0.23), position=(0.1, 0, 0))
+        parts, at, moves = [fb.Pin(body), most, fb.RigidConnection(rod.start, most)], 1.4, most
+    model = fb.compile_scene(fb.Scene(rod, body, stays, *parts, fb.RigidMotion(spin=(0, 0, 2.0)),
+                                      fb.Sleeve("sleeve", body, rod, at=at, length=0.0)), planar=planar)
+    return model, model.numbers.number(moves.center)
+
+
+ROTORS = [("pivoted", row) for row in EXACT["pivoted_rod"][1:3]] + [("turning", row) for row in EXACT["turning_sleeve"]]
 
 
 @pytest.mark.parametrize("planar", [True, False])
-@pytest.mark.parametrize(("kind", "t_end"), [("pivoted", 1.17290580857242384), ("turning", 1.17800927890489)])
-def test_rigid_rotors_meet_their_exact_motion(kind: str, t_end: float, planar: bool) -> None:
-    model = rotor(kind, planar)
-    s = np.array([run(model, t_end, t_end / n).state.s[0] for n in (20, 40, 80, 160)])
-    errors = np.abs(s - model.s0[0]) - 0.4
-    assert np.all(np.abs(errors[:-1] / errors[1:] - 4.0) < 0.05)
-    once = (4.0 * errors[1:] - errors[:-1]) / 3.0
+@pytest.mark.parametrize(("kind", "row"), ROTORS, ids=[f"{kind} {row['r']:g}" for kind, row in ROTORS])
+def test_rigid_rotors_meet_their_exact_motion(kind: str, row: dict[str, float], planar: bool) -> None:
+    """Distance from the axis and its rate, from 0.1 m at rest, by two extrapolations in the step of an order 2."""
+    model, moves = rotor(kind, planar)
+    errors = []
+    for n in (20, 40, 80, 160):
+        state = run(model, row["t"], row["t"] / n).state
+        place, velocity = (x.reshape(-1, 4, 3)[moves, 0] for x in (state.q, state.v))
+        out = float(np.linalg.norm(place))
+        assert abs(out - 0.1 - abs(state.s[0] - model.s0[0])) < 1e-13
+        errors.append((out - row["r"], velocity @ place / out - row["rdot"]))
+    off = np.array(errors)
+    assert np.all(np.abs(off[:-1] / off[1:] - 4.0) < 0.05)
+    once = (4.0 * off[1:] - off[:-1]) / 3.0
     twice = (16.0 * once[1:] - once[:-1]) / 15.0
-    assert abs(twice[-1]) < 1e-9
+    print(f"{kind} {row['r']}: errors {off[-1]}, extrapolated {twice[-1]}, ratios {off[:-1] / off[1:]}")
+    assert np.all(np.abs(twice[-1]) < 1e-9)
 
 
 def test_a_bent_rod_is_driven_out_alike_wherever_an_element_begins() -> None:
@@ -234,8 +253,8 @@ def test_friction_drives_and_stops_keep_the_books(planar: bool) -> None:
         if "drive" in forces:
             described.project_velocities = True
         result = run(fb.compile_scene(described, planar=planar), 0.6)
-        assert result.drift("balance") < 1e-11, forces
-        assert result.drift("ang_mom") < 1e-11 and result.drift("lin_mom") < 1e-11
+        assert balanced(result), forces
+        assert result.drift("ang_mom") < 1e-12 and result.drift("lin_mom") < 1e-12
 
 
 @pytest.mark.parametrize("planar", [True, False])

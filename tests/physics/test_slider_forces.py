@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from exchange import balanced
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.along import AGAINST, MOST_FLIPS
 from fastbeam.newton import Stepper
@@ -30,12 +31,6 @@ def rigid_rail(angle: float, at: float, planar: Any = "auto", mass: float = 0.01
 
 def run(model: Any, t_end: float, step: float = 1e-3, **settings: Any) -> fb.Result:
     return fb.simulate(model, t_end=t_end, step=step, every=1, progress=False, **settings)
-
-
-def balanced(result: fb.Result, limit: float = 1e-12) -> bool:
-    parts = result.balance()
-    scale = max(float(np.max(np.abs(x))) for x in parts.values())
-    return result.drift("balance") < limit and float(np.ptp(parts["sum"])) < limit * scale
 
 
 # --- friction -----------------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from exchange import balanced
 
 SECTION = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
 BEAM = fb.Beam.straight("rail", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2)
@@ -35,6 +36,7 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "negative friction": (lambda: slider(friction=-0.1), ("friction", "finite number >= 0")),
     "friction as text": (lambda: slider(friction="0.3"), ("friction", "coefficient >= 0 or a Friction")),
     "drive as a number": (lambda: slider(drive=1.0), ("drive", "fb.Drive(speed=")),
+    "several drives": (lambda: slider(drive=[fb.Drive(speed=1.0), fb.Drive(force=1.0)]), ("slider 's'", "drive", "fb.Drive(")),
     "stops as a pair": (lambda: slider(stops=(0.2, 0.8)), ("stops", "fb.Stops(start, end)")),
     "stops beyond the beam": (lambda: slider(stops=fb.Stops(0.2, 1.8)), ("end=1.8 m lies beyond", "0 to 1 m")),
     "stops that exclude the start": (lambda: slider(stops=fb.Stops(0.6, 0.8)),
@@ -100,6 +102,18 @@ def test_message_says_what_is_wrong(case: str) -> None:
 def test_equilibria_with_held_sliders_take_friction() -> None:
     result = fb.solve_static(model(friction=0.1), held=True)
     assert result.slider("s")["s"][-1] == 0.5
+
+
+@pytest.mark.parametrize("drive", [fb.Drive(speed=-0.4), fb.Drive(position=lambda t: 0.5 - 0.4 * t)], ids=["speed", "position"])
+def test_a_prescribed_motion_and_friction_do_not_contradict_each_other(drive: fb.Drive) -> None:
+    """The drive gives what friction takes and the mass gets."""
+    load = fb.Load("push", BEAM.end, force=(0, 0, 0.05))
+    found = fb.compile_scene(fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), slider(drive=drive, friction=0.3), load, gravity=(0, 0, -1.0)))
+    result = fb.simulate(found, t_end=0.5, step=1e-3, every=1, progress=False)
+    s = result.slider("s")
+    np.testing.assert_allclose(s["s"], 0.5 - 0.4 * result.t, atol=1e-12)
+    assert s["friction_loss"][-1] > 1e-3 and np.all(np.diff(s["friction_loss"]) >= 0.0) and s["drive_work"][-1] > 0.0
+    assert balanced(result)
 
 
 def test_a_prescribed_motion_gives_the_rate() -> None:
