@@ -82,8 +82,8 @@ def check_beam_through_ring(quick: bool = False) -> list[Row]:
                      Row(f"beam through a ring, {case['case']}, from 16 elements on: order of {text}", float(order[k]),
                          at_least=4.0)]
             if mesh:
-                rows.append(Row(f"{title}, contacts of the mesh", float(mesh[1][k])))
-                rows.append(Row(f"{title}, contacts of the mesh: order from 16 on",
+                rows.append(Row(f"{title}, mesh contacts", float(mesh[1][k])))
+                rows.append(Row(f"{title}, mesh contacts: order",
                                 float(orders((mesh[0][k], mesh[1][k]), meshes[-1] / meshes[0])[0])))
     return rows
 
