@@ -122,6 +122,26 @@ def net(cells: int, steps: int, repeats: int) -> Values:
             "memory": (peak(), "MB")}
 
 
+def ring_on_cable() -> Values:
+    """The scene of examples/ring_on_cable.py, with its step."""
+    import fastbeam as fb
+    sys.path.insert(0, str(HERE.parent / "examples"))
+    from ring_on_cable import build
+    return {"step": (a_step(fb.compile_scene(build()), 5e-4, 400, 5), "us")}
+
+
+def net_with_sliders(cells: int, count: int) -> Values:
+    """The welded net with masses that run along some of its beams, each from its middle."""
+    import fastbeam as fb
+    scene = square_net(cells)
+    net = scene.nets[0]
+    for k, beam in enumerate(np.linspace(0, len(net.edges) - 1, count).astype(int).tolist()):
+        mass = fb.PointMass(f"mass {k}", mass=0.05)
+        scene.add(mass, fb.Slider(f"slider {k}", mass, net.beam(beam), at=0.45 * float(net.lengths[beam]), rate=0.3))
+    elements = 4 * cells * (cells + 1)
+    return {"step": (a_step(fb.compile_scene(scene), STEP, 2, 3) / elements, "us per element"), "memory": (peak(), "MB")}
+
+
 def statics() -> Values:
     """A cantilever rolled up to a circle by a moment, 100 elements."""
     import fastbeam as fb
@@ -198,7 +218,9 @@ CASES = {
     "chain": Case(chain, "free beam, 1000 elements of degree 2"),
     "slider": Case(lambda: sliding(False), "mass on a beam of 8 elements of degree 3, in space"),
     "planar": Case(lambda: sliding(True), "the same in its plane"),
+    "ring on cable": Case(ring_on_cable, "the example of this name, 32 elements of degree 3 in a plane"),
     "net": Case(lambda: net(28, 2, 3), "welded net, 1e4 unknowns at the joints and more within"),
+    "net sliders": Case(lambda: net_with_sliders(28, 100), "the same net with 100 masses that slide on its beams"),
     "statics": Case(statics, "roll-up of a cantilever, 100 elements of degree 3"),
     "many beams": Case(many_beams, "compile_scene of a net of 1e5 beams"),
     "long chain": Case(long_chain, "clamped beam, 1e5 elements of degree 2"),
@@ -265,7 +287,7 @@ def main() -> int:
         return 0
     if options.list:
         for name, case in CASES.items():
-            print(f"{name:12} {case.what}{' (--large)' if case.large else ''}")
+            print(f"{name:16} {case.what}{' (--large)' if case.large else ''}")
         return 0
     found: dict[str, Any] = {}
     failed = 0
@@ -273,11 +295,11 @@ def main() -> int:
         values = measure(name)
         if isinstance(values, str):
             failed += 1
-            print(f"{name:12} FAILED: {values}", flush=True)
+            print(f"{name:16} FAILED: {values}", flush=True)
             continue
         found[name] = values
         for key, (value, unit) in values.items():
-            print(f"{name:12} {key:12} {value:12.4g} {unit:16} {CASES[name].what}", flush=True)
+            print(f"{name:16} {key:12} {value:12.4g} {unit:16} {CASES[name].what}", flush=True)
     if options.json:
         options.json.write_text(json.dumps({"machine": machine(), "cases": found}, indent=1) + "\n")
     return failed

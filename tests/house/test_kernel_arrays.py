@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 KERNELS = Path(__file__).resolve().parents[2] / "src" / "fastbeam" / "kernels"
-DECORATORS = {"kernel", "one_variant", "inlined"}
+DECORATORS = {"kernel", "one_variant", "inlined", "separate"}
 # what follows an array in the arguments of functions that load and store; arrays that are followed by other things
 PLACES, ALWAYS = {"first", "node", "p", "f"}, {"source", "target", "index"}
 SEPARATOR = r"(?:,\s+|\s+and\s+)"

@@ -7,7 +7,7 @@ from pathlib import Path
 from statistics import median
 
 KERNELS = Path(__file__).resolve().parents[2] / "src" / "fastbeam" / "kernels"
-DECORATORS = {"kernel", "one_variant", "inlined"}
+DECORATORS = {"kernel", "one_variant", "inlined", "separate"}
 MOST_ARGUMENTS, MEDIAN_ARGUMENTS, LONGEST = 12, 8, 60
 
 

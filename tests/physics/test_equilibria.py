@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from validate import misses
+from validate import check, misses
 from validate.equilibria import check_bend45, check_cantilever, check_helix, check_rollup, check_slenderness, helix
 from validate.rows import reference
 
@@ -40,8 +40,15 @@ def test_slender_beams_do_not_lock() -> None:
     assert misses(check_slenderness(quick=True)) == []
 
 
+@pytest.mark.parametrize("name", ["beam_through_ring", "ropes", "tendons", "lever", "ring_at_rest"])
+def test_sliders_rest_where_exact_solutions_say(name: str) -> None:
+    rows = check(name)(quick=True)
+    print(*rows, sep="\n")
+    assert misses(rows) == []
+
+
 @pytest.mark.parametrize("name", ["cantilever", "bend45", "ring_on_cable", "slide_cantilever", "slide_isolated", "free_flight",
-                                  "spaghetti", "sliding_exact", "frequencies"])
+                                  "spaghetti", "sliding_exact", "sliding_equilibria", "frequencies"])
 def test_every_reference_says_what_it_is_and_how_good(name: str) -> None:
     data = reference(name)
     assert len(data["what"]) > 20 and len(data["accuracy"]) > 10
@@ -53,3 +60,16 @@ def test_the_cantilever_reference_balances_moments_at_the_clamp() -> None:
     for case in reference("cantilever")["cases"]:
         (x, y), (f_x, f_y) = case["tip"], case["force"]
         assert math.isclose(case["root_moment"], x * f_y - y * f_x + case["moment"], rel_tol=1e-12)
+
+
+def test_the_reference_of_ropes_balances_forces_at_the_ring() -> None:
+    for case in reference("sliding_equilibria")["ropes"].values():
+        H, T = case.get("H", [case.get("horizontal_tension")] * 2), case["tension_at_ring"]
+        # of both sides the same tension; a ring between rising and falling rope carries the difference of horizontal parts
+        left, right = (math.sqrt(T**2 - h**2) for h in H)
+        if "force_on_ring" in case:
+            x, y = case["force_on_ring"]
+            assert math.isclose(x, H[1] - H[0], rel_tol=1e-12)
+            assert any(math.isclose(-y, a * left + b * right, rel_tol=1e-12) for a in (1, -1) for b in (1, -1))
+        else:
+            assert math.isclose(case["ring_weight"], left + right, rel_tol=1e-12)
