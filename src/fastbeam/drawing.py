@@ -14,6 +14,7 @@ import numpy as np
 from .arguments import Instance, Word
 from .errors import BackendError, SceneError
 from .lines import Lines
+from .mode_shapes import DampedModes, Modes
 from .result import Result
 
 if TYPE_CHECKING:
@@ -210,6 +211,34 @@ def space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> An
         axis.labelpad = 10.0 * size
         axis.set_pane_color((0.97, 0.97, 0.97, 1.0))
     return axes
+
+
+def panel_figure(n: int, points: np.ndarray, plane: str) -> tuple[Figure, list[Any]]:
+    """A figure with n panels, in rows of three, and their axes, which all show `points`."""
+    columns = min(3, n)
+    rows = -(-n // columns)
+    figure = new_figure((4.2 * columns, 3.4 * rows))
+    grid = figure.add_gridspec(rows, columns)
+    panels = [space_axes(figure, grid[j // columns, j % columns], points, plane) for j in range(n)]
+    for axes in panels:
+        if len(axes.axes_of_space) == 3:
+            # panels are small: the numbers of a short axis would lie on each other, and a mode has no size
+            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+                axis.set_ticklabels([])
+                axis.labelpad = -8.0
+    return figure, panels
+
+
+def words_of_mode(modes: Modes | DampedModes, k: int) -> tuple[str, bool]:
+    """What stands over a mode, and whether it grows."""
+    if isinstance(modes, DampedModes):
+        grows = bool(modes.decay[k] < 0.0)
+        swing = f"{modes.frequencies[k]:.5g} Hz, " if modes.frequencies[k] else ""
+        rate = f"{'grows' if grows else 'decays'}, {abs(modes.decay[k]):.4g} 1/s"
+        rate = f"ratio {modes.damping_ratios[k]:.3g}" if swing else rate
+        return swing + rate if modes.rates[k] else "free", grows
+    what = f"grows, {modes.growth[k]:.4g} 1/s" if modes.growth[k] else f"{modes.frequencies[k]:.5g} Hz"
+    return what if modes.squared[k] else "free", bool(modes.growth[k])
 
 
 def put_title(axes: Any, text: str) -> None:

@@ -17,6 +17,7 @@ from .law_path import law_path
 from .load_times import load_factors_at, load_path, which_times
 from .model import Model, check_model
 from .observe import OBSERVED, POINTS
+from .out_of_plane import OutOfPlane
 from .result import Result
 from .scene import Beam, Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .scene.checks import Place
@@ -66,7 +67,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     Parameters
     ----------
     model : Model
-        Held as for `solve_static`. A planar scene stays in its plane.
+        Held as for `solve_static`. A planar scene stays in its plane; that equilibria become unstable out of it is told of.
     to : float
         Load factor at which the path ends.
     start : State
@@ -121,7 +122,10 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         load_factor, length, row, mode (displacements [N, 3] of all nodes, largest 1), mode_sliders (of sliders [S]), mode_at (the
         node that moves most); of the bifurcation that stop_at= ends at also multiplicity, branches
         (directions that lead away, as components along the vectors that vanish together) and continuum (whether they are two
-        opposite ones of a continuum, as of a column that may bend to all sides).
+        opposite ones of a continuum, as of a column that may bend to all sides). Of a planar scene, not compiled with
+        planar=True, which supports hold in space: `info["unstable_out_of_plane"]`, the number of unstable directions out of its
+        plane at the end (None where it is left open), and an event "unstable" with the first row at which there are some, looked
+        for at every tenth row and the last.
 
     Raises
     ------
@@ -173,7 +177,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                          "load_factor=")
     check_at_rest("solve_path", model.motions)
     solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor, laws, strains)
-    check_supports(model, solver.stepper.plane is not None)
+    flat = solver.stepper.plane is not None
+    held_in_space = check_supports(model, flat)
     if model.motions is not None:
         for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
             model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
@@ -184,6 +189,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                     observe, wanted)
     for kind, text in notes:
         path.buffer.event({"kind": kind, "time": 0.0, "text": text})
+    if flat and held_in_space and not model.asked_for_plane:
+        path.aside = OutOfPlane(solver, lambda at, factor: PathSolver(model, at, max_iterations, stays, False, backend, factors,
+                                                                      factor, laws, strains))
     if strains is not None:
         strains.watch([*path.observer.sections, *(x.section for x in wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)

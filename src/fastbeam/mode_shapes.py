@@ -7,13 +7,107 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import notebook
-from .arguments import Count, Number, checked
+from .arguments import Count, Flag, Number, checked
 from .errors import SceneError
+from .result import Result
 
 if TYPE_CHECKING:
     from .kernels.work import State
 
 Array = np.ndarray
+# frames at most: a film of an hour is a mistake
+MOST_FRAMES = 20_000
+SIZE, FRAMES = Number(above=0.0, most=10.0), Count(2, most=MOST_FRAMES)
+# what does not swing is shown until it has decayed to exp(-this), or has grown from that
+DECAYS = 3.0
+
+
+class Motion:
+    """A mode as it moves, over one period of it.
+
+    Shapes at phase p, from 0 to 2 pi, are a Re(x e^(i p)), triads turned by finite rotations about a Re(spin e^(i p)). With decay
+    times exp(Re r t), next to the largest of that.
+
+    Parameters
+    ----------
+    modes : Modes or DampedModes
+    k : int
+        From 0.
+    amplitude : float
+        Largest displacement as a share of the size of the scene; largest angle, rad, where nothing but triads turns.
+    decay : bool
+
+    Raises
+    ------
+    SceneError
+        There is no such mode.
+
+    Attributes
+    ----------
+    displacements, spins : complex128 [N, 3]
+        a x and a spin, m and rad.
+    period : float
+        s; of motions to and fro without one 1, with decay the time in which they decay or grow by exp(3).
+    """
+
+    def __init__(self, modes: Modes | DampedModes, k: int, amplitude: float, decay: bool) -> None:
+        _check_number(modes, k)
+        self.positions, self.directors = modes.positions, modes.directors
+        self.rate, x, turn = modes._moving(k)
+        swings = self.rate.imag > 0.0
+        fades = decay and self.rate.real != 0.0
+        self.period = 2.0 * np.pi / self.rate.imag if swings else DECAYS / abs(self.rate.real) if fades else 1.0
+        # of the whole motion in a period
+        self.growth = self.rate.real * self.period if fades else 0.0
+        self.turns = float(swings or not fades)
+        # a motion of nothing but triads has no displacement to scale
+        moves = np.linalg.norm(x, axis=1).max(initial=0.0) > 0.5
+        size = amplitude * size_of(self.positions) if moves else amplitude
+        self.displacements, self.spins = size * x, size * turn
+
+    def factor(self, share: float) -> complex:
+        """By which displacements are multiplied before their real part is taken, at a time as a share of the period."""
+        return complex(np.exp(2j * np.pi * self.turns * share + self.growth * share - max(self.growth, 0.0)))
+
+    def shape(self, share: float) -> tuple[Array, Array]:
+        """Positions [N, 3], m, and directors [N, 3, 3] at a time as a share of the period."""
+        by = self.factor(share)
+        return self.positions + np.real(by * self.displacements), _turned(self.directors, np.real(by * self.spins))
+
+    def velocity(self, share: float) -> Array:
+        """Of the nodes [N, 3], m/s."""
+        rate = complex(self.growth, 2.0 * np.pi * self.turns) / self.period
+        return np.real(rate * self.factor(share) * self.displacements)
+
+    def reach(self) -> tuple[Array, Array]:
+        """Positions [N, 3] with the smallest and the largest coordinates that every node comes to."""
+        most = np.abs(self.displacements)
+        return self.positions - most, self.positions + most
+
+
+def _motion(modes: Modes | DampedModes, k: int, amplitude: float, frames: int, decay: bool) -> Result:
+    """See `Modes.motion`."""
+    moving = Motion(modes, k, amplitude, decay)
+    shares = np.arange(frames) / frames
+    phi, directors = (np.array(x) for x in zip(*(moving.shape(share) for share in shares)))
+    return Result(t=moving.period * shares, names=modes.names, t_snap=moving.period * shares, phi=phi, directors=directors,
+                  velocities=np.array([moving.velocity(share) for share in shares]),
+                  info={"scene": modes.info["scene"], "method": f"mode {k}", "period": moving.period, "conserved": []})
+
+
+def size_of(positions: Array) -> float:
+    """Largest extent of a scene, m; 1 of a point."""
+    finite = positions[np.isfinite(positions).all(axis=1)]
+    return float(np.max(np.ptp(finite, axis=0))) or 1.0 if len(finite) else 1.0
+
+
+def _turned(directors: Array, turn: Array) -> Array:
+    """Directors [N, 3, 3] turned about vectors [N, 3], rad (Rodrigues)."""
+    angle = np.linalg.norm(turn, axis=1)[:, None, None]
+    about = turn[:, None, :]
+    once = np.cross(about, directors)
+    return np.asarray(directors + np.sinc(angle / np.pi) * once
+                      + 0.5 * np.sinc(0.5 * angle / np.pi)**2 * np.cross(about, once))
 
 
 class Modes:
@@ -113,6 +207,44 @@ class Modes:
         x, turn = self.displacements[k], self.spins[k]
         return self._source.moved(a * x, a * turn, a * self.slides[k], rate * x, rate * turn)
 
+    @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
+    def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
+        """Shapes of one period of a mode as snapshots of a `Result`, for ParaView (`.to_vtk`) and pictures; films: `animate`.
+
+        Shapes are those of Re(x e^(i p)) at phases p from 0 on, in equal steps without the end of the period, so that they go on
+        where they begin; with the velocities of the motion. Motions without a period (free, growing, more than critically damped)
+        go to and fro once, in a period of 1 s.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement, as a share of the size of the scene; of modes in which nothing but triads turns the largest
+            angle, rad.
+        frames : int
+            Snapshots.
+        decay : bool
+            With decay or growth, e^(r t) as it is; what does not swing decays to e^-3, or grows from that.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        return _motion(self, k, amplitude, frames, decay)
+
+    def _moving(self, k: int) -> tuple[complex, Array, Array]:
+        """Rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
+        rate, x, turn = complex(self.growth[k], self.angular[k]), self.displacements[k], self.spins[k]
+        if not (rate.real and rate.imag):
+            return rate, x.astype(complex), turn.astype(complex)
+        # of what grows and swings two modes are listed, a and b, the motion is that of a - i b, and b + i a a quarter behind
+        pairs = (self.growth > 0.0) & (self.angular > 0.0)
+        other = k + 1 if np.sum(pairs[:k]) % 2 == 0 else k - 1
+        sign = 1j * (k - other)
+        return rate, x + sign * self.displacements[other], turn + sign * self.spins[other]
+
     def table(self) -> str:
         """Text: frequency, w, rate of growth, residual and effective masses of every mode."""
         rows = [f"{'mode':>4} {'Hz':>14} {'rad/s':>14} {'growth 1/s':>11} {'residual':>9}   effective mass x, y, z [kg]"]
@@ -200,6 +332,33 @@ class DampedModes:
         x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
                                   np.real(a * rate * turn))
+
+    @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
+    def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
+        """Shapes of one period of a mode as snapshots of a `Result`; as `Modes.motion`, with the phases that points have.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement, as a share of the size of the scene; of modes in which nothing but triads turns the largest
+            angle, rad.
+        frames : int
+            Snapshots.
+        decay : bool
+            With decay or growth, e^(r t) as it is; what does not swing decays to e^-3, or grows from that.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        return _motion(self, k, amplitude, frames, decay)
+
+    def _moving(self, k: int) -> tuple[complex, Array, Array]:
+        """Rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
+        return complex(self.rates[k]), self.displacements[k], self.spins[k]
 
     def table(self) -> str:
         """Text: damped and undamped frequency, damping ratio, decay and residual of every mode."""

@@ -15,6 +15,7 @@ from .kernels.work import State
 from .load_steps import RECORDED
 from .model import Model
 from .observe import Observer
+from .out_of_plane import OutOfPlane
 from .path_stops import Wanted
 from .progress import Progress
 from .reactions import StaticReactions
@@ -61,6 +62,8 @@ class PathWalk:
         self.buffer = ResultBuffer(header)
         self.begin = time.perf_counter()
         self.length, self.rows, self.iterations = 0.0, 0, 0
+        # of a path in a plane what is to be looked at in space
+        self.aside: OutOfPlane | None = None
 
     def record(self, iterations: int, size: float, unstable: int | None) -> None:
         """A row and a shape of the present equilibrium."""
@@ -74,6 +77,8 @@ class PathWalk:
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
         self.resolution.look(self.length, state.q)
+        if self.aside is not None:
+            self.aside.keep(self.length, unstable)
         self.rows += 1
         self.iterations += iterations
 
@@ -99,6 +104,7 @@ class PathWalk:
         try:
             with Interrupts() as self.solver.interrupts:
                 self._go(to, stop_at, branch, bar)
+                self._look_aside()
         except ConvergenceError:
             raise
         except Exception as failed:
@@ -115,6 +121,15 @@ class PathWalk:
                               "until then in .result", result=result, state=result.state) from stopped
         bar.close()
         return self.finish()
+
+    def _look_aside(self) -> None:
+        """Whether a path in a plane passed equilibria that are unstable out of it."""
+        self.begun_at = None
+        if self.aside is not None:
+            critical = {point["row"] for point in self.info["critical_points"]}
+            self.info["unstable_out_of_plane"], event = self.aside.look(critical)
+            if event is not None:
+                self.buffer.event(event)
 
     def _go(self, to: float, stop_at: str | None, branch: int | None, bar: Progress) -> None:
         solver = self.solver

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .arguments import Count, Flag, Instance, Number, Word, checked
-from .drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, as_text, bounds, flat_plane, new_figure, put_title, shapes_size,
-                      slider_names, slider_path, space_axes, styled, time_bar)
+from .arguments import Count, Flag, Instance, Word, checked
+from .drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, as_text, bounds, flat_plane, new_figure, panel_figure, put_title,
+                      shapes_size, slider_names, slider_path, space_axes, styled, time_bar, words_of_mode)
 from .errors import SceneError
-from .mode_shapes import DampedModes, Modes
+from .mode_shapes import SIZE, DampedModes, Modes, size_of
 from .responses import FrequencyResponse
 from .result import Result
 
@@ -185,7 +185,7 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
     return figure
 
 
-@checked(modes=SOME_MODES, plane=PLANE, n=Count(most=48), first=Count(0), amplitude=Number(above=0.0, most=10.0))
+@checked(modes=SOME_MODES, plane=PLANE, n=Count(most=48), first=Count(0), amplitude=SIZE)
 @styled
 def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
     """n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey. Of damped modes the
@@ -209,24 +209,14 @@ def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, firs
     picks = range(first, min(first + n, len(modes)))
     if not picks:
         raise SceneError(f"first: mode {first} does not exist, there are {len(modes)}, counted from 0")
-    low, high = bounds(modes.positions)
-    size = amplitude * (float(np.max(high - low)) or 1.0)
+    size = amplitude * size_of(modes.positions)
     positions = [modes.positions]
     positions += [modes.positions + sign * size * np.real(modes.displacements[k]) for k in picks for sign in (-1.0, 1.0)]
     shapes = Shapes(Result(t=(), names=modes.names, t_snap=np.zeros(len(positions)), phi=positions,
                            directors=np.broadcast_to(modes.directors, (len(positions), *modes.directors.shape))))
-    columns = min(3, len(picks))
-    rows = -(-len(picks) // columns)
-    figure = new_figure((4.2 * columns, 3.4 * rows))
-    grid = figure.add_gridspec(rows, columns)
-    for j, k in enumerate(picks):
-        axes = space_axes(figure, grid[j // columns, j % columns], shapes.everything, plane)
-        what, grows = _words_of_mode(modes, k)
-        if len(axes.axes_of_space) == 3:
-            # panels are small: the numbers of a short axis would lie on each other, and a mode has no size
-            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-                axis.set_ticklabels([])
-                axis.labelpad = -8.0
+    figure, panels = panel_figure(len(picks), shapes.everything, plane)
+    for j, (k, axes) in enumerate(zip(picks, panels)):
+        what, grows = words_of_mode(modes, k)
         colour = COLOURS[1] if grows else COLOURS[0]
         shapes.draw(axes, 0, "0.75")
         for line in shapes.draw(axes, 1 + 2 * j, colour):
@@ -234,18 +224,6 @@ def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, firs
         shapes.draw(axes, 2 + 2 * j, colour)
         put_title(axes, f"{k}: {what}")
     return figure
-
-
-def _words_of_mode(modes: Modes | DampedModes, k: int) -> tuple[str, bool]:
-    """What stands over a mode, and whether it grows."""
-    if isinstance(modes, DampedModes):
-        grows = bool(modes.decay[k] < 0.0)
-        swing = f"{modes.frequencies[k]:.5g} Hz, " if modes.frequencies[k] else ""
-        rate = f"{'grows' if grows else 'decays'}, {abs(modes.decay[k]):.4g} 1/s"
-        rate = f"ratio {modes.damping_ratios[k]:.3g}" if swing else rate
-        return swing + rate if modes.rates[k] else "free", grows
-    what = f"grows, {modes.growth[k]:.4g} 1/s" if modes.growth[k] else f"{modes.frequencies[k]:.5g} Hz"
-    return what if modes.squared[k] else "free", bool(modes.growth[k])
 
 
 @checked(response=A_RESPONSE, component=Word(("x", "y", "z", "size")), log=Flag())

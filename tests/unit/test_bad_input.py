@@ -498,6 +498,9 @@ def calls(folder: Path) -> dict[str, Call]:
             points=one_of(Mapping), sliders=one_of(Mapping), contact_forces=one_of(Mapping), strain_energy=is_real)),
         "Sensitivity.frequencies": Call(bars().frequencies, dict(n=2), dict(n=is_count, planar=is_flag)),
         "Modes.state": Call(modes().state, dict(k=0, amplitude=0.01), dict(k=is_count, amplitude=is_real, phase=is_real)),
+        "Modes.motion": Call(modes().motion, dict(k=0), dict(k=is_count, amplitude=is_real, frames=is_count, decay=is_flag)),
+        "DampedModes.motion": Call(damped_modes().motion, dict(k=0), dict(
+            k=is_count, amplitude=is_real, frames=is_count, decay=is_flag)),
         "Modes.shape": Call(modes().shape, dict(k=0), dict(k=is_count)),
         "load_result": Call(fb.load_result, dict(path=folder / "text"), dict(path=PATH)),
         "load_checkpoint": Call(fb.load_checkpoint, dict(path=folder / "text"), dict(path=PATH)),
@@ -544,8 +547,10 @@ def calls(folder: Path) -> dict[str, Call]:
         "Sweep.column": Call(fb.sweep(lambda a: 2.0 * a, {"a": [1, 2]}, workers=1).column, dict(name="value"),
                              dict(name=is_text)),
         "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
-        "animate": Call(fb.animate, dict(result=result(), path=folder / "film.gif", overwrite=True, fps=20.0, plane="xy"), dict(
-            result=one_of(fb.Result), path=PATH, plane=is_text, fps=is_real, speed=is_real, overwrite=is_flag, progress=is_flag)),
+        "animate": Call(fb.animate, dict(result=modes(), path=folder / "film.gif", overwrite=True, plane="xy", frames=2), dict(
+            result=one_of(fb.Result, Modes, DampedModes), path=PATH, plane=is_text, fps=is_real, speed=is_real,
+            mode=either(is_count, is_list_of(is_count)), amplitude=is_real, frames=is_count, decay=is_flag, overwrite=is_flag,
+            progress=is_flag)),
         "plot_overview": Call(fb.plot_overview, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count)),
         "plot_shapes": Call(fb.plot_shapes, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count,
                                                                         cmap=is_text)),

@@ -14,6 +14,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.lines import Lines
+from fastbeam.mode_shapes import DampedModes
 from fastbeam.result import Result
 from small_scenes import SECTION, bead
 
@@ -51,6 +52,20 @@ def test_points_are_the_nodes_and_directors_theirs(tmp_path: Path) -> None:
         np.testing.assert_array_equal(file["VTKHDF/Steps/Values"][:], run.t_snap)
         assert file["names/beam"][:].tolist() == [b"rail"] and file["names/slider"][:].tolist() == [b"run"]
         assert file["VTKHDF/PointData/kind"][:].tolist() == [2, 3] + 7 * [0]
+
+
+def test_a_mode_is_a_time_series_of_its_period(tmp_path: Path) -> None:
+    n = 3
+    still, x = np.column_stack((np.arange(3.0), np.zeros((n, 2)))), np.array([[[0, 0, 0], [0, 0.6, 0], [0, 0, 1j]]])
+    found = DampedModes(np.array([-0.3 + 5.0j]), x, np.zeros_like(x), np.zeros((1, 0)), np.zeros(1), None, {"scene": "rod"},
+                        {"beams": [{"name": "rod", "first": 0, "count": n}]}, still, np.tile(np.eye(3), (n, 1, 1)))
+    found.motion(0, amplitude=0.25, frames=4).to_vtk(tmp_path / "mode.vtkhdf", refine=1, double=True)
+    parts = 0.5 * np.array([x[0].real, -x[0].imag, -x[0].real, x[0].imag])
+    np.testing.assert_allclose(steps_of(tmp_path / "mode.vtkhdf", "Points"), still + parts, atol=1e-15)
+    # a period without decay
+    np.testing.assert_allclose(steps_of(tmp_path / "mode.vtkhdf", "velocity"), 5.0 * np.roll(parts, -1, axis=0), atol=1e-14)
+    with h5py.File(tmp_path / "mode.vtkhdf") as file:
+        np.testing.assert_allclose(file["VTKHDF/Steps/Values"][:], 0.1 * np.pi * np.arange(4), rtol=1e-14)
 
 
 def test_points_between_nodes_lie_on_the_curve_that_the_beam_is(tmp_path: Path) -> None:
