@@ -10,14 +10,15 @@ import numpy as np
 from .arguments import Anything, Count, Number, Word, checked, shown
 from .errors import ConvergenceError, SceneError
 from .joint_motion import check_at_rest
-from .kernels.step import SINGULAR
+from .kernels.step import OK, SINGULAR
 from .kernels.work import State
 from .linsolve import check_backend
-from .load_steps import LoadSteps, StaticTask
+from .load_steps import LONG, LoadSteps, StaticTask
 from .load_times import load_factors_at
 from .model import Model, check_model
 from .observe import OBSERVED, POINTS
 from .path_stops import wanted_of
+from .progress import Progress
 from .result import Result, ResultBuffer
 from .scene import Beam
 from .scene.checks import Place
@@ -27,6 +28,8 @@ from .winches import refuse_winches
 
 Array = np.ndarray
 MASSES = ("kept", "per_length")
+# iterations up to which the next step is twice as long
+FEW = 6
 # a part of a combination of conditions or lengths that is told of, next to the largest; how many are told of
 PART, MOST = 0.1, 6
 
@@ -91,6 +94,39 @@ class LengthSteps(LoadSteps):
             result.info[key] = dict(zip(names, values.tolist()))
         return result
 
+    def _climb(self, step: float, largest: float, bar: Progress) -> None:
+        task, solver, first = self.task, self.solver, step
+        reached = 0.0
+        self._record(0.0, 0, 0.0)
+        while reached < 1.0:
+            solver.interrupts.serve()
+            target = 1.0 if reached + step > 1.0 - 1e-12 else reached + step
+            solver.move_to(target)
+            status, sizes = solver.equilibrium(task.factors)
+            if status == OK:
+                solver.history.append(len(sizes))
+                self._record(target, len(sizes), target - reached)
+                bar.update(target - reached)
+                reached, solver.may_leap = target, False
+                step = min(largest, step * (2.0 if len(sizes) <= FEW else 1.4 if len(sizes) <= LONG else 1.0))
+            elif step > task.smallest_step * (1.0 + 1e-12):
+                step = max(task.smallest_step, 0.25 * step)
+            elif not solver.may_leap:
+                # none nearby: whatever equilibrium there is
+                solver.may_leap, step = True, first
+            else:
+                bar.close()
+                raise self._failure(status, sizes, reached)
+
+    def _judge(self) -> None:
+        for share, extent in self.solver.leaps:
+            self.buffer.event({"kind": "leap", "time": share,
+                               "text": f"when conditions had gone {share:.6g} of their way there was no equilibrium nearby, and one "
+                                       f"further off was taken (motion of {extent:.3g}, in sizes of the scene and rad): lengths or "
+                                       "sliders jump there, as a slider does from one element to the next where the mesh is too "
+                                       "coarse for the kink that it makes"})
+        super()._judge()
+
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
         solver, result = self.solver, self._finish()
         told = [f"{one.wanted.label} is {value:.6g} of {one.wanted.value:.6g}"
@@ -102,7 +138,7 @@ class LengthSteps(LoadSteps):
         return ConvergenceError(f"find_lengths: the smallest step fails when conditions have gone {reached:.6g} of their way, "
                                 f"{', '.join(told[k] for k in off)}; {why}. The last equilibrium is in .state, everything "
                                 f"computed in .result{self._look_at_mesh(reached)}", step=len(solver.history), time=reached,
-                                residuals=np.array(sizes), state=result.state, result=result)
+                                residuals=sizes, state=result.state, result=result)
 
 
 @checked(model=Anything(), lengths=Anything(), conditions=Anything(), points=POINTS, start=START, at_time=Number(unit="s"),
@@ -111,7 +147,7 @@ class LengthSteps(LoadSteps):
 def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mapping[tuple[str, str] | str, float], *,
                  points: Mapping[str, Place] | None = None, start: State | None = None, at_time: float | None = None,
                  mass: str = "kept", observe: Sequence[str] = ("energy",), held: bool | str | Sequence[str] = False,
-                 step: float = 0.25, largest_step: float = 1.0, smallest_step: float = 1e-6, max_iterations: int = 20,
+                 step: float = 0.25, largest_step: float = 1.0, smallest_step: float = 1e-4, max_iterations: int = 20,
                  backend: str = "auto") -> Result:
     """An equilibrium under the loads of the scene in which beams have the unstressed lengths with which conditions hold: droppers
     whose wire is level, cables with a given sag or tension (theory.md (12.4)).

@@ -2,17 +2,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from .arc_length import LEAST_STRAY, STRAY
 from .errors import SceneError
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, has_converged, next_increment
 from .kernels.work import State
 from .model import Model
 from .observe import place_of
-from .path_stops import AXES, Wanted
+from .path_stops import AXES, MOMENTS, Wanted
 from .response import Response, Solver
 from .saddle import Saddle, factors_for
 from .scene import Beam
@@ -24,8 +26,8 @@ from .tables import elements_of
 Array = np.ndarray
 # longest increment, in sizes of the scene and rad
 LONGEST = 1.0
-# of coordinates, in lengths of the beam's elements and as they are, for derivatives of section forces
-NEARBY = 1e-5
+# steps of coordinates, in distances of nodes and as they are, for derivatives of section forces, and differences of order 6
+NEARBY, WAYS, WEIGHTS = 2.0**-8, (-3, -2, -1, 1, 2, 3), (-1 / 60, 9 / 60, -45 / 60, 45 / 60, -9 / 60, 1 / 60)
 # what lengths do to conditions, next to what they do to the scene, that is round-off; the smallest of the singular values of all
 # of it, rows and columns scaled to 1, next to the largest
 UNMOVED, DEPENDENT = 1e-9, 1e-9
@@ -99,27 +101,29 @@ class Condition(NamedTuple):
     at: tuple[Array, Array] | None   # nodes [k] and weights [k, 4] of a place
     axis: int                        # of the place
     slider: int                      # of an arc length; else -1
+    part: str                        # of a section force
 
     def slope(self, state: State) -> tuple[Array, Array]:
         """Numbers of coordinates of nodes and the derivatives by them, of places and section forces."""
         if self.at is not None:
             nodes, weights = self.at
             return (12 * nodes[:, None] + 3 * np.arange(4) + self.axis).reshape(-1), weights.reshape(-1)
-        section = self.wanted.section
-        nodes = section.first + np.unique(np.concatenate((section.nodes.reshape(-1), section.at_nodes.reshape(-1))))
-        at = (12 * nodes[:, None] + np.arange(12)).reshape(-1)
-        phi = state.q.reshape(-1, 4, 3)[nodes, 0]
+        section = copy(self.wanted.section)
+        first, section.first = section.first, 0
+        q = state.q.reshape(-1, 12)[first:first + section.count]
+        nodes = np.unique(np.concatenate((section.nodes.reshape(-1), section.at_nodes.reshape(-1))))
         steps = np.full((nodes.size, 12), NEARBY)
-        steps[:, :3] *= np.max(np.linalg.norm(np.diff(phi, axis=0), axis=1))
-        out = np.zeros(at.size)
-        for k, (i, step) in enumerate(zip(at.tolist(), steps.reshape(-1).tolist())):
-            ends = []
-            for sign in (1.0, -1.0):
-                q = state.q.copy()
-                q[i] += sign * step
-                ends.append(self.wanted.of(state._replace(q=q)))
-            out[k] = (ends[0] - ends[1]) / (2.0 * step)
-        return at, out
+        steps[:, :3] *= np.max(np.linalg.norm(np.diff(q[nodes, :3], axis=0), axis=1))
+        n = steps.size
+        # node, coordinate, one after the other; from each of them six steps away
+        moved = np.broadcast_to(q, (n, len(WAYS), *q.shape)).copy()
+        each = np.arange(n)
+        moved[each[:, None], np.arange(len(WAYS)), np.repeat(nodes, 12)[:, None], each[:, None] % 12] += (
+            np.array(WAYS) * steps.reshape(-1, 1))
+        shapes = moved.reshape(-1, section.count, 4, 3)
+        values = getattr(section.at(np.zeros(len(shapes)), shapes[:, :, 0], shapes[:, :, 1:]), self.part)[:, 0]
+        slope = values.reshape(n, -1) @ np.array(WEIGHTS) / steps.reshape(-1)
+        return (12 * (first + nodes[:, None]) + np.arange(12)).reshape(-1), slope
 
 
 def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, float], points: Mapping[str, Place] | None,
@@ -133,7 +137,7 @@ def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, f
     """
     out = []
     for what, one in zip(conditions, wanted):
-        at, axis, slider, size = None, -1, -1, model.length
+        at, axis, slider, size, part = None, -1, -1, model.length, ""
         if isinstance(what, str):
             slider = model.names["sliders"].index(what)
             if stays[slider]:
@@ -144,9 +148,9 @@ def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, f
         elif what[1] in AXES:
             at, axis = place_of(model, what[0], (points or {})[what[0]]), AXES.index(what[1])
         else:
-            stiff = one.section.stiffness
-            size = float(stiff[0, 0]) * (model.length if what[1] in ("T", "M2", "M3") else 1.0)
-        out.append(Condition(one, size, at, axis, slider))
+            part = what[1]
+            size = float(one.section.stiffness[0, 0]) * (model.length if part in MOMENTS else 1.0)
+        out.append(Condition(one, size, at, axis, slider, part))
     return out
 
 
@@ -170,7 +174,10 @@ class LengthSolver(Response):
         plane = tables.model.plane
         self.tables, self.conditions = tables, conditions
         self.change = np.zeros(len(tables.beams))
+        # part of their way that conditions go
         self.share = 0.0
+        # whether an equilibrium that is not near will do; where that was so, and how far it was
+        self.may_leap, self.leaps = False, list[tuple[float, float]]()
         tables.watch([condition.wanted.section for condition in conditions])
         super().__init__(tables.model, start, held, plane is not None and plane.holds(start), backend, at_time, factors, 1.0)
         self.max_iterations = max_iterations
@@ -211,7 +218,6 @@ class LengthSolver(Response):
     def bordered(self) -> tuple[Saddle, Array, Array, Any, Array]:
         """Tangent [n, n], what is left of the equations [n], their derivatives by the prestrains [n, m], and those of the
         conditions by the unknowns [m, n] and by the prestrains [m, m]."""
-        self._put(self.change)
         saddle, right = self.linearised()
         m, size, rows = self.change.size, len(self.core.dofs), self.core.pattern.n
         state, outer = self.state, self.work.f_ext - self._loads
@@ -277,28 +283,39 @@ class LengthSolver(Response):
         before = expected = np.inf
         self.runaway = self.stuck = -1
         state, n = self.stepper.core_state, self.nodes + self.sliding.size
+        first = gone = np.zeros(self.unknowns + self.change.size)
         wanted = self.begun + self.share * (self.asked - self.begun) if self.share < 1.0 else self.asked
         for _ in range(self.max_iterations):
             x = self._solved(wanted - self.values())
             if x is None:
                 return (SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE), sizes
-            change, s = self.change + x[n + self.core.n_forces:], state.s + x[self.nodes:n]
+            change, s = self.change + x[self.unknowns:], state.s + x[self.nodes:n]
             prestrains = self.tables.first + change
             if self._size(x[:self.nodes]) > LONGEST or np.any((prestrains < LEAST) | (prestrains > MOST)):
                 return NOT_CONVERGED, sizes
             if np.any((s < self.ends[:, 0]) | (s > self.ends[:, 1])):
                 return NOT_CONVERGED, sizes
-            step = float(np.max(np.abs(change - self.change)))
+            if not sizes:
+                first = x.copy()
+            gone = gone + x
             self.change = change
-            sizes.append(step + self._move(Increment(x[:self.nodes], x[self.nodes:n], x[n:n + self.core.n_forces])))
+            self._put(change)
+            sizes.append(float(np.max(np.abs(x[self.unknowns:]))) + self._move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns])))
             if not sizes[-1] < np.inf:
                 return NOT_FINITE, sizes
             if has_converged(sizes[-1], before, expected):
-                self._put(change)
-                return OK, sizes
+                # further off than conditions that are nearly linear lead: another equilibrium
+                is_near = self._extent(gone - first) <= max(STRAY * self._extent(first), LEAST_STRAY)
+                if not is_near and self.may_leap:
+                    self.leaps.append((self.share, self._extent(gone)))
+                return OK if is_near or self.may_leap else NOT_CONVERGED, sizes
             before, expected = sizes[-1], next_increment(sizes[-1], before)
             self.interrupts.serve()
         return NOT_CONVERGED, sizes
+
+    def _extent(self, x: Array) -> float:
+        """The largest motion, in sizes of the scene and rad, and change of a prestrain among all unknowns [n + m]."""
+        return self.size_of(x) + float(np.max(np.abs(x[self.unknowns:])))
 
     def _solved(self, off: Array) -> Array | None:
         """Increments of all unknowns and prestrains [n + m], conditions being off by so much [m]; None where there are none."""
@@ -317,7 +334,3 @@ class LengthSolver(Response):
             if whole.unbalanced > np.linalg.norm(whole.row * noise):
                 return None
         return x
-
-    def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
-        self._put(self.change)
-        return super().signs(factors, in_plane)
