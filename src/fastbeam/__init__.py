@@ -28,6 +28,7 @@ _WHERE = {
     "harmonic": ["frequency_response"],
     "relaxing": ["relax"],
     "form_finding": ["force_density"],
+    "finding_lengths": ["find_lengths"],
     "equilibrium_paths": ["solve_path"],
     "stick_limits": ["stick_interval"],
     "sensitivities": ["sensitivity"],
@@ -77,6 +78,7 @@ if TYPE_CHECKING:
     from .harmonic import frequency_response as frequency_response
     from .relaxing import relax as relax
     from .form_finding import force_density as force_density
+    from .finding_lengths import find_lengths as find_lengths
     from .equilibrium_paths import solve_path as solve_path
     from .sensitivities import sensitivity as sensitivity
     from .critical_slopes import critical_sensitivity as critical_sensitivity

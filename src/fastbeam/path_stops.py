@@ -32,8 +32,8 @@ class Wanted(NamedTuple):
         return self.of(state) - self.value
 
 
-def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None) -> list[Wanted]:
-    """What `stop=` of `solve_path` asks for.
+def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None, who: str = "solve_path, stop") -> list[Wanted]:
+    """What `stop=` of `solve_path`, or another argument of that kind, asks for; who: the function and the argument.
 
     Raises
     ------
@@ -43,19 +43,18 @@ def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None) -> li
     if stop is None:
         return []
     if not isinstance(stop, Mapping) or not stop:
-        raise SceneError("solve_path, stop: must be a mapping of quantities to wanted values, {('tip', 'z'): -0.3}, got "
-                         f"{shown(stop)}")
+        raise SceneError(f"{who}: must be a mapping of quantities to wanted values, {{('tip', 'z'): -0.3}}, got {shown(stop)}")
     out = []
     for what, value in stop.items():
         number = real(value)
         if number is None or not abs(number) <= LARGEST:
-            raise SceneError(f"solve_path, stop: the value of {shown(what)} must be a finite number, got {shown(value)}")
-        label, of, section = _quantity(model, what, points or {})
+            raise SceneError(f"{who}: the value of {shown(what)} must be a finite number, got {shown(value)}")
+        label, of, section = _quantity(model, what, points or {}, who)
         out.append(Wanted(label, of, number, section))
     return out
 
 
-def _quantity(model: Model, what: Any, points: Mapping[str, Place]) -> tuple[str, Callable[[State], float], Any]:
+def _quantity(model: Model, what: Any, points: Mapping[str, Place], who: str) -> tuple[str, Callable[[State], float], Any]:
     """Name and function of a quantity, and its section.
 
     Raises
@@ -69,20 +68,20 @@ def _quantity(model: Model, what: Any, points: Mapping[str, Place]) -> tuple[str
     if isinstance(what, str):
         if what not in sliders:
             there = f"its sliders are {', '.join(map(repr, sliders[:12]))}" if sliders else "it has no sliders"
-            raise SceneError(f"solve_path, stop: scene {model.scene_name!r} has no slider {what!r}; {there}. Quantities are "
+            raise SceneError(f"{who}: scene {model.scene_name!r} has no slider {what!r}; {there}. Quantities are "
                              f"{WHAT}")
         number = sliders.index(what)
         return f"s of slider {what!r}", lambda state: float(state.s[number]), None
     if not (isinstance(what, tuple) and len(what) == 2 and all(isinstance(x, str) for x in what)):
-        raise SceneError(f"solve_path, stop: {shown(what)} is no quantity; take {WHAT}")
+        raise SceneError(f"{who}: {shown(what)} is no quantity; take {WHAT}")
     name, part = what
     if name not in points:
-        raise SceneError(f"solve_path, stop: {name!r} is no name in points=; give points={{{name!r}: beam.end}}")
+        raise SceneError(f"{who}: {name!r} is no name in points=; give points={{{name!r}: beam.end}}")
     if part not in (*AXES, *FORCES, *MOMENTS):
-        raise SceneError(f"solve_path, stop: {name!r} has no {part!r}; choose x, y, z, N, Q2, Q3, T, M2 or M3")
+        raise SceneError(f"{who}: {name!r} has no {part!r}; choose x, y, z, N, Q2, Q3, T, M2 or M3")
     observer = Observer(model, () if part in AXES else ("section",), {name: points[name]})
     if part not in AXES and observer.sections[0] is None:
-        raise SceneError(f"solve_path, stop: {name!r} lies on no beam and has no {part}")
+        raise SceneError(f"{who}: {name!r} lies on no beam and has no {part}")
     places = ("points", AXES), ("section_force", FORCES), ("section_moment", MOMENTS)
     series, names = next((series, names) for series, names in places if part in names)
     at = names.index(part)

@@ -67,15 +67,18 @@ class StrainPath:
     def __init__(self, model: Model, changes: dict[Beam, float]) -> None:
         self.changes = changes
         self._spans = [(model.numbers.start(beam), beam.basis.n_nodes, value) for beam, value in changes.items()]
-        # table, places of axial strains, what they are at load factor 0, and their change
-        self._parts: list[tuple[Array, Array, Array, Array]] = []
+        # number of the beam, table, places of axial strains, what they are at load factor 0, and their change
+        self._parts: list[tuple[int, Array, Array, Array, Array]] = []
         self._made: dict[bool, Model] = {}
+        # load factor of every beam that tables have
+        self._now = np.zeros(len(changes))
         given = model.uneliminated
         assert given is not None
 
         def uneliminated(planar: bool) -> Model:
             if planar not in self._made:
-                self._made[planar] = self._own(given(planar=planar))
+                self._made[planar] = replace(self._own(given(planar=planar)), uneliminated=uneliminated)
+                self.put(self._now)
             return self._made[planar]
 
         self.model = replace(self._own(model), uneliminated=uneliminated)
@@ -92,22 +95,23 @@ class StrainPath:
         for group in tables.meta:
             nn, nq, first = group[NODES], group[POINTS], group[LIST]
             nodes = tables.nodes[first:first + 8 * nn].reshape(nn, 8)
-            for start, count, value in self._spans:
+            for k, (start, count, value) in enumerate(self._spans):
                 lanes = np.flatnonzero(np.all((nodes >= start) & (nodes < start + count), axis=0))
                 if lanes.size:
                     at = (group[REFERENCE] + 8 * numbers * np.arange(nq)[:, None] + lanes).reshape(-1)
-                    self._parts.append((tab, at, tab[at].copy(), np.full(at.size, -value)))
+                    self._parts.append((k, tab, at, tab[at].copy(), np.full(at.size, -value)))
         return tables._replace(tab=tab)
 
-    def put(self, factor: float) -> None:
-        """Let beams have the prestrains of a load factor."""
-        for tab, at, first, change in self._parts:
-            tab[at] = first + factor * change
+    def put(self, factor: float | Array) -> None:
+        """Let beams have the prestrains of a load factor, or each of its own [B]."""
+        self._now = np.broadcast_to(factor, len(self.changes)).copy()
+        for k, tab, at, first, change in self._parts:
+            tab[at] = first + self._now[k] * change
 
     def watch(self, sections: list[Any]) -> None:
-        """Let these `resultants.Sections`, or None, have the prestrains as well, from load factor 0 on."""
+        """Let these `resultants.Sections`, or None, have the prestrains as well, from the next `put` on."""
         for section in sections:
-            for start, count, value in self._spans:
+            for k, (start, count, value) in enumerate(self._spans):
                 if section is not None and start <= section.first < start + count:
                     axial = section.reference[..., 0]
-                    self._parts.append((axial, np.arange(axial.shape[0]), axial.copy(), np.full(axial.shape, -value)))
+                    self._parts.append((k, axial, np.arange(axial.shape[0]), axial.copy(), np.full(axial.shape, -value)))
