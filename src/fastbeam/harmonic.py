@@ -127,7 +127,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     settled = about
     if moved is not None:
         settled = Linearisation(model, about.stepper.state if state is None else state, about.sliding, about.factors,
-                                about.size == 3, moved)
+                                about.size == 3, moved, resting=about.resting)
         settled.stepper.core_state.force[:] = about.stepper.core_state.force
         settled.stepper.law_work[:2] = about.stepper.law_work[:2]
         if settled.stepper.motion is not None:
@@ -192,6 +192,7 @@ class _Response:
             self._put(j, whole, out, motions)
         info = {"scene": model.scene_name, "method": "frequency response", "excitation": e.text, "solver": system.name,
                 "moves_in": "space" if about.size == 6 else "plane", "unknowns": k, "loss_factor": loss_factor,
+                "held_sliders": about.held_sliders,
                 "modes_with_ratio": 0 if ratios is None else int(ratios[1].size)}
         names = {**model.names, "points": list(self.places)}
         return FrequencyResponse(np.array(frequencies), *out, residuals, sensitivity, uncertainty, motions, info, names,

@@ -62,13 +62,12 @@ class StaticAlong:
         table = self.forces.tables
         self.start, self.end, own = s.copy(), s.copy(), model.along_of(history).copy()
         self.offset, self.elastic = own[:, OFFSET], self.forces.elastic(s, own)
-        for k in np.flatnonzero(table.drive == POSITION).tolist():
+        for k in np.flatnonzero((table.drive == POSITION) & ~held).tolist():
             self.end[k] = self.forces.place_given(k, at_time, own[k])
             low, high = model.limits_at(s, history)[k]
             if not low <= self.end[k] <= high:
                 raise SceneError(f"solve_static: slider {model.names['sliders'][k]!r}: its drive prescribes s = {self.end[k]:.6g}"
                                  f" m, outside what it slides on ({low:.6g} to {high:.6g} m)")
-        self.end[held] = s[held]
         self.held = held | np.isin(table.drive, (POSITION, INCREMENT))
         self.rubs = self.forces.hold_by_friction & ~self.held
         # at rest smoothed friction is none
