@@ -16,8 +16,8 @@ POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0,
 
 # derivative from values at steps of SHORT s from now on, of fourth order, as of scene/sliding.py
 SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
-# derivatives of laws at rest: the largest difference, as a share of the size of the argument, how often it is halved, and how much
-# both one-sided derivatives may differ from the one that was found, relative
+# derivatives of laws at rest: the largest difference, as a share of the size of the argument, how often it is halved, and how
+# much both one-sided derivatives may differ from the one that was found, relative
 LARGEST, HALVES, ONE_SIDED = 1e-3, 20, 1e-2
 
 
@@ -153,7 +153,7 @@ def slope_of(f: Callable[[float], float], x: float, size: float, who: str, by: s
         ahead, back = _value_or_nan(f, x + h), _value_or_nan(f, x - h)
         widest = max(widest, *(np.nan_to_num(abs(y - here) / (LARGEST * size)) for y in (ahead, back)))
         row = np.full(i + 1, (ahead - back) / (2.0 * h))
-        round_off = np.finfo(float).eps * (abs(ahead) + abs(back)) / h
+        round_off = np.finfo(float).eps * (abs(ahead) + abs(back) + abs(x * row[0])) / h
         for j in range(i):
             row[j + 1] = row[j] + (row[j] - before[j]) / (4.0**(j + 1) - 1.0)
             change = max(abs(row[j + 1] - row[j]), abs(row[j + 1] - before[j])) + round_off

@@ -57,12 +57,18 @@ class RestingSliders:
         # of forces on the points by their places, N/m, and by their rates, N s/m
         self.slope = np.where(pressed & (stiff > 0.0), -stiff, 0.0)
         self._by_rate = -forces.tables.viscous
-        for k in np.flatnonzero(self.free).tolist() if factor else []:
-            if k in self.along.driven:
-                by_place, by_rate = forces.slopes_at_rest(k, at_time, float(s[k]), factor, float(self._own[k, OFFSET]),
-                                                          float(self.along.lengths[k]))
-                self.slope[k] += by_place
-                self._by_rate[k] += by_rate
+        self._at, self._known = (at_time, factor, s.copy()), np.zeros(s.size, bool)
+        self._add_drives()
+
+    def _add_drives(self) -> None:
+        """Derivatives of the forces of drives on those that are free."""
+        t, factor, s = self._at
+        for k in self.along.driven[self.free[self.along.driven] & ~self._known[self.along.driven]].tolist() if factor else []:
+            by_place, by_rate = self.forces.slopes_at_rest(k, t, float(s[k]), factor, float(self._own[k, OFFSET]),
+                                                           float(self.along.lengths[k]))
+            self.slope[k] += by_place
+            self._by_rate[k] += by_rate
+            self._known[k] = True
 
     @property
     def free(self) -> Array:
@@ -118,6 +124,7 @@ class RestingSliders:
                              "fb.solve_static(model) and give state=result.state")
         touches = ~along.rubs & (at_stop != 0) & (np.abs(needed) <= slack)
         at_stop[touches] = 0
+        self._add_drives()
         return bool(touches.any())
 
     def remember(self, history: Array) -> None:
