@@ -64,8 +64,9 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
     themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
 
-    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, laws of forces
-    that depend on velocities. Friction is not, nor drag by the square of the velocity: both have no linear part at rest.
+    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, viscous and smoothed
+    friction and drives of sliders, laws of forces that depend on velocities. Drag by the square of the velocity has no linear part at
+    rest; what Coulomb friction holds stays, as in `modes`.
 
     Parameters
     ----------
@@ -207,7 +208,7 @@ class _Response:
             out[0][j, p] = np.einsum("ma,mac->c", weights, rates[nodes])
             if len(nodes) == 1:
                 out[1][j, p] = 0.5 * np.cross(about.q[nodes[0], 1:], rates[nodes[0], 1:]).sum(axis=0)
-        out[2][j] = x[k:k + about.core.n_sliders]
+        out[2][j] = x[k:k + about.core.n_sliders] * about.sliding
         if motions is not None:
             motions[j] = rates[:, 0]
 

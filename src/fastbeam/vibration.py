@@ -72,17 +72,19 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     n : int
         Number of modes; unstable and free motions come first.
     load_factor : float
-        Of all loads and gravity, as in `solve_static`; 0: the scene without loads.
+        Of all loads, gravity and drives of sliders, as in `solve_static`; 0: the scene without loads.
     at_time : float
-        Where time functions of loads are evaluated, s; needed when the scene has some.
+        Where time functions of loads and drives are evaluated, s; needed when the scene has some.
     held : bool, str or sequence of str
-        Sliders that stay where they are on their beams, as in `solve_static`.
+        Sliders that stay where they are on their beams, as in `solve_static`. So do those that Coulomb friction or a rigid stop
+        holds, that are locked, or whose motion a drive prescribes: `info["held_sliders"]`. On the others act drives that push,
+        and elastic stops that are pressed, with the derivatives of their forces.
     planar : bool, optional
         True: motions in the plane of the scene alone. Default: all motions in space, unless the model was compiled with
         planar=True.
     damped : bool
         The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag,
-        dampers in joints, laws of forces that depend on velocities.
+        dampers in joints, viscous and smoothed friction and drives of sliders, laws of forces that depend on velocities.
     steady : Spin or Travel, optional
         About a steady motion (theory.md 17): the state is an equilibrium in it, `solve_static(model, steady=...).state`, and
         supports belong to the frame that spins, or stand where beams travel. With the damping that the scene has.
@@ -267,8 +269,8 @@ def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
     by = factor[:, None, None]
     info = {"scene": about.model.scene_name, "method": "damped modes", "unknowns": k, "held_sliders": about.held_sliders,
             "moves_in": "space" if about.size == 6 else "plane"}
-    return DampedModes(found.rates, by * moved, by * spins, found.vectors[k:k + s].T * factor[:, None], found.residuals, about,
-                       info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())
+    return DampedModes(found.rates, by * moved, by * spins, found.vectors[k:k + s].T * factor[:, None] * about.sliding,
+                       found.residuals, about, info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())
 
 
 def _modes_of(about: Linearisation, found: Eigen) -> Modes:
@@ -310,5 +312,6 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
                             "left_out": pencil.still.shape[1], "complete": found.is_complete,
                             "moves_in": "space" if about.size == 6 else "plane", "unknowns": k,
                             "held_sliders": about.held_sliders}
-    return Modes(values, by * moved, by * spins, vectors[k:k + s].T / size[:, None], 1.0 / size**2, (part**2).T, residuals,
-                 found.noise, about, info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())
+    return Modes(values, by * moved, by * spins, vectors[k:k + s].T / size[:, None] * about.sliding, 1.0 / size**2,
+                 (part**2).T, residuals, found.noise, about, info, about.model.names, about.q[:, 0].copy(),
+                 about.q[:, 1:].copy())
