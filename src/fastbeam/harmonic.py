@@ -64,9 +64,9 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
     themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
 
-    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, viscous and smoothed
-    friction and drives of sliders, laws of forces that depend on velocities. Drag by the square of the velocity has no linear part at
-    rest; what Coulomb friction holds stays, as in `modes`.
+    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, viscous and
+    smoothed friction and drives of sliders, laws of forces that depend on velocities. Drag by the square of the velocity has no
+    linear part at rest; what Coulomb friction holds stays, as in `modes`.
 
     Parameters
     ----------

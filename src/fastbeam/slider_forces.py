@@ -94,6 +94,13 @@ class SliderForces:
         return np.array([not (x.lock is None and x.release is None and x.one_sided is None) for x in self.sliders])
 
     @property
+    def is_rough(self) -> Array:
+        """Whether something may hold a slider, let it go or prescribe its motion, so that its place at rest is no smooth function
+        of the loads, bool [S]."""
+        rigid = [x.stops is not None and x.stops.is_rigid for x in self.sliders]
+        return self.lets_go_of | self.hold_by_friction | np.array(rigid) | np.isin(self.tables.drive, (POSITION, INCREMENT))
+
+    @property
     def hold_by_friction(self) -> Array:
         """Which sliders Coulomb friction can hold at rest, bool [S]."""
         t = self.tables

@@ -294,3 +294,58 @@ def test_a_bead_that_sticks_stays_in_a_run_from_a_mode() -> None:
     turn = 2.0 * np.arctan(0.5 * found.angular[0] * h) * np.arange(n + 1)
     off = np.abs(moved - size * np.cos(turn)[:, None] * found.displacements[0, number])
     assert np.max(off) < 2e-5 * size
+
+
+# --- derivatives ----------------------------------------------------------------------------------------------------------
+def pull(t: float, s: float, rate: float) -> float:
+    return -25.0 * np.sinh(s - 2.0) - 0.1 * rate
+
+
+def driven(L: float, m: float, k: float, x: float) -> Any:  # noqa: N803
+    """Two rings on a cable: on a controller towards x and a weak law, and on a stop of stiffness k that it is pushed against."""
+    cable = fb.Beam.straight("cable", (0, 0, 0), (L, 0, 0), section=fb.Section(
+        EA=5e3, GA2=5e3, GA3=5e3, GJ=1.0, EI2=2.0, EI3=2.0, rhoA=0.3, rhoI2=1e-3, rhoI3=1e-3), elements=6)
+    one, two = fb.PointMass("first", mass=m), fb.PointMass("second", mass=0.7)
+    return (fb.Scene(cable, fb.Clamp(cable.start), fb.Clamp(cable.end), one, two,
+                     fb.Slider("one", one, cable, at=0.4 * L, drive=fb.Drive(position=x, stiffness=k, damping=0.2),
+                               friction=fb.Friction(viscous=0.3)),
+                     fb.Slider("two", two, cable, at=0.7 * L, drive=fb.Drive(force=pull),
+                               stops=fb.Stops(end=0.72 * L, stiffness=k)), gravity=(0, 0.3, -9.81)),
+            {"one": one, "middle": (cable, 0.5 * L)})
+
+
+DRIVEN = dict(L=2.0, m=0.8, k=60.0, x=0.7)
+
+
+def test_derivatives_of_equilibria_and_frequencies_with_drives_and_elastic_stops() -> None:
+    found = fb.sensitivity(driven, DRIVEN, observe=("energy",))
+    assert found.state.s[1] > 0.72 * DRIVEN["L"] and max(found.accuracy.values()) < 1e-8
+    slopes = found.frequencies(3)
+    modes = fb.modes(found.model, state=found.state, n=3)
+    np.testing.assert_allclose(slopes.frequencies, modes.frequencies, rtol=1e-9)
+    gradient = found.gradient(sliders={"one": 1.0, "two": 2.0}).by
+    for name in ("L", "k", "x"):
+        def at(v: float, name: str = name) -> Array:
+            model = fb.compile_scene(driven(**DRIVEN | {name: v})[0])
+            rest = fb.solve_static(model)
+            potential = rest.series["strain"][-1] + rest.series["potential"][-1]
+            return np.concatenate((rest.state.s, [potential],
+                                   fb.modes(model, state=rest.state, n=3).frequencies))
+
+        h = 2e-3 * DRIVEN[name]
+        sides = [at(DRIVEN[name] + j * h) - at(DRIVEN[name] - j * h) for j in (1, 2, 3)]
+        exact = (45.0 * sides[0] - 9.0 * sides[1] + sides[2]) / (60.0 * h)
+        ours = np.array([found.slider("one")[name], found.slider("two")[name]])
+        energy = found.energy("strain")[name] + found.energy("potential")[name]
+        for mine, other, to in ((ours, exact[:2], 1e-10), (energy, exact[2], 1e-9), (slopes.by[name], exact[3:], 5e-9)):
+            assert np.linalg.norm(mine - other) < to * np.linalg.norm(other), (name, mine, other)
+        assert gradient[name] == pytest.approx(ours @ (1.0, 2.0), rel=1e-9)
+    with pytest.raises(fb.SceneError, match="slider 'one' has Coulomb friction, a prescribed motion, rigid stops, a lock"):
+        fb.sensitivity(_rough, {"m": 1.0})
+
+
+def _rough(m: float) -> fb.Scene:
+    rail = fb.Beam.straight("rail", (0, 0, 0), (4, 0, 0), section=STIFF, elements=2)
+    one = fb.PointMass("first", mass=m)
+    return fb.Scene(rail, fb.Clamp(rail.start), fb.Clamp(rail.end), one, fb.Slider("one", one, rail, at=1.0, friction=0.2),
+                    gravity=(0, 0, -G))
