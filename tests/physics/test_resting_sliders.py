@@ -349,3 +349,49 @@ def _rough(m: float) -> fb.Scene:
     one = fb.PointMass("first", mass=m)
     return fb.Scene(rail, fb.Clamp(rail.start), fb.Clamp(rail.end), one, fb.Slider("one", one, rail, at=1.0, friction=0.2),
                     gravity=(0, 0, -G))
+
+
+# --- paths ------------------------------------------------------------------------------------------------------------------
+def toggle(planar: Any, **forces: Any) -> fb.Model:
+    """A bead on a rail of 4 m along x, with a spring of 20 N/m, 1 m long, to a point 0.6 m above x = 2: it snaps through."""
+    rail = fb.Beam.straight("rail", (0, 0, 0), (4, 0, 0), section=STIFF, elements=4)
+    bead = fb.PointMass("bead", mass=MASS)
+    spring = fb.Spring(bead, fb.GROUND.point((2.0, 0.0, 0.6)), stiffness=20.0, length=1.0)
+    clamps = [fb.Clamp(rail.node(i)) for i in range(rail.n_nodes)]
+    return fb.compile_scene(fb.Scene(rail, bead, *clamps, spring, fb.Slider("s", bead, rail, at=1.2, **forces)), planar=planar)
+
+
+def resisted(s: Any) -> Any:
+    """Force of that spring along the rail."""
+    return 20.0 * (1.0 - 1.0 / np.hypot(2.0 - s, 0.6)) * (2.0 - s)
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_paths_of_what_drives_push(planar: Any) -> None:
+    model = toggle(planar, drive=fb.Drive(force=10.0), stops=fb.Stops(end=3.2, stiffness=50.0))
+    path = fb.solve_path(model, to=1.0)
+    factor, s = path.series["load_factor"], path.slider("s")["s"]
+    stop = 50.0 * np.maximum(s - 3.2, 0.0)
+    assert np.max(np.abs(10.0 * factor + resisted(s) - stop)) < 1e-9 and stop[-1] > 1.0
+    np.testing.assert_allclose(path.slider("s")["drive_force"], 10.0 * factor, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(path.slider("s")["stop_force"], -stop, rtol=1e-9, atol=1e-12)
+    # d/ds of (1 - 1/l)(2 - s) vanishes where l^3 = 0.6^2
+    limits = [x for x in path.info["critical_points"] if x["kind"] == "limit"]
+    away = np.sqrt(0.6**(4.0 / 3.0) - 0.36)
+    for found, at in zip(limits, (2.0 - away, 2.0 + away), strict=True):
+        assert found["load_factor"] == pytest.approx(-resisted(at) / 10.0, rel=1e-9)
+    between = (s > 2.0 - away + 1e-3) & (s < 2.0 + away - 1e-3)
+    unstable = path.series["unstable_directions"]
+    assert np.all(unstable[between] == 1) and np.all(unstable[s < 2.0 - away - 1e-3] == 0) and unstable[-1] == 0
+    # a controller, its stiffness growing with it
+    model = toggle(planar, drive=fb.Drive(position=lambda t: 1.2 + 2.0 * t, stiffness=8.0, damping=1.0))
+    with pytest.raises(fb.SceneError, match="solve_path: drives have time functions; say with at_time="):
+        fb.solve_path(model)
+    path = fb.solve_path(model, at_time=1.0)
+    factor, s = path.series["load_factor"], path.slider("s")["s"]
+    assert np.max(np.abs(8.0 * factor * (3.2 - s) + resisted(s))) < 1e-9
+    np.testing.assert_allclose(path.slider("s")["drive_force"], 8.0 * factor * (3.2 - s), rtol=1e-8, atol=1e-9)
+    assert s[-1] == pytest.approx(fb.solve_static(model, at_time=1.0, start=path.state, load_step=1.0,
+                                                  raise_loads=False).state.s[0], rel=1e-10)
+    with pytest.raises(fb.SceneError, match="solve_path: slider 's' has Coulomb friction, .*, which equilibria do not know"):
+        fb.solve_path(toggle(planar, drive=fb.Drive(force=10.0), friction=0.1))
