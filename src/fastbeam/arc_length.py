@@ -61,7 +61,9 @@ class PathSolver(SlidingSolver):
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None, backend: str,
                  factors: tuple[Array, Array], factor: float, laws: LawPath = LawPath(0.0, 0.0, 1.0),
                  strains: StrainPath | None = None) -> None:
-        super().__init__(model if strains is None else strains.model, start, max_iterations, held, flat, backend)
+        super().__init__(model if strains is None else strains.model, start, max_iterations, held, flat, backend, laws.time)
+        if self.along is not None:
+            self.along.is_exact = True
         self._laws, self._strains = laws, strains
         self._turning = [(term, term.share.copy()) for term in self.stepper.terms
                          if isinstance(term, (UserForces, PlanarFollowers))]
@@ -107,6 +109,12 @@ class PathSolver(SlidingSolver):
             return "SuperLU on nodes and load factor"
         return f"PARDISO on nodes and load factor, {f.count} factorisations, {f.refused} left to SuperLU"
 
+    @property
+    def drives_at(self) -> tuple[float, float] | None:
+        """Time, s, and share of the forces of drives on sliders at the present load factor; None where nothing acts on these."""
+        laws = self._laws
+        return None if self.along is None else (laws.time, laws.first + self.factor * laws.change)
+
     def saved(self) -> tuple[Any, ...]:
         """State and load factor, for `restore`."""
         return (*self._saved(), self.factor)
@@ -142,7 +150,8 @@ class PathSolver(SlidingSolver):
         self._at(self.factor)
         saddle, right = self._assembled(self.sliding)
         push = more - right
-        if self.motion is None and self._strains is None and not self._by_laws and self.core.ties is None:
+        alike = self.motion is None and self._strains is None and not self._by_laws and self.along is None
+        if alike and self.core.ties is None:
             # of dead loads it is the same everywhere: the loads themselves, without round-off, where nothing is held
             size, n = len(self.core.dofs), self.core.pattern.n
             self._push = push = np.where(push == 0.0, 0.0, push)

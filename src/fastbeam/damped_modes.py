@@ -62,8 +62,8 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
         x = (span @ part).astype(complex)
         out.append(_improved(system, terms, complex(rate), x, out))
     out = sorted(out, key=lambda one: (abs(one[0]), one[0].real))
-    return Damped(np.array([rate for rate, *_ in out]), np.array([x for _, x, _ in out]).reshape(len(out), -1).T,
-                  np.array([left for *_, left in out]))
+    vectors = np.array([x for _, x, _ in out]).reshape(len(out), pencil.multiplier.size)
+    return Damped(np.array([rate for rate, *_ in out]), vectors.T, np.array([left for *_, left in out]))
 
 
 def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:

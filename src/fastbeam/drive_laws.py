@@ -1,6 +1,7 @@
 """Drives of sliders and joints (scene/sliding.py): what they are given in a step, and their forces at one time."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,9 @@ POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0,
 
 # derivative from values at steps of SHORT s from now on, of fourth order, as of scene/sliding.py
 SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
+# derivatives of laws at rest: the largest difference, as a share of the size of the argument, how often it is halved, and how
+# much both one-sided derivatives may differ from the one that was found, relative
+LARGEST, HALVES, ONE_SIDED = 1e-3, 20, 1e-2
 
 
 def kind_of(drive: Any) -> int:
@@ -112,3 +116,61 @@ def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
         return given[0]
     gains = gains_of(drive)
     return float(np.clip(gains[0] * (given[0] - s) + gains[1] * (given[1] - rate), -gains[2], gains[2]))
+
+
+def slopes_at_rest(drive: Any, who: str, t: float, s: float, size: float) -> tuple[float, float]:
+    """Derivatives by place, N/m, and rate, N s/m, of the force of one that does not prescribe the motion, where its slider rests
+    at s at time t; size: that of places, m, and of rates a second.
+
+    Raises
+    ------
+    SceneError
+        A law has a kink or jumps there.
+    """
+    kind = kind_of(drive)
+    if kind == LAW:
+        return (slope_of(lambda x: float(drive.force(t, x, 0.0)), s, size, f"{who}: force(t, s, rate)", "s"),
+                slope_of(lambda x: float(drive.force(t, s, x)), 0.0, size, f"{who}: force(t, s, rate)", "rate"))
+    stiffness, damping, limit = gains_of(drive)
+    if kind != CONTROL or abs(stiffness * (given_to(drive, who, t, 0.0)[0] - s)) > limit:
+        return 0.0, 0.0
+    return -stiffness, -damping
+
+
+def slope_of(f: Callable[[float], float], x: float, size: float, who: str, by: str) -> float:
+    """Derivative of a function at x: central differences are halved and extrapolated, the one that changes least is taken
+    (C. J. F. Ridders, Adv. Eng. Softw. 4, 1982); size: of x.
+
+    Raises
+    ------
+    SceneError
+        It has none there.
+    """
+    here, h = f(x), LARGEST * size
+    best, error, before = np.nan, np.inf, np.zeros(0)
+    widest = 0.0
+    for i in range(HALVES + 1):
+        ahead, back = _value_or_nan(f, x + h), _value_or_nan(f, x - h)
+        widest = max(widest, *(np.nan_to_num(abs(y - here) / (LARGEST * size)) for y in (ahead, back)))
+        row = np.full(i + 1, (ahead - back) / (2.0 * h))
+        round_off = np.finfo(float).eps * (abs(ahead) + abs(back) + abs(x * row[0])) / h
+        for j in range(i):
+            row[j + 1] = row[j] + (row[j] - before[j]) / (4.0**(j + 1) - 1.0)
+            change = max(abs(row[j + 1] - row[j]), abs(row[j + 1] - before[j])) + round_off
+            if change <= error:
+                best, error = float(row[j + 1]), change
+        before, last, h = row, h, 0.5 * h
+    sides = (ahead - here) / last, (here - back) / last
+    off = max(abs(side - best) for side in sides)
+    if not off <= ONE_SIDED * max(abs(best), widest) + 16.0 * np.finfo(float).eps * abs(here) / last:
+        raise SceneError(f"{who} has no derivative by {by} at {by} = {x:.6g}, where its slider rests: a kink, a jump or no "
+                         "finite number; smooth it there, or hold the slider with held=")
+    return best
+
+
+def _value_or_nan(f: Callable[[float], float], x: float) -> float:
+    """Where a function fails it has no value."""
+    try:
+        return f(x)
+    except (ArithmeticError, ValueError):
+        return float(np.nan)

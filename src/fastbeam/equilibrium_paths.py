@@ -11,6 +11,7 @@ from .arc_length import PathSolver
 from .arguments import Anything, Count, Number, Refusal, Vector, Word, checked, shown, take, whole
 from .errors import SceneError
 from .joint_motion import check_at_rest
+from .kernels.along import NO_DRIVE
 from .kernels.work import State
 from .linsolve import check_backend
 from .law_path import law_path
@@ -28,6 +29,7 @@ from .static_motion import StaticShift
 from .static_strains import StrainPath, prestrains_of
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports, standing_supports, supported
+from .twisting import check_twist
 from .winches import refuse_winches
 
 Array = np.ndarray
@@ -80,8 +82,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     most_points : int
         Points after which the path ends all the same, with an event; one that comes back to its start ends there.
     at_time : float or (float, float)
-        Where time functions of loads are evaluated, s; needed when the scene has some. Two times: load factor 0 has the loads of
-        the first, 1 those of the second, so that loads and gravity without a time function stay, and cases of loads follow each
+        Where time functions of loads, and of drives, are evaluated, s; needed when the scene has some. Two times: load factor 0
+        has the loads of the first, 1 those of the second, so that loads and gravity without a time function stay, and cases of loads follow each
         other. `start` is then an equilibrium under the first loads, `solve_static(model, at_time=...)`.
     points : mapping
         As in `simulate`.
@@ -89,7 +91,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         Besides what sliders do, of 'energy', 'spring', 'section' and 'reaction', as in `solve_static`.
     held : bool, str or sequence of str
         Sliders that stay where they are, as in `solve_static`. Those that are free need a start in which their contact carries
-        a force.
+        a force. Forces of drives grow with the load factor as loads do; those that prescribe a motion, Coulomb friction and rigid
+        stops are refused.
     max_iterations : int
         Newton iterations a step.
     backend : {'auto', 'pardiso', 'superlu'}
@@ -138,7 +141,12 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     """
     check_model("solve_path", model)
     stays = held_sliders(model, held)
-    check_slider_forces("solve_path", model, stays)
+    check_twist("solve_path", model)
+    check_slider_forces("solve_path", model, stays, smooth=True)
+    drives = model.slider_forces
+    if drives is not None and not isinstance(at_time, float) and drives.has_functions(~stays):
+        raise SceneError("solve_path: drives have time functions; say with at_time=... where to evaluate them, one time for "
+                         "the whole path")
     refuse_winches("solve_path", model)
     check_backend(backend)
     step = min(step, largest_step)
@@ -150,7 +158,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     stays_put = moves is None and prestrains is None
     # those along lines and between triads act in full, as springs do
     by_laws = bool(model.user_forces) and bool(model.uneliminated.scene.user_forces)  # type: ignore[union-attr]
-    if stays_put and not np.any(model.loads) and not by_laws:
+    pushed = drives is not None and bool(np.any(~stays & (drives.tables.drive != NO_DRIVE)))
+    if stays_put and not np.any(model.loads) and not by_laws and not pushed:
         raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, move "
                          "supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: -0.01}")
     shifts = {} if moves is None else _shifts(model, moves)
@@ -161,7 +170,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     else:
         stay = load_factors_at("solve_path", model, at_time)
         factors = stay, np.zeros_like(stay)
-    if start is None and (np.any(factors[0]) and np.any(model.loads) or by_laws and laws.begins):
+    acts = by_laws or pushed
+    if start is None and (np.any(factors[0]) and np.any(model.loads) or acts and laws.begins):
         raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
                          "start=solve_static(model, at_time=...).state")
     notes: list[tuple[str, str]] = []

@@ -11,6 +11,7 @@ from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .linearised import Linearisation
 from .model import Model
+from .resting_sliders import resting_sliders
 
 Array = np.ndarray
 # frequencies that differ by less are the same one, of several modes
@@ -52,6 +53,8 @@ class Linearised:
         As `Linearisation`.
     n : int
     backend : str
+    at : (float, float)
+        Time, s, and load factor of drives of sliders.
 
     Raises
     ------
@@ -61,8 +64,10 @@ class Linearised:
         No eigenvalues were found.
     """
 
-    def __init__(self, model: Model, state: State, sliding: Array, factors: Array, flat: bool, n: int, backend: str) -> None:
-        self.about = Linearisation(model, state, sliding, factors, flat)
+    def __init__(self, model: Model, state: State, sliding: Array, factors: Array, flat: bool, n: int, backend: str,
+                 at: tuple[float, float] = (0.0, 1.0)) -> None:
+        self._stays, self._at = ~sliding, at
+        self.about = self._linearised(model, state, factors, flat)
         if not np.any(self.about.mass.diagonal() > 0.0):
             raise SceneError("frequencies: nothing that may move has a mass; give sections rhoA, or bodies")
         pencil, _ = self.about.assembled()
@@ -78,9 +83,14 @@ class Linearised:
         self.values = found.values
         self.vectors = found.vectors
 
+    def _linearised(self, model: Model, state: State, factors: Array, flat: bool) -> Linearisation:
+        """A scene about a state."""
+        resting = resting_sliders("frequencies", model, state, self._stays, *self._at)
+        return Linearisation(model, state, ~self._stays, factors, flat, resting=resting)
+
     def forms(self, model: Model, state: State, factors: Array) -> tuple[Array, Array]:
         """Of stiffness and mass of another scene of the family, with the modes of this one [m, m]."""
-        other = Linearisation(model, state, self.about.sliding, factors, self.about.size == 3)
+        other = self._linearised(model, state, factors, self.about.size == 3)
         pencil, _ = other.assembled()
         x = self.vectors
         return x.T @ (pencil.stiffness @ x), x[:self.k].T @ (pencil.mass @ x[:self.k])

@@ -64,8 +64,9 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
     themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
 
-    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, laws of forces
-    that depend on velocities. Friction is not, nor drag by the square of the velocity: both have no linear part at rest.
+    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, viscous and
+    smoothed friction and drives of sliders, laws of forces that depend on velocities. Drag by the square of the velocity has no
+    linear part at rest; what Coulomb friction holds stays, as in `modes`.
 
     Parameters
     ----------
@@ -127,7 +128,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     settled = about
     if moved is not None:
         settled = Linearisation(model, about.stepper.state if state is None else state, about.sliding, about.factors,
-                                about.size == 3, moved)
+                                about.size == 3, moved, resting=about.resting)
         settled.stepper.core_state.force[:] = about.stepper.core_state.force
         settled.stepper.law_work[:2] = about.stepper.law_work[:2]
         if settled.stepper.motion is not None:
@@ -192,6 +193,7 @@ class _Response:
             self._put(j, whole, out, motions)
         info = {"scene": model.scene_name, "method": "frequency response", "excitation": e.text, "solver": system.name,
                 "moves_in": "space" if about.size == 6 else "plane", "unknowns": k, "loss_factor": loss_factor,
+                "held_sliders": about.held_sliders,
                 "modes_with_ratio": 0 if ratios is None else int(ratios[1].size)}
         names = {**model.names, "points": list(self.places)}
         return FrequencyResponse(np.array(frequencies), *out, residuals, sensitivity, uncertainty, motions, info, names,
@@ -206,7 +208,7 @@ class _Response:
             out[0][j, p] = np.einsum("ma,mac->c", weights, rates[nodes])
             if len(nodes) == 1:
                 out[1][j, p] = 0.5 * np.cross(about.q[nodes[0], 1:], rates[nodes[0], 1:]).sum(axis=0)
-        out[2][j] = x[k:k + about.core.n_sliders]
+        out[2][j] = x[k:k + about.core.n_sliders] * about.sliding
         if motions is not None:
             motions[j] = rates[:, 0]
 

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from .newton import Stepper
 from .starting import mended, turned
 from .static_contact import SaddleMatrix, StaticContacts
 from .steady import Spin, SteadyForces, Travel
+
+if TYPE_CHECKING:
+    from .resting_sliders import RestingSliders
+    from .static_contact import Border
 
 Array = np.ndarray
 # skew part of the scaled stiffness that is no round-off
@@ -45,6 +49,8 @@ class Linearisation:
         Bits of unknowns of nodes that supports hold and that move here, 7 for positions, 56 for spins.
     steady : (str, Spin or Travel), optional
         The function that was called, and the steady motion that it is in equilibrium in.
+    resting : RestingSliders, optional
+        What acts along beams on sliders; then it tells which are free.
 
     Attributes
     ----------
@@ -56,7 +62,8 @@ class Linearisation:
     """
 
     def __init__(self, model: Model, state: State | None, sliding: Array, factors: Array, flat: bool,
-                 moved: Array | None = None, steady: tuple[str, Spin | Travel] | None = None) -> None:
+                 moved: Array | None = None, steady: tuple[str, Spin | Travel] | None = None,
+                 resting: RestingSliders | None = None) -> None:
         assert model.uneliminated is not None
         self.model = model
         # spins that statics may hold are motions here
@@ -65,7 +72,7 @@ class Linearisation:
         plane = self.stepper.plane
         if flat and plane is None:
             raise SceneError("planar=True: the state leaves the plane of the scene; leave planar out")
-        self.core, self.sliding, self.factors = self.stepper.core, sliding, factors
+        self.core, self._sliding, self.factors, self.resting = self.stepper.core, sliding, factors, resting
         self.size = len(self.core.dofs)
         self.contacts = StaticContacts(own, None if plane is None else plane.axes)
         motions = self.core.motions
@@ -90,6 +97,16 @@ class Linearisation:
             self._saddle = SaddleMatrix(self.core.pattern, self.size, self.core.n_sliders, self.core.n_forces)
 
     @property
+    def sliding(self) -> Array:
+        """Which sliders are free to slide, bool [S]."""
+        return self._sliding if self.resting is None else self._sliding & self.resting.free
+
+    @property
+    def held_sliders(self) -> list[str]:
+        """Names of those that stay where they are."""
+        return [name for name, is_free in zip(self.model.names["sliders"], self.sliding) if not is_free]
+
+    @property
     def q(self) -> Array:
         """Coordinates in space [N, 4, 3]."""
         return np.asarray(self.stepper.state.q).reshape(-1, 4, 3)
@@ -104,6 +121,7 @@ class Linearisation:
         if self._saddle is not None:
             weights = self.contacts.weights(state.s)
             border = self.contacts.border(weights, self.q.reshape(-1), state.force)
+            border = border if self.resting is None else self.resting.put(border)
             work.f_ext[:] += self.contacts.loads(weights, self.q.reshape(-1), state.force)
         if self.steady is not None:
             work.f_ext[:] += self.steady.loads(self.q)
@@ -183,7 +201,34 @@ class Linearisation:
         SceneError
             Nothing is at rest in moving air.
         """
-        return self._on_unknowns(damping_map(self.own, self.q, *self.stepper.law_work[:2].tolist()))
+        of_nodes = self._on_unknowns(damping_map(self.own, self.q, *self.stepper.law_work[:2].tolist()))
+        return of_nodes if self.resting is None else (of_nodes + self._damping_along(self.resting)).tocsr()
+
+    def _damping_along(self, resting: RestingSliders) -> Any:
+        """Of sliders along their beams, sparse [k, k]: the gaps stay closed, so that ds/dt = c' . B dx/dt / c'^2."""
+        from scipy import sparse
+        border = self._pressed()
+        s, d = border.tangent.shape
+        of = np.repeat(np.arange(s), d), np.arange(s * d)
+        share = border.tangent / np.sum(border.tangent**2, axis=1)[:, None]
+        rates = sparse.csr_matrix((share.reshape(-1), of), shape=(s, s * d)) @ border.gradient[:s * d][:, self.free]
+        return rates.T @ sparse.diags(resting.damping(border)) @ rates
+
+    def _pressed(self) -> Border:
+        """Equations of the sliders without forces along beams, and what presses on them."""
+        state = self.stepper.core_state
+        return self.contacts.border(self.contacts.weights(state.s), self.q.reshape(-1), state.force, np.zeros(state.s.size))
+
+    def frees(self, who: str) -> bool:
+        """Whether a slider turns out to be free, once contact forces are those of the equilibrium; who: the function that was
+        called.
+
+        Raises
+        ------
+        SceneError
+            Friction or a stop does not hold one that it is to hold.
+        """
+        return self.resting is not None and self.resting.judge(who, self._pressed(), self.load_size)
 
     def coriolis(self) -> Any:
         """Forces of the steady motion against velocities, sparse [k, k], skew."""
@@ -215,7 +260,7 @@ class Linearisation:
     # --- shapes ---------------------------------------------------------------------------------------------------------
     def spread(self, vectors: Array) -> tuple[Array, Array]:
         """Unknowns [k, m] as displacements and spins of all nodes [m, N, 3] each."""
-        rates = (self.lift @ vectors).T.reshape(vectors.shape[1], -1, 4, 3)
+        rates = (self.lift @ vectors).T.reshape(vectors.shape[1], len(self.q), 4, 3)
         spins = 0.5 * np.cross(self.q[:, 1:], rates[:, :, 1:]).sum(axis=2)
         return rates[:, :, 0].copy(), spins
 
@@ -237,6 +282,8 @@ class Linearisation:
         v[:, 0] = velocity
         v[:, 1:] = np.cross(turning[:, None, :], q[:, 1:])
         fresh = self.model.state()
+        if self.resting is not None:
+            self.resting.remember(fresh.history)
         state = State(q.reshape(-1), follow(self.model, v).reshape(-1), start.s + slide, start.force.copy(), fresh.history)
         return mended(self.model, state)
 

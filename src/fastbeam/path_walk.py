@@ -67,12 +67,12 @@ class PathWalk:
 
     def record(self, iterations: int, size: float, unstable: int | None) -> None:
         """A row and a shape of the present equilibrium."""
-        state = self.solver.state
-        row = {**self.observer.row(0.0, state), "iterations": iterations, "step_size": size,
+        state, (t, share) = self.solver.state, self.solver.drives_at or (0.0, None)
+        row = {**self.observer.row(t, state), "iterations": iterations, "step_size": size,
                "load_factor": self.solver.factor, "unstable_directions": np.nan if unstable is None else float(unstable)}
         if self.observer.needs_forces:
             found = self.reactions.at(self.solver.load_factors, state) if self.reactions else ()
-            self.observer.add_forces(row, np.concatenate((state.force, found)))
+            self.observer.add_forces(row, np.concatenate((state.force, found)), share)
         self.buffer.append(row, self.length)
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])

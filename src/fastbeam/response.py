@@ -46,6 +46,8 @@ class Response(SlidingSolver):
         super().__init__(model, start, 20, held, flat, backend, at_time)
         self.set_time(at_time, load_factor)
         self.move_to(load_factor)
+        if self.along is not None:
+            self.along.is_exact = True
         self.factors = factors
         self._load(factors)
         self._loads[:] = self.work.f_ext

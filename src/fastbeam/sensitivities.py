@@ -25,6 +25,7 @@ from .section_gradient import SectionGradient, section_gradients
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, solve_static, which_sliders
 from .supports import check_supports
+from .twisting import check_twist
 from .winches import refuse_winches
 
 if TYPE_CHECKING:
@@ -299,7 +300,8 @@ class Sensitivity:
         flat = self.model.asked_for_plane if planar is None else planar
         if flat and base.stepper.plane is None:
             raise SceneError(f"planar=True: scene {self.model.scene_name!r} does not stay in a plane, or a parameter leads out")
-        found = Linearised(base.stepper.model, base.state, base.sliding, base.factors, flat, n, self._backend)
+        found = Linearised(base.stepper.model, base.state, base.sliding, base.factors, flat, n, self._backend,
+                           (float(base.stepper.law_work[0]), float(base.stepper.law_work[1])))
 
         def around(name: str) -> Callable[[], Iterable[tuple[Model, State, Array]]]:
             def others() -> Iterable[tuple[Model, State, Array]]:
@@ -342,7 +344,8 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     check_backend(backend)
     family = Family(build, numbers_of, sizes)
     model, stays = family.model, held_sliders(family.model, held)
-    check_slider_forces(who, model, stays)
+    check_twist(who, model)
+    check_slider_forces(who, model, stays, smooth=who == "sensitivity")
     if model.prescribed is not None:
         raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "
                          "there, at a place that build computes")
@@ -399,7 +402,7 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
     ------
     SceneError
         build returns no scene, or other parts for other values; the scene depends on a parameter in steps; the state is no
-        equilibrium; friction, drives, stops, locks, one-sided contact or user forces.
+        equilibrium; Coulomb friction, prescribed motions, rigid stops, locks, one-sided contact or user forces.
     ConvergenceError
         There is no equilibrium, or its tangent is singular: it has no derivatives.
     """
@@ -413,6 +416,8 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
         state = result.state
     else:
         state, _ = check_start(model, state, 1.0, at_rest=True)
+        if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
+            raise SceneError("sensitivity: drives have time functions; say with at_time=... where to evaluate them")
 
     def factors(of: Model) -> Array:
         return load_factor * load_factors_at("sensitivity", of, at_time)

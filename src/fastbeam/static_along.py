@@ -62,13 +62,12 @@ class StaticAlong:
         table = self.forces.tables
         self.start, self.end, own = s.copy(), s.copy(), model.along_of(history).copy()
         self.offset, self.elastic = own[:, OFFSET], self.forces.elastic(s, own)
-        for k in np.flatnonzero(table.drive == POSITION).tolist():
+        for k in np.flatnonzero((table.drive == POSITION) & ~held).tolist():
             self.end[k] = self.forces.place_given(k, at_time, own[k])
             low, high = model.limits_at(s, history)[k]
             if not low <= self.end[k] <= high:
                 raise SceneError(f"solve_static: slider {model.names['sliders'][k]!r}: its drive prescribes s = {self.end[k]:.6g}"
                                  f" m, outside what it slides on ({low:.6g} to {high:.6g} m)")
-        self.end[held] = s[held]
         self.held = held | np.isin(table.drive, (POSITION, INCREMENT))
         self.rubs = self.forces.hold_by_friction & ~self.held
         # at rest smoothed friction is none
@@ -84,6 +83,8 @@ class StaticAlong:
         self.share = self.factor = 0.0
         self.in_circles = False
         self.reserve = RESERVE
+        # derivatives of laws to all digits, which Newton's method does not need
+        self.is_exact = False
 
     # --- one load step ------------------------------------------------------------------------------------------------
     def begin(self, s: Array) -> Array:
@@ -112,6 +113,11 @@ class StaticAlong:
         beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
         force, slope = stiff * beyond, -stiff * (beyond != 0.0)
         for k in self.driven.tolist():
+            if self.is_exact:
+                s_k, offset = float(s[k]), float(self.offset[k])
+                force[k] += self.forces.at_rest(k, self.at_time, s_k, self.factor, offset)
+                slope[k] += self.forces.slopes_at_rest(k, self.at_time, s_k, self.factor, offset, float(self.lengths[k]))[0]
+                continue
             step = 1e-6 * (1e-3 * abs(s[k]) + 1e-3 * self.lengths[k])
             back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.factor, self.offset[k])
                                  for x in (-step, 0.0, step))

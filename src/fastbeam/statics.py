@@ -193,9 +193,9 @@ def _more_stable(task: StaticTask, found: Result, load_step: float, largest: flo
     return again if fewer else found
 
 
-def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = False) -> None:
+def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = False, smooth: bool = False) -> None:
     """Refuse sliders that are free and have what an analysis does not know along their beam; rubbing: whether it knows friction,
-    drives and stops.
+    drives and stops; smooth: those alone whose forces are smooth functions of places.
 
     Raises
     ------
@@ -211,10 +211,12 @@ def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = Fa
     if off.size:
         raise SceneError(f"{who}: slider {model.names['sliders'][off[0]]!r} begins away from its beam, where nothing rests; let "
                          "it begin on the beam, or run until it rests")
-    refused = np.flatnonzero((forces.lets_go_of if rubbing else forces.acts_on) & ~stays)
+    refused = np.flatnonzero((forces.lets_go_of if rubbing else forces.is_rough if smooth else forces.acts_on) & ~stays)
     if refused.size:
         name = model.names["sliders"][refused[0]]
-        what = "a lock or may leave its beam" if rubbing else "friction, a drive, stops, a lock or may leave its beam"
+        what = ("a lock or may leave its beam" if rubbing else
+                "Coulomb friction, a prescribed motion, rigid stops, a lock or may leave its beam" if smooth else
+                "friction, a drive, stops, a lock or may leave its beam")
         raise SceneError(f"{who}: slider {name!r} has {what}, which equilibria do not know; hold it where it stands with "
                          f"held=({name!r},), leave that out for the equilibrium, or run until it rests")
 

@@ -16,10 +16,12 @@ from .linsolve import check_backend
 from .load_times import load_factors_at
 from .mode_shapes import DampedModes, Modes, SteadyModes
 from .model import Model, check_model
+from .resting_sliders import locked_sliders, resting_sliders
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .steady import Spin, Travel, check_steady, which_motion
 from .steady_modes import SteadyEigen, steady_modes_of
+from .twisting import check_twist
 
 Array = np.ndarray
 # a state whose nodes would move by less, in sizes of the scene and rad, is an equilibrium
@@ -70,17 +72,19 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     n : int
         Number of modes; unstable and free motions come first.
     load_factor : float
-        Of all loads and gravity, as in `solve_static`; 0: the scene without loads.
+        Of all loads, gravity and drives of sliders, as in `solve_static`; 0: the scene without loads.
     at_time : float
-        Where time functions of loads are evaluated, s; needed when the scene has some.
+        Where time functions of loads and drives are evaluated, s; needed when the scene has some.
     held : bool, str or sequence of str
-        Sliders that stay where they are on their beams, as in `solve_static`.
+        Sliders that stay where they are on their beams, as in `solve_static`. So do those that Coulomb friction or a rigid stop
+        holds, that are locked, or whose motion a drive prescribes: `info["held_sliders"]`. On the others act drives that push,
+        and elastic stops that are pressed, with the derivatives of their forces.
     planar : bool, optional
         True: motions in the plane of the scene alone. Default: all motions in space, unless the model was compiled with
         planar=True.
     damped : bool
         The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag,
-        dampers in joints, laws of forces that depend on velocities.
+        dampers in joints, viscous and smoothed friction and drives of sliders, laws of forces that depend on velocities.
     steady : Spin or Travel, optional
         About a steady motion (theory.md 17): the state is an equilibrium in it, `solve_static(model, steady=...).state`, and
         supports belong to the frame that spins, or stand where beams travel. With the damping that the scene has.
@@ -133,7 +137,6 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     """
     check_model(who, model)
     stays = held_sliders(model, held)
-    check_slider_forces(who, model, stays)
     check_backend(backend)
     flat = model.asked_for_plane if planar is None else planar
     if flat and model.plane is None:
@@ -141,12 +144,17 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     factors = load_factor * load_factors_at(who, model, at_time)
     if state is not None:
         state, _ = check_start(model, state, 1.0, at_rest=True)
+    stays = stays | locked_sliders(model, state)
+    check_twist(who, model)
+    # beside what travels along itself velocities along the beam are not zero
+    check_slider_forces(who, model, stays, rubbing=not isinstance(steady, Travel))
     if steady is not None:
         check_steady(who, model, steady, factors)
         if flat and isinstance(steady, Spin) and not np.allclose(np.abs(model.plane.axes[2] @ steady.axis), 1.0, atol=1e-12):
             raise SceneError(f"{who}: planar=True needs a spin about the normal of the plane, got {steady!r}; motions in the "
                              "plane push out of it")
-    about = Linearisation(model, state, ~stays, factors, flat, steady=None if steady is None else (who, steady))
+    about = Linearisation(model, state, ~stays, factors, flat, steady=None if steady is None else (who, steady),
+                          resting=resting_sliders(who, model, state, stays, at_time, load_factor))
     about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if about.stepper.motion is not None:
         if at_time is None and model.motions.holds.pushes_in_time:
@@ -169,7 +177,8 @@ def equilibrium_of(who: str, about: Linearisation, n: int, backend: str, state: 
         Stiffness and masses are singular together.
     """
     try:
-        return _settled(who, about, n, backend)
+        found = _settled(who, about, n, backend)
+        return _settled(who, about, n, backend) if about.frees(who) else found
     except SingularError:
         raise ConvergenceError(f"{who} of scene {about.model.scene_name!r} were not found: its stiffness and masses are singular "
                                "together (a part without mass that nothing holds), or too far apart for round-off",
@@ -185,13 +194,14 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
         It is none.
     """
     k = about.free.size
+    motions = k + about.core.n_sliders
     for _ in range(4):
         pencil, right = about.assembled()
         # all free motions of a rigid scene, for what follows
         found = lowest(pencil, max(n, LEAST), backend)
         # what pushes along free motions: round-off, or it is no equilibrium
         free = found.vectors[:k, np.real(found.values) == 0.0]
-        along = free.T @ right[:k]
+        along = found.vectors[:motions, np.real(found.values) == 0.0].T @ right[:motions]
         rest = right.copy()
         rest[:k] -= about.mass @ (free @ along)
         move = found.factors.solve(rest[:, None])[:, 0]
@@ -203,7 +213,7 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
         drifts = bool(np.linalg.norm(about.mass @ (free @ along)) > max(UNBALANCED * load, about.round_off(pencil)))
         if drifts or not size[largest] <= AT_REST:
             raise SceneError(_no_equilibrium(who, about, right, size, largest, drifts and pushed > 0.0))
-        change = move[k + about.core.n_sliders:]
+        change = move[motions:]
         if np.linalg.norm(change) <= SETTLED * np.linalg.norm(about.stepper.core_state.force):
             break
         about.add_forces(change)
@@ -214,9 +224,13 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
 
 def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, largest: int, drifts: bool) -> str:
     """What to say about a state that is none."""
-    force = np.abs(right[:about.free.size])
+    k = about.free.size
+    force, along = np.abs(right[:k]), np.abs(right[k:k + about.core.n_sliders])
     worst = int(np.argmax(force))
     label, unit = about.label(worst)
+    if along.size and along.max() > force[worst]:
+        label, unit, force, worst = f"slider {about.model.names['sliders'][np.argmax(along)]!r}", "N along its beam", along, int(
+            np.argmax(along))
     text = f"{who}: the state is no equilibrium: {label} has an unbalanced force of {force[worst]:.3g} {unit}"
     if drifts:
         text += ", and nothing holds the scene against the sum of its loads"
@@ -243,8 +257,7 @@ def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
     """Shapes of unit size, the largest displacement real and positive."""
     k, s = about.free.size, about.core.n_sliders
     moved, spins = about.spread(found.vectors[:k])
-    flat = moved.reshape(len(found.rates), -1)
-    turns = spins.reshape(len(found.rates), -1)
+    flat, turns = (x.reshape(len(found.rates), 3 * about.model.n_nodes) for x in (moved, spins))
     factor = np.ones(len(found.rates), complex)
     for j, (x, turn) in enumerate(zip(moved, spins)):
         size, turned = np.linalg.norm(x, axis=1).max(initial=0.0), np.linalg.norm(turn, axis=1).max(initial=0.0)
@@ -254,10 +267,10 @@ def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
             peak = whole[int(np.argmax(largest > (1.0 - 1e-6) * largest.max()))]
             factor[j] = np.abs(peak) / peak / size
     by = factor[:, None, None]
-    info = {"scene": about.model.scene_name, "method": "damped modes", "unknowns": k,
+    info = {"scene": about.model.scene_name, "method": "damped modes", "unknowns": k, "held_sliders": about.held_sliders,
             "moves_in": "space" if about.size == 6 else "plane"}
-    return DampedModes(found.rates, by * moved, by * spins, found.vectors[k:k + s].T * factor[:, None], found.residuals, about,
-                       info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())
+    return DampedModes(found.rates, by * moved, by * spins, found.vectors[k:k + s].T * factor[:, None] * about.sliding,
+                       found.residuals, about, info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())
 
 
 def _modes_of(about: Linearisation, found: Eigen) -> Modes:
@@ -289,7 +302,7 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
     size[size == 0.0] = 1.0
     size[first] = size[second] = np.maximum(size[first], size[second])
     # the sign that makes the largest component positive
-    flat = moved.reshape(len(size), -1)
+    flat = moved.reshape(len(size), 3 * about.model.n_nodes)
     if flat.size:
         peak = flat[np.arange(len(size)), np.argmax(np.abs(flat) > (1.0 - 1e-6) * np.abs(flat).max(axis=1)[:, None], axis=1)]
         size = np.where((peak < 0.0) & (np.imag(values) == 0.0), -size, size)
@@ -297,6 +310,8 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
     by = 1.0 / size[:, None, None]
     info: dict[str, Any] = {"scene": about.model.scene_name, "method": "modes", "solver": found.factors.name,
                             "left_out": pencil.still.shape[1], "complete": found.is_complete,
-                            "moves_in": "space" if about.size == 6 else "plane", "unknowns": k}
-    return Modes(values, by * moved, by * spins, vectors[k:k + s].T / size[:, None], 1.0 / size**2, (part**2).T, residuals,
-                 found.noise, about, info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())
+                            "moves_in": "space" if about.size == 6 else "plane", "unknowns": k,
+                            "held_sliders": about.held_sliders}
+    return Modes(values, by * moved, by * spins, vectors[k:k + s].T / size[:, None] * about.sliding, 1.0 / size**2,
+                 (part**2).T, residuals, found.noise, about, info, about.model.names, about.q[:, 0].copy(),
+                 about.q[:, 1:].copy())
