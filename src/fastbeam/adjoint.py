@@ -146,7 +146,7 @@ class AdjointRun:
         self.model, self._stepper, self._h, self._every = model, stepper, h, every
         self.t = h * np.arange(n + 1)
         self.outside = 0
-        self._points = Observer(model, (), points).points
+        self._points = Observer(model, (), points).points.places
         self._rows = {name: np.empty((2, n + 1, 3)) for name in self._points}
         self._saved: list[Any] = []
         # step and slider whose friction no branch was found for
