@@ -149,7 +149,7 @@ class AdjointRun:
         self.t = h * np.arange(n + 1)
         self.outside = 0
         self.events: list[dict[str, Any]] = []
-        self._points = Observer(model, (), points).points
+        self._points = Observer(model, (), points).points.places
         self._rows = {name: np.empty((2, n + 1, 3)) for name in self._points}
         self._saved: list[Any] = []
         # step and slider whose friction no branch was found for

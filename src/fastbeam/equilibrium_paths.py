@@ -203,7 +203,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         path.aside = OutOfPlane(solver, lambda at, factor: PathSolver(model, at, max_iterations, stays, False, backend, factors,
                                                                       factor, laws, strains))
     if strains is not None:
-        strains.watch([*path.observer.sections, *(x.section for x in wanted)])
+        strains.watch([*path.observer.points.sections, *(x.section for x in wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .kernels.work import State
     from .resultants import SectionForces
 
-XYZ, PAIR = ("x", "y", "z"), ("force", "moment")
+XYZ, PAIR, AXES = ("x", "y", "z"), ("force", "moment"), ("d1", "d2", "d3")
 
 
 class Exports:
@@ -139,6 +139,7 @@ def columns_of(series: Mapping[str, np.ndarray], names: Mapping[str, list[Any]])
             if parts:
                 labels, k = names.get(kind, []), parts.pop(0)
                 label = f"[{labels[k] if k < len(labels) and labels.count(labels[k]) == 1 else k}]"
-            label += "".join(f".{PAIR[k] if len(PAIR) > k and x.shape[-2:] == (2, 3) else k}" for k in parts)
+            words = AXES if name == "point_directors" else PAIR if x.shape[-2:] == (2, 3) else ()
+            label += "".join(f".{words[k] if len(words) > k else k}" for k in parts)
             out[f"{name}{label}{axis}"] = x[(slice(None), *index)]
     return out

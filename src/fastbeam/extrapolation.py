@@ -134,6 +134,8 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
             series[name] = a + 2 * b
         elif name == "step_size":
             series[name] = a
+        elif name == "point_directors":
+            series[name] = triads_between(a, b)
         else:
             series[name] = between(a, b)
     a, b = coarse.info, fine.info
@@ -147,11 +149,12 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
         text = (f"order=4: the runs with steps of {step:g} and {0.5 * step:g} s differ by {info['difference']:.2g} of the size "
                 "of the scene, too much for their difference to tell the error of both; take smaller steps, or a shorter run")
         events.append({"kind": "extrapolation", "time": t_end, "text": text})
-    velocities = None if fine.velocities is None else between(coarse.velocities[shapes[0]], fine.velocities[shapes[1]])
+    velocities, spins = (None if b is None else between(a[shapes[0]], b[shapes[1]]) for a, b in (
+        (coarse.velocities, fine.velocities), (coarse.spins, fine.spins)))
     result = Result(t=fine.t[rows[1]], series=series, model_text=fine.model_text, info=info, names=fine.names,
                     t_snap=fine.t_snap[shapes[1]], phi=between(coarse.phi[shapes[0]], fine.phi[shapes[1]]),
                     directors=triads_between(coarse.directors[shapes[0]], fine.directors[shapes[1]]), velocities=velocities,
-                    events=events)
+                    spins=spins, events=events)
     result.state = state_between(model, coarse.state, fine.state, step)
     result.checkpoint = Clock(t_end, t_end, step, step).checkpoint(model, result.state, False, None)
     return result

@@ -80,7 +80,7 @@ class LengthSteps(LoadSteps):
         header.series["prestrains"] = (len(task.conditions),)
         header.names["lengths"] = [beam.name for beam in task.tables.beams]
         self.buffer = ResultBuffer(header)
-        task.tables.watch(self.observer.sections)
+        task.tables.watch(self.observer.points.sections)
 
     def _beside(self) -> dict[str, Any]:
         return {"prestrains": self.solver.prestrains.copy()}

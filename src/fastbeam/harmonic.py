@@ -13,7 +13,8 @@ from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .linearised import Linearisation
 from .model import Model
-from .observe import POINTS, place_of
+from .observe import POINTS
+from .point_rows import place_of
 from .responses import FrequencyResponse
 from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .scene.checks import Place

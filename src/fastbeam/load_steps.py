@@ -40,7 +40,7 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 # of `simulate`'s what there is at rest
-RECORDED = ("energy", "spring", "section", "reaction")
+RECORDED = ("energy", "spring", "orientation", "section", "reaction")
 # iterations beyond which a load step was hard: the next one is not longer
 LONG = 9
 

@@ -31,7 +31,7 @@ class Linear:
 
     def __init__(self, base: Response, named: Mapping[str, Place]) -> None:
         self.base, self.names = base, list(named)
-        self.points = list(Observer(base.stepper.model, (), named).points.values())
+        self.points = list(Observer(base.stepper.model, (), named).points.places.values())
         self.lift = base.lift()
         at = base.nodes + base.sliding.size
         self.of_s = slice(base.nodes, at)

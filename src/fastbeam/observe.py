@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .added import add_energies
-from .arguments import Listing, Names, Word, real, shown
+from .arguments import Listing, Names, Word
 from .errors import SceneError
 from .kernels import observe as kernels
 from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HELD, HISTORY, LOCK_LOSS, OFF, STOP_LOSS
@@ -17,19 +17,19 @@ from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
-from .moving_rows import MeshRows, add_moving, moving_weight, place_rows, refuse_point
+from .moving_rows import MeshRows, add_moving, moving_weight, place_rows
+from .point_rows import PointRows
 from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
 from .result import ResultHeader
-from .resultants import Sections
 from .sections_held import Section, sections
 from .twisting import angles, push_of_twist
 from .winches import add_motion, ropes_of, weight_energy
 from .workspace import contact_of
-from .scene import Beam, NodeRef, PointMass, RigidBody
 from .scene.checks import Place
 
 Array = np.ndarray
-KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "section", "reaction")
+KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "spin", "orientation", "acceleration", "section",
+         "reaction")
 LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
@@ -44,9 +44,9 @@ class Observer:
     Parameters
     ----------
     model : Model
-    kinds : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'section', 'reaction'}
-    points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
-        Positions to record, velocities and section forces where these are asked for.
+    kinds : sequence of KINDS
+    points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds
+        Positions to record, and what `PointRows` has where it is asked for.
     lost : float64 [2], optional
         Energies that filters of strains have dissipated and store, J, as the stepper keeps them.
 
@@ -56,7 +56,7 @@ class Observer:
         An unknown kind, or a point that is not in the scene.
     """
 
-    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | None,
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointRows | None,
                  lost: Array | None = None) -> None:
         self.model, self.lost = model, lost
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
@@ -65,10 +65,8 @@ class Observer:
             raise SceneError("observe: 'inner' does not know the ropes of winches; leave it out")
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.meshes = MeshRows(model.moving if "slider" in kinds else None)
-        self.points = {name: place_of(model, name, what) for name, what in (points or {}).items()}
+        self.points = points if isinstance(points, PointRows) else PointRows(model, kinds, points)
         self.of_nodes = "velocity" in kinds
-        self.velocity = self.of_nodes and bool(self.points)
-        self.sections = [_section(model, name, what) for name, what in (points or {}).items()] if "section" in kinds else []
         self.reactions = model.reaction_names if "reaction" in kinds else []
         self._p = np.zeros(12 * model.n_nodes)
         self._out = np.zeros(9)
@@ -125,12 +123,7 @@ class Observer:
             out |= {"joint_force": free} if self.held else {}
         for springs in self.springs:
             out |= springs.series()
-        if self.points:
-            out["points"] = (len(self.points), 3)
-        if self.velocity:
-            out["point_velocity"] = (len(self.points), 3)
-        if self.sections:
-            out |= {"section_force": (len(self.points), 3), "section_moment": (len(self.points), 3)}
+        out |= self.points.series()
         if self.reactions:
             out["reaction"] = (len(self.reactions), 2, 3)
         return out
@@ -138,7 +131,7 @@ class Observer:
     @property
     def needs_forces(self) -> bool:
         """Whether rows hold forces that steps tell."""
-        return self.slider or bool(self.reactions) or self.held
+        return self.slider or bool(self.reactions) or self.held or self.points.measured > 0
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Everything except iterations, step size and contact force, which the run knows."""
@@ -200,24 +193,7 @@ class Observer:
             out |= springs.row(state)
         if self.balance:
             self._balance(out, state)
-        if self.points:
-            q = state.q.reshape(-1, 4, 3)
-            out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
-        if self.velocity:
-            v = state.v.reshape(-1, 4, 3)
-            out["point_velocity"] = np.array([np.einsum("ma,mac->c", weights, v[at]) for at, weights in self.points.values()])
-        if self.sections:
-            self._section_forces(out, state.q.reshape(1, -1, 4, 3))
-        return out
-
-    def _section_forces(self, out: dict[str, Any], q: Array) -> None:
-        """At all points that lie on beams, NaN at others."""
-        out |= {"section_force": np.full((len(self.points), 3), np.nan), "section_moment": np.full((len(self.points), 3), np.nan)}
-        for k, section in enumerate(self.sections):
-            if section is not None:
-                found = section.at(np.zeros(1), q[:, :, 0], q[:, :, 1:])
-                out["section_force"][k] = found.N[0, 0], found.Q2[0, 0], found.Q3[0, 0]
-                out["section_moment"][k] = found.T[0, 0], found.M2[0, 0], found.M3[0, 0]
+        return out | self.points.row(state)
 
     def _balance(self, out: dict[str, Any], state: State) -> None:
         """What is stored and was dissipated, less what was put in."""
@@ -256,10 +232,13 @@ class Observer:
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
     def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
-        """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for;
-        share: load factor of an equilibrium."""
+        """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for,
+        in time what else steps tell of points; share: load factor of an equilibrium."""
+        own = self.model.n_forces + 6 * len(self.reactions)
         if self.reactions:
-            row["reaction"] = force[self.model.n_forces:].reshape(-1, 2, 3)
+            row["reaction"] = force[self.model.n_forces:own].reshape(-1, 2, 3)
+        if force.size > own:
+            self.points.add(row, force[own:])
         if self.slider:
             self._add_contact_forces(row, force[:self.model.n_forces], share)
         if self.held:
@@ -344,7 +323,7 @@ class Observer:
     def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
         """Header of the result; moving: of a run in time, whose shapes may have velocities."""
         model = self.model
-        names = {**model.names, "points": list(self.points)}
+        names = {**model.names, "points": list(self.points.places)}
         if self.reactions:
             names["reactions"] = self.reactions
         names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
@@ -364,7 +343,7 @@ class Observer:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         names = self.meshes.named(names)
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
-                            velocities=moving and self.of_nodes)
+                            velocities=moving and self.of_nodes, spins=moving and self.of_nodes)
 
 
 def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
@@ -401,34 +380,3 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
 
 def _tied_rows(model: Model) -> Array:
     return model.ties.row if model.ties is not None else np.zeros(0, np.int64)
-
-
-def _section(model: Model, name: str, what: Any) -> Sections | None:
-    """The section of an observed point; None where it lies on no beam."""
-    if isinstance(what, NodeRef) and isinstance(what.owner, Beam):
-        what = what.owner, float(what.owner.basis.node_s[what.index])
-    return Sections(model, *what) if isinstance(what, tuple) else None
-
-
-def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
-    """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
-    if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
-        owner, s = what[0], what[1]
-        refuse_point(model, name, owner)
-        at = real(s)
-        if at is None or not 0.0 <= at <= owner.length:
-            raise SceneError(f"point {name!r}: s={shown(s)} lies outside {owner.label} (0 to {owner.length:.6g} m)")
-        first, values, _ = owner.basis.curve("own").evaluate(at)
-        local, weights = int(first[0]) + np.arange(values.shape[1]), np.zeros((values.shape[1], 4))
-        weights[:, 0] = values[0]
-    else:
-        node = what.center if isinstance(what, (RigidBody, PointMass)) else what
-        if not isinstance(node, NodeRef):
-            raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), "
-                             f"got {shown(what)}")
-        owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
-    try:
-        return model.numbers.start(owner) + local, weights
-    except KeyError:
-        raise SceneError(f"point {name!r}: {owner.label} is not in scene {model.scene_name!r}; observe parts of the compiled "
-                         "scene") from None

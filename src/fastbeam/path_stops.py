@@ -80,13 +80,13 @@ def _quantity(model: Model, what: Any, points: Mapping[str, Place], who: str) ->
     if part not in (*AXES, *FORCES, *MOMENTS):
         raise SceneError(f"{who}: {name!r} has no {part!r}; choose x, y, z, N, Q2, Q3, T, M2 or M3")
     observer = Observer(model, () if part in AXES else ("section",), {name: points[name]})
-    if part not in AXES and observer.sections[0] is None:
+    if part not in AXES and observer.points.sections[0] is None:
         raise SceneError(f"{who}: {name!r} lies on no beam and has no {part}")
     places = ("points", AXES), ("section_force", FORCES), ("section_moment", MOMENTS)
     series, names = next((series, names) for series, names in places if part in names)
     at = names.index(part)
     return f"{part} at {name!r}", lambda state: float(observer.row(0.0, state)[series][0, at]), (
-        observer.sections[0] if observer.sections else None)
+        observer.points.sections[0] if observer.points.sections else None)
 
 
 def _number(name: str, value: Any) -> float:

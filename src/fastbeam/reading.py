@@ -242,10 +242,12 @@ def _parse_header(raw: Any) -> ResultHeader:
     for size in (raw["n_nodes"], *(k for shape in series.values() for k in shape)):
         if type(size) is not int or not 0 <= size < 2**40:
             raise ValueError(f"header: {size!r:.60} is no size")
-    _expect("velocities", raw.get("velocities", False), bool)
+    moving = raw.get("velocities", False), raw.get("spins", False)
+    for name, there in zip(("velocities", "spins"), moving):
+        _expect(name, there, bool)
     return ResultHeader(raw["model_text"], raw["info"], raw["names"], raw["n_nodes"],
                         {name: tuple(shape) for name, shape in series.items()}, tuple(map(str, raw["integer"])),
-                        raw.get("velocities", False))
+                        *moving)
 
 
 def _checked_info(info: dict[str, Any]) -> dict[str, Any]:

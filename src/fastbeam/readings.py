@@ -32,7 +32,8 @@ ROWS: dict[str, tuple[int | str, ...]] = {
     **{f"spring_{name}": ("springs",) for name in SPRINGS}, "bushing_energy": ("bushings",),
     **{f"bushing_{name}": ("bushings", 3) for name in BUSHINGS[:-1]},
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
-    **dict.fromkeys(("points", "point_velocity", "section_force", "section_moment"), ("points", 3))}
+    **dict.fromkeys(("points", "point_velocity", "point_spin", "point_acceleration", "section_force", "section_moment"),
+                    ("points", 3)), "point_directors": ("points", 3, 3)}
 # a series with a column for each name of a kind
 COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value",
            "springs": "spring_length", "bushings": "bushing_energy", "winches": "winch_length"}
@@ -42,7 +43,9 @@ PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("n
 HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end})", "energy": "the energy is 'total'",
          "momentum": "momenta are 'lin_mom' and 'ang_mom'",
          **dict.fromkeys(("kinetic", "strain", "gravity", "potential"), "record it with simulate(..., observe=('energy', ...))"),
-         "point_velocity": "record it with simulate(..., observe=('velocity', ...), points={'tip': beam.end})",
+         **{series: f"record it with simulate(..., observe=('{kind}', ...), points={{'tip': beam.end}})" for series, kind in (
+             ("point_velocity", "velocity"), ("point_spin", "spin"), ("point_directors", "orientation"),
+             ("point_acceleration", "acceleration"))},
          "section_force": "record it with simulate(..., observe=('section', ...), points={'root': (beam, 0.0)})",
          "reaction": "record it with simulate(..., observe=('reaction', ...))",
          **dict.fromkeys(("spring_length", "bushing_energy", "winch_length"),
@@ -67,14 +70,59 @@ class Readings:
         SceneError
             It was not recorded, or there is no such point.
         """
-        velocity = self._series("point_velocity")
-        return velocity[:, self._index("points", "point", name)]
+        return self._of_point("point_velocity", name)
+
+    @checked(name=NAMED)
+    def acceleration(self, name: str) -> np.ndarray:
+        """Acceleration of an observed point [n, 3], m/s^2; needs `observe=("acceleration", ...)`.
+
+        Changes of the velocity over the steps before and after a row, in the mean, as contact forces are: of second order in the
+        step. At both ends of the run and behind impacts from short steps ahead or back, NaN where these fail. Jumps of velocities
+        (impacts, supports that catch) are not in it.
+
+        Raises
+        ------
+        SceneError
+            It was not recorded, or there is no such point.
+        """
+        return self._of_point("point_acceleration", name)
+
+    @checked(name=NAMED)
+    def spin(self, name: str) -> np.ndarray:
+        """Angular velocity at an observed point [n, 3], rad/s, in axes of space: of its body, or of the section of its beam.
+        Needs `observe=("spin", ...)`. Of a point mass, which nothing turns, that of the connection that holds it, or 0.
+
+        Raises
+        ------
+        SceneError
+            It was not recorded, or there is no such point.
+        """
+        return self._of_point("point_spin", name)
+
+    @checked(name=NAMED)
+    def orientation(self, name: str) -> np.ndarray:
+        """Triad at an observed point over time [n, 3, 3], rows d1, d2, d3 in axes of space: of its body, or of the section of its
+        beam. Needs `observe=("orientation", ...)`.
+
+        Raises
+        ------
+        SceneError
+            It was not recorded, or there is no such point.
+        """
+        return self._of_point("point_directors", name)
+
+    def _of_point(self, series: str, name: str) -> np.ndarray:
+        recorded: np.ndarray = self._series(series)
+        return recorded[:, self._index("points", "point", name)]
 
     @checked(name=NAMED)
     def section(self, name: str) -> dict[str, np.ndarray]:
         """Section forces at an observed point of a beam over time, [n] each: N, Q2, Q3 (N) along d1, d2, d3, and T, M2, M3 (N m)
         about them; what the part behind the section, at larger arc lengths, exerts on the part before it. Needs
         `observe=("section", ...)`; NaN where the point lies on no beam. Along whole beams: `fb.section_forces`.
+
+        Of damped sections (`damping=`) with the stresses of rates of strains, means of the steps around a row as contact forces
+        are, of second order in the step.
 
         Raises
         ------

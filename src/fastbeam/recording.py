@@ -72,8 +72,11 @@ class Rows:
         self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
         if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
             q = self.stepper.state.q.reshape(-1, 4, 3)
-            velocities = (self.stepper.state.v.reshape(-1, 4, 3)[:, 0],) if self.memory.header.velocities else ()
-            self._feed("snapshot", t, q[:, 0], q[:, 1:], *velocities)
+            moving: tuple[Array, ...] = ()
+            if self.memory.header.velocities:
+                v = self.stepper.state.v.reshape(-1, 4, 3)
+                moving = v[:, 0], 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+            self._feed("snapshot", t, q[:, 0], q[:, 1:], *moving)
             self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
 
     def reopen(self, t: float) -> None:
@@ -101,6 +104,11 @@ class Rows:
         except Exception:
             self.broken_off = True
             self.close()
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether forces of the last row come from those of the last steps, one by one."""
+        return self.forces is not None and self.forces.looks_back
 
     def _force(self, t: float, size: float, after: Array | None, steps: int) -> Array | None:
         """Forces of all constraints in the waiting row."""

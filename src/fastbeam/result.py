@@ -52,8 +52,8 @@ class ResultHeader:
         Name -> shape of ONE row: () for an energy, (3,) for a momentum, (n_sliders, 3) for contact forces.
     integer : tuple of str
         Series that hold whole numbers.
-    velocities : bool
-        Whether snapshots hold velocities of the nodes [N, 3], too.
+    velocities, spins : bool
+        Whether snapshots hold velocities and spins of the nodes [N, 3], too.
     """
 
     model_text: str = ""
@@ -63,6 +63,7 @@ class ResultHeader:
     series: dict[str, tuple[int, ...]] = field(default_factory=dict)
     integer: tuple[str, ...] = INTEGER_SERIES
     velocities: bool = False
+    spins: bool = False
 
     def row_tables(self) -> tuple[dict[str, tuple[int, ...]], dict[str, type]]:
         """Row shapes and types of the time series, 't' first."""
@@ -70,8 +71,10 @@ class ResultHeader:
         return shapes, {name: np.int64 if name in self.integer else np.float64 for name in shapes}
 
     def snapshot_tables(self) -> dict[str, tuple[int, ...]]:
-        """Row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities (N, 3) where they are kept."""
-        moving = {"velocities": (self.n_nodes, 3)} if self.velocities else {}
+        """Row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities, spins (N, 3) where they are
+        kept."""
+        kept = {"velocities": self.velocities, "spins": self.spins}
+        moving = {name: (self.n_nodes, 3) for name, there in kept.items() if there}
         return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3), **moving}
 
 
@@ -95,10 +98,11 @@ class ResultBuffer:
         times = np.asarray(t, dtype=np.float64)
         self._rows.append({"t": times, **rows}, None if times.ndim == 0 else len(times))
 
-    def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None = None) -> None:
-        """Keep a copy of the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3), v [N, 3] (m/s) where the header
-        says so."""
-        self._snapshots.append(shape_row(self.header, t, phi, d, v))
+    def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None = None,
+                 w: np.ndarray | None = None) -> None:
+        """Keep a copy of the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3), v (m/s) and w (rad/s) [N, 3]
+        where the header says so."""
+        self._snapshots.append(shape_row(self.header, t, phi, d, v, w))
 
     def event(self, event: dict[str, Any]) -> None:
         """Keep an event {'kind', 'time', 'text', ...} (JSON-able)."""
@@ -169,7 +173,7 @@ SERIES, NAMED = Series(), Word()
 
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
-         phi=SERIES, directors=SERIES, velocities=SERIES, events=Items(dict))
+         phi=SERIES, directors=SERIES, velocities=SERIES, spins=SERIES, events=Items(dict))
 class Result(Readings, Exports):
     """A finished or aborted run.
 
@@ -195,8 +199,8 @@ class Result(Readings, Exports):
         'iterations', 'step_size' [n]. Only what was recorded is present.
     t_snap, phi, directors : ndarray [m], [m, N, 3], [m, N, 3, 3]
         Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
-    velocities : ndarray [m, N, 3], optional
-        Of the nodes at these times, m/s, from runs with `observe=("velocity", ...)`; else None.
+    velocities, spins : ndarray [m, N, 3], optional
+        Of the nodes at these times, m/s and rad/s, from runs with `observe=("velocity", ...)`; else None.
     events : list of dict
         {'kind', 'time', 'text', ...}.
 
@@ -216,7 +220,7 @@ class Result(Readings, Exports):
     def __init__(self, *, t: ArrayLike, series: Mapping[str, ArrayLike] | None = None, model_text: str = "",
                  info: Mapping[str, object] | None = None, names: Mapping[str, Iterable[object]] | None = None,
                  t_snap: ArrayLike | None = None, phi: ArrayLike | None = None, directors: ArrayLike | None = None,
-                 velocities: ArrayLike | None = None,
+                 velocities: ArrayLike | None = None, spins: ArrayLike | None = None,
                  events: Iterable[Mapping[str, object]] = ()) -> None:
         self.model_text = model_text
         self.info: dict[str, Any] = dict(info or {})
@@ -226,7 +230,7 @@ class Result(Readings, Exports):
         self.t_snap = np.zeros(0) if t_snap is None else np.asarray(t_snap, dtype=np.float64)
         self.phi = np.zeros((0, 0, 3)) if phi is None else np.asarray(phi, dtype=np.float64)
         self.directors = np.zeros((*self.phi.shape, 3)) if directors is None else np.asarray(directors, dtype=np.float64)
-        self.velocities = None if velocities is None else np.asarray(velocities, dtype=np.float64)
+        self.velocities, self.spins = (None if x is None else np.asarray(x, dtype=np.float64) for x in (velocities, spins))
         self.events: list[dict[str, Any]] = [dict(event) for event in events]
         self._check_shapes()
 
@@ -373,7 +377,7 @@ class Result(Readings, Exports):
         return ResultHeader(model_text=self.model_text, info=self.info, names=self.names, n_nodes=self.phi.shape[1],
                             series={name: x.shape[1:] for name, x in self.series.items()},
                             integer=tuple(name for name, x in self.series.items() if x.dtype.kind in "iub"),
-                            velocities=self.velocities is not None)
+                            velocities=self.velocities is not None, spins=self.spins is not None)
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no rows"
@@ -411,8 +415,9 @@ class Result(Readings, Exports):
         if len(shape) != 3 or shape[0] != m or shape[2] != 3 or self.directors.shape != (*shape, 3):
             raise SceneError(f"snapshots: phi {shape} and directors {self.directors.shape} do not fit {m} times t_snap; "
                              f"expected ({m}, N, 3) and ({m}, N, 3, 3)")
-        if self.velocities is not None and self.velocities.shape != shape:
-            raise SceneError(f"snapshots: velocities {self.velocities.shape} do not fit positions {shape}")
+        for name, x in (("velocities", self.velocities), ("spins", self.spins)):
+            if x is not None and x.shape != shape:
+                raise SceneError(f"snapshots: {name} {x.shape} do not fit positions {shape}")
 
     def _check_names(self, n_nodes: int | None) -> None:
         """What `names` says about nodes fits their number (None: no shapes are there)."""
@@ -441,9 +446,10 @@ class Result(Readings, Exports):
                     raise SceneError(f"names: an entry of '{kind}' names nodes that it does not have")
 
 
-def shape_row(header: ResultHeader, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None) -> Rows:
+def shape_row(header: ResultHeader, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None, w: np.ndarray | None) -> Rows:
     """A shape as a row of the tables of snapshots."""
-    return {"t_snap": t, "phi": phi, "directors": d, **({"velocities": v} if header.velocities else {})}
+    return {"t_snap": t, "phi": phi, "directors": d, **({"velocities": v} if header.velocities else {}),
+            **({"spins": w} if header.spins else {})}
 
 
 def _is_node(k: Any, n: int | None) -> bool:

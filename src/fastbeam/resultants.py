@@ -1,6 +1,7 @@
 """Section forces, section moments and strains along beams, from positions and triads (theory.md 2.3)."""
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from .model import Model, check_model
 from .result import Result
 from .scene import Beam
 from .starting import own_state
-from .tables import elements_of, strains_of
+from .tables import elements_of, strain_gradient, strains_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -46,6 +47,9 @@ class SectionForces:
         Of the sections, m.
     directors : float64 [n, m, 3, 3]
         Their triads, orthonormal, rows d1, d2, d3.
+    strain_rates : float64 [n, m, 6] or None
+        Rates of the strains, 1/s, of damped beams whose motion is known; else None, and forces are those of the strains
+        alone.
     """
 
     t: Array
@@ -55,6 +59,7 @@ class SectionForces:
     strains: Array
     position: Array
     directors: Array
+    strain_rates: Array | None = None
 
     def _along(self, vector: Array, k: int) -> Array:
         return np.einsum("tsc,tsc->ts", vector, self.directors[:, :, k])
@@ -122,7 +127,8 @@ class Sections:
         self.phi, self.phi_s = basis.phi[element, point], tables.phi_s[element, point]
         self.dir, self.dir_s = tables.dir[element, point], tables.dir_s[element, point]
         self.reference = tables.reference_strains[element, point]
-        self.stiffness = beam.section.C
+        self.stiffness, viscosity = beam.section.C, beam.section.D
+        self.viscosity = viscosity if np.any(viscosity) else None
         # polynomials through the points of the strain energy, where strains are most accurate
         points = basis.point_s[element, point]
         self.through = np.ones_like(points)
@@ -132,21 +138,45 @@ class Sections:
         first, values, _ = basis.curve("own").evaluate(self.s)
         self.at_nodes, self.values = first[:, None] + np.arange(values.shape[1]), values
 
-    def at(self, t: Array, phi: Array, directors: Array) -> SectionForces:
-        """At n shapes of the whole model: t [n], phi [n, N, 3], directors [n, N, 3, 3]."""
-        phi, d = (x[:, self.first:self.first + self.count] for x in (phi, directors))
-        f = np.einsum("sgn,tsgnc->tsgc", self.phi_s, phi[:, self.nodes])
-        d_g = np.einsum("sgn,tsgnkc->tsgkc", self.dir, d[:, self.nodes])
-        k_g = np.einsum("sgn,tsgnkc->tsgkc", self.dir_s, d[:, self.nodes])
-        strain = strains_of(self.strain, f, d_g, k_g) - self.reference
-        force, moment = forces_of(self.strain, strain @ self.stiffness.T, f, d_g, k_g)
+    @property
+    def span(self) -> slice:
+        """Nodes of the beam among those of the model."""
+        return slice(self.first, self.first + self.count)
+
+    def at(self, t: Array, phi: Array, directors: Array, rates: Array | None = None) -> SectionForces:
+        """At n shapes of the beam: t [n], positions [n, A, 3] and directors [n, A, 3, 3] of its nodes, and of damped ones the
+        rates of strains [n, m, g, 6] as `strain_rates` gives them."""
+        f, d, k = self._slopes(phi, directors)
+        strain = strains_of(self.strain, f, d, k) - self.reference
+        stress = strain @ self.stiffness.T
+        if rates is not None and self.viscosity is not None:
+            stress += rates @ self.viscosity.T
+        force, moment = forces_of(self.strain, stress, f, d, k)
         position = np.einsum("sn,tsnc->tsc", self.values, phi[:, self.at_nodes])
-        u, _, v = np.linalg.svd(np.einsum("sn,tsnkc->tskc", self.values, d[:, self.at_nodes]))
+        u, _, v = np.linalg.svd(np.einsum("sn,tsnkc->tskc", self.values, directors[:, self.at_nodes]))
         # about a fixed point the moment changes along the beam by what acts on it alone, so that a polynomial follows it best
         arm = np.einsum("sgn,tsgnc->tsgc", self.phi, phi[:, self.nodes]) - position[:, :, None]
         moment = moment + np.cross(arm, force)
-        force, moment, strain = (np.einsum("sg,tsgc->tsc", self.through, x) for x in (force, moment, strain))
-        return SectionForces(np.asarray(t), self.s, force, moment, strain, position, u @ v)
+        force, moment, strain = (self._through(x) for x in (force, moment, strain))
+        return SectionForces(np.asarray(t), self.s, force, moment, strain, position, u @ v,
+                             None if rates is None else self._through(rates))
+
+    def strain_rates(self, q: Array, v: Array) -> Array:
+        """Rates E_q v of the strains at the points of the quadrature [n, m, g, 6], 1/s, from coordinates and velocities of the
+        nodes of the beam [n, A, 4, 3]; theory.md (2.5). Of the means of both ends of a step those of the step, to second order;
+        of rigid motions zero to round-off."""
+        gradient = strain_gradient(self.strain, *self._slopes(q[:, :, 0], q[:, :, 1:]))
+        f, d, k = self._slopes(v[:, :, 0], v[:, :, 1:])
+        return np.einsum("tsgixc,tsgxc->tsgi", gradient, np.concatenate((f[..., None, :], d, k), axis=-2))
+
+    def _slopes(self, phi: Array, d: Array) -> tuple[Array, Array, Array]:
+        """phi' [n, m, g, 3], directors and their derivatives [n, m, g, 3, 3] at the points of the quadrature."""
+        f = np.einsum("sgn,tsgnc->tsgc", self.phi_s, phi[:, self.nodes])
+        return (f, *(np.einsum("sgn,tsgnkc->tsgkc", x, d[:, self.nodes]) for x in (self.dir, self.dir_s)))
+
+    def _through(self, x: Array) -> Array:
+        """Values at the sections of the polynomials through those at the points."""
+        return np.einsum("sg,tsgc->tsc", self.through, x)
 
 
 def _points_about(basis: Basis, s: Array, at: Array) -> tuple[Array, Array]:
@@ -209,7 +239,12 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLik
     SectionForces
         N, Q2, Q3, T, M2, M3 [n, m] and more. In an element they are polynomials through the points of its strain energy, of
         splines of degree 2 and 3 through as many points about the section as the degree says: forces and the moments about a
-        fixed point, which follow what acts on the element (theory.md (2.7)). Elastic forces: those of `damping` are not in them.
+        fixed point, which follow what acts on the element (theory.md (2.7)).
+
+        Stresses of `damping` are in them where the motion is known: of a State, and of a Result with velocities
+        (`observe=("velocity", ...)`); of other runs in time a warning says that they are missing. They follow the velocities at
+        that time, which go up and down from step to step where steps do not resolve a fast motion that is heavily damped (behind
+        a sudden load); rows of `observe=("section", ...)` are means of steps, free of that.
 
     Raises
     ------
@@ -227,14 +262,25 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLik
     '0.001000'
     """
     check_model("section_forces", model)
+    v = None
     if isinstance(shapes, Result):
         t, phi, directors = shapes.t_snap, shapes.phi, shapes.directors
+        if shapes.velocities is not None and shapes.spins is not None:
+            v = np.concatenate((shapes.velocities[:, :, None], np.cross(shapes.spins[:, :, None], directors)), axis=2)
     elif isinstance(shapes, State):
-        q = own_state(model, shapes).q.reshape(1, -1, 4, 3)
+        q, v = (x.reshape(1, -1, 4, 3) for x in own_state(model, shapes)[:2])
         t, phi, directors = np.zeros(1), q[:, :, 0], q[:, :, 1:]
     else:
         raise SceneError(f"section_forces: shapes must be a Result or a State (result.state), got {shown(shapes)}")
     if phi.shape[1] != model.n_nodes:
         raise SceneError(f"section_forces: the shapes have {phi.shape[1]} nodes and the model of scene {model.scene_name!r} has "
                          f"{model.n_nodes}; give the model of that run, and keep shapes with snapshots=...")
-    return Sections(model, beam, s).at(t, phi, directors)
+    sections = Sections(model, beam, s)
+    phi, directors, rates = phi[:, sections.span], directors[:, sections.span], None
+    if sections.viscosity is not None and v is not None:
+        rates = sections.strain_rates(np.concatenate((phi[:, :, None], directors), axis=2), v[:, sections.span])
+    elif sections.viscosity is not None and len(t) and "t_end" in shapes.info:
+        warnings.warn(f"section_forces: {beam.label} has damping, and this result does not hold the motion of its shapes: "
+                      "stresses by rates of strains are left out; run with observe=('velocity', ...), or with "
+                      "observe=('section', ...) for rows of points", stacklevel=3)
+    return sections.at(t, phi, directors, rates)

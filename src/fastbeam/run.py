@@ -34,6 +34,7 @@ from .newton import AUGMENTATION, Stepper
 from .outcome import Outcome
 from .observe import OBSERVED, POINTS, Observer, conserved
 from .places import check_new
+from .point_rows import PointRows
 from .progress import Progress
 from .reactions import ReactingStepper
 from .recording import Rows
@@ -41,6 +42,7 @@ from .result import Result
 from .sampling import Sampling
 from .scene.checks import Place
 from .starting import check_start, moved_supports
+from .step_means import forces_of, measuring
 from .watching import Watch
 
 Array = np.ndarray
@@ -88,9 +90,10 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
         (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
         sliders do not allow is refused; a support holds its node where the state has it.
-    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'section', 'reaction'}
-        What is recorded: 'velocity' (snapshots keep those of all nodes, too) and 'section' of points, 'reaction' of
-        supports and joints (an assembly a step, order 2).
+    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'spin', 'orientation',
+            'acceleration', 'section', 'reaction'}
+        What is recorded: 'velocity' (snapshots keep velocities and spins of all nodes, too), 'spin', 'orientation',
+        'acceleration' and 'section' of points, 'reaction' of supports and joints (an assembly a step, order 2).
     points : mapping
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
     every : int
@@ -193,8 +196,12 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     if chosen.filters:
         check_filtered(order, model, observe)
         make = FilteringStepper
+    rows_of_points = PointRows(model, observe, points)
+    if rows_of_points.measured:
+        make = measuring(make, chosen, rows_of_points)
     stepper = make(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
-    observer = Observer(model, observe, points, stepper.lost if chosen.filters else None)
+    stepper.points = rows_of_points
+    observer = Observer(model, observe, rows_of_points, stepper.lost if chosen.filters else None)
     run = _Run(model, stepper, observer, clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     run.notes = notes
@@ -270,8 +277,10 @@ class _Run(Encounters):
         self.last_checkpoint = time.perf_counter()
 
     def present(self) -> Checkpoint:
-        return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory,
-                                     self.impacts.times)
+        found = self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory,
+                                      self.impacts.times)
+        known = found.mean_force
+        return found if known is None else replace(found, mean_force=forces_of(self.stepper, known))
 
     def call_back(self, t: float, size: float) -> bool:
         """Call the user's function; whether the run ends here. What it sets lags behind."""
@@ -388,6 +397,8 @@ class _Run(Encounters):
             self.steps += outcome.steps
             self.rows.close(t, size, outcome.force[0], outcome.steps)
             self.clock.before, self.clock.before_size = outcome.force[1], size
+            if self.rows.forces is not None:
+                self.rows.forces.remember(size, outcome.force[1], outcome.steps == 1 or self.control is not None)
 
     def chunks(self, every: int) -> Any:
         """Runs of steps that end where a row is due: (time, outcome, step size, row due)."""
@@ -398,6 +409,8 @@ class _Run(Encounters):
         end, left, last = self.plan()
         # steps since the last row, which controllers do not end
         since = 0
+        # whether the last row is told by the last three steps, which are taken one by one
+        singly = False
         while t < self.t_end:
             begin = time.perf_counter()
             self.sampling.ask(t, self.stepper)
@@ -418,7 +431,10 @@ class _Run(Encounters):
                 most = every
                 if self.sampling.controllers:
                     most = min(every - since, self.sampling.steps(t, size, self.stepper.core_state))
-                outcome = self.advance(clock.origin, size, min(most, left), clock.done)
+                singly = self.rows.looks_back and left <= most
+                tail = 2 if last else 3
+                count = min(most, left) if not singly else max(1, left - tail)
+                outcome = self.advance(clock.origin, size, count, clock.done)
                 left -= outcome.steps
                 reached = clock.count(outcome.steps)
                 if outcome.status == OK and not left and not last:
@@ -462,7 +478,7 @@ class _Run(Encounters):
                 self.count_from(t)
                 end, left, last = self.plan()
             since += outcome.steps
-            due = not self.sampling.controllers or since >= every or t >= self.t_end
+            due = not (self.sampling.controllers or singly and left) or since >= every or t >= self.t_end
             since = 0 if due else since
             yield t, outcome, size, due
             if quiet and self.control is None and time.perf_counter() - begin < 0.1:

@@ -300,7 +300,7 @@ class LengthSolver(Response):
             gone = gone + x
             self.change = change
             self._put(change)
-            sizes.append(float(np.max(np.abs(x[self.unknowns:]))) + self._move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns])))
+            sizes.append(float(np.max(np.abs(x[self.unknowns:]))) + self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns])))
             if not sizes[-1] < np.inf:
                 return NOT_FINITE, sizes
             if has_converged(sizes[-1], before, expected):

@@ -513,10 +513,11 @@ def calls(folder: Path) -> dict[str, Call]:
                                 dict(path=PATH, overwrite=is_flag)),
         "Result": Call(fb.Result, dict(t=[0.0, 1.0]), dict(
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
-            t_snap=is_series, phi=is_series, directors=is_series, velocities=is_series, events=one_of(list, tuple))),
+            t_snap=is_series, phi=is_series, directors=is_series, velocities=is_series, spins=is_series,
+            events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
            for name in ("point", "slider", "joint", "spring", "bushing", "winch", "deviation", "drift", "is_conserved",
-                        "velocity", "section")},
+                        "velocity", "section", "acceleration", "spin", "orientation")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "LineForce": Call(fb.LineForce, dict(a=BEAM.end, b=BODY, law=tension), dict(
             a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR, derivative=is_function)),
