@@ -259,3 +259,24 @@ def test_ropes_are_drawn_as_lines(tmp_path: Any) -> None:
     result.to_vtk(tmp_path / "r.vtkhdf")
     with pytest.raises(fb.SceneError, match="an entry of 'ropes' must hold nodes"):
         result._check_names(3)
+
+
+def test_a_support_lets_go_of_the_load_of_a_winch() -> None:
+    """From there on it moves as in a scene without the support, from the same state; what takes hold is refused."""
+    def crane(*supports: Any) -> Any:
+        crate = fb.PointMass("crate", mass=200.0, position=(0.3, 0, -4.0))
+        rope = fb.Winch("hoist", ORIGIN, crate, stiffness=1e5, mass_per_length=1.5, segments=3,
+                        length_at=lambda t: 4.0 + 0.5 * np.sin(t)**2)
+        return fb.compile_scene(fb.Scene(crate, rope, *[support(crate) for support in supports], gravity=(0, 0, -G)))
+
+    model = crane(lambda crate: fb.Pin(crate, name="hold", until=0.1))
+    held = fb.simulate(model, t_end=0.1, step=0.005, progress=False)
+    whole = run(model, 0.4, 0.005)
+    assert [event["kind"] for event in whole.events] == ["let go"] and whole.drift("balance") < 1e-14
+    assert np.max(np.abs(whole.reaction("hold")["force"][-40:])) == 0.0
+    free = crane()
+    after = fb.simulate(free, t_end=0.4, step=0.005, start=held.state_for(free), t_start=0.1, progress=False)
+    np.testing.assert_allclose(after.state.q, whole.state.q, rtol=0, atol=1e-9)
+    assert np.max(np.abs(whole.state.q - held.state.q)) > 0.05
+    with pytest.raises(fb.SceneError, match="hold: since, whose impact does not know winches"):
+        run(crane(lambda crate: fb.Pin(crate, name="hold", since=0.1)), 0.4, 0.005)
