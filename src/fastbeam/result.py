@@ -321,7 +321,8 @@ class Result(Readings, Exports):
 
     @checked()
     def table(self) -> str:
-        """Neat table of energies, momenta and gap: first value, last value, largest relative drift."""
+        """Neat table of energies, momenta and gap: first value, last value, largest relative drift; where something dissipates or
+        drives also of the parts of the balance (`balance()`)."""
         lines = [f"{'quantity':<28}{'start':>16}{'end':>16}{'max drift':>14}"]
         for name, label, unit in INVARIANTS:
             x = self.series.get(name)
@@ -333,6 +334,12 @@ class Result(Readings, Exports):
             label = f"{'|' + label + '|' if x.ndim > 1 else label} [{unit}]"
             drift = f"{self.drift(name):14.2e}" if self.is_conserved(name) else f"{'-':>14}"
             lines.append(f"{label:<28}{size[0]:16.8e}{size[-1]:16.8e}{drift}")
+        parts = self.balance() if len(self.t) and "balance" in self.series and "kinetic" in self.series else {}
+        own = [name for name in parts if name not in ("kinetic", "strain", "gravity", "sum")]
+        if own:
+            width = max(28, 6 + max(map(len, own)))
+            lines += ["", f"{'parts of the balance':<{width}}{'start':>16}{'end':>16}"]
+            lines += [f"{f'{name} [J]':<{width}}{parts[name][0]:16.8e}{parts[name][-1]:16.8e}" for name in own]
         return "\n".join(lines)
 
     @checked(model=Anything())

@@ -143,7 +143,13 @@ def test_results_with_forces_are_written_and_read(tmp_path: Any) -> None:
     again = fb.load_result(tmp_path / "r.h5")
     for name in ("friction_force", "drive_work", "force_along", "stop_loss"):
         assert np.array_equal(again.slider("s")[name], result.slider("s")[name])
-    assert "energy balance" in again.table() and np.array_equal(again.balance()["sum"], result.balance()["sum"])
+    table = again.table().splitlines()
+    assert any(line.startswith("energy balance") for line in table)
+    at = next(k for k, line in enumerate(table) if line.startswith("parts of the balance"))
+    rows = {line.split(" [J]")[0]: [float(x) for x in line.split("[J]")[1].split()] for line in table[at + 1:]}
+    assert {"friction of slider 's'", "drive of slider 's'"} <= rows.keys()
+    assert rows["friction of slider 's'"] == pytest.approx([0.0, result.series["friction_loss"][-1, 0]], rel=1e-8)
+    assert np.array_equal(again.balance()["sum"], result.balance()["sum"])
 
 
 def test_a_plane_accounts_for_the_loads_that_its_scene_does() -> None:
