@@ -329,8 +329,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     Parameters
     ----------
     model : Model
-        Beams, nets, bodies and masses with supports, joints, sliders, sleeves, their friction, drives and elastic stops, springs,
-        dampers, bushings, drag, damped sections, loads and gravity.
+        Beams, nets, bodies and masses with supports, also those that move, joints, sliders, sleeves, their friction, drives and
+        elastic stops, springs, dampers, bushings, drag, damped sections, loads and gravity.
     t_end, step : float
         s; as many steps as fit, the last one ending within round-off of t_end.
     start : State, optional
@@ -354,8 +354,9 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     ------
     SceneError
         Rigid stops, locks, releases, switches and one-sided contact of sliders, friction of twists in sleeves, friction and rigid
-        stops of joints, supports that move or let go, controllers and user forces, whose steps have no adjoint here; steps that
-        do not fit into t_end, or into the memory.
+        stops of joints, supports that let go or take hold, sliders on nets of condensed beams, added mass, air that changes in
+        time, controllers, user forces and laws of one's own between two points, whose steps have no adjoint here; steps that do
+        not fit into t_end, or into the memory.
     ConvergenceError
         A step fails.
     """

@@ -314,7 +314,8 @@ def _slack(model: Model, state: State) -> str:
     if not names:
         return ""
     return (f"; {len(names)} of the springs that only pull or push are slack ({', '.join(map(repr, names[:4]))}"
-            f"{', ...' if len(names) > 4 else ''}), and hold nothing: start= from a shape in which they carry")
+            f"{', ...' if len(names) > 4 else ''}), and hold nothing: start= from a shape in which they carry, or "
+            "let fb.relax(model) find the equilibrium by motion")
 
 
 def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:

@@ -19,7 +19,8 @@ def turned(angle: float) -> np.ndarray:
 
 def strip(force: float, planar: Any = "auto", angle: float = 0.0, elements: int = 6) -> fb.Model:
     """A clamped strip that stands upright, with a force down at its end."""
-    beam = fb.Beam.straight("strip", (0, 0, 0), turned(angle) @ (1, 0, 0), section=fb.Section(**STRIP), elements=elements, degree=3)
+    beam = fb.Beam.straight("strip", (0, 0, 0), turned(angle) @ (1, 0, 0), section=fb.Section(**STRIP), elements=elements,
+                            degree=3)
     return fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, -force))), planar=planar)
 
 

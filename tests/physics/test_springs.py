@@ -250,6 +250,24 @@ def test_an_equilibrium_that_slack_ropes_leave_open_says_so() -> None:
     assert place(found)[2] == pytest.approx(-1.2 - 2.0 * 9.81 / 1e3, rel=1e-12)
 
 
+def test_a_net_that_begins_slack_is_sent_to_relax_which_finds_it() -> None:
+    n = 4
+    knots = [[mass((i, j, 0), name=f"m{i}{j}", m=0.1) for j in range(n)] for i in range(n)]
+    pairs = [(knots[i][j], knots[a][b]) for i in range(n) for j in range(n) for a, b in ((i + 1, j), (i, j + 1)) if max(a, b) < n]
+    cords = [fb.Spring(a, b, f"cord {k}", stiffness=1e3, length=1.05, tension_only=True) for k, (a, b) in enumerate(pairs)]
+    pins = [fb.Pin(knots[i][j]) for i in (0, n - 1) for j in (0, n - 1)]
+    net = fb.compile_scene(fb.Scene(*sum(knots, []), *cords, *pins, gravity=(0, 0, -9.81)))
+    with pytest.raises(fb.ConvergenceError, match="24 of the springs that only pull or push are slack .* or let fb.relax.model."):
+        fb.solve_static(net)
+    found = fb.relax(net)
+    rest = fb.solve_static(net, start=found.state, load_step=1.0, observe=("spring", "reaction"))
+    np.testing.assert_allclose(rest.state.q, found.state.q, atol=1e-12)
+    # all of its weight hangs on the corners
+    pulls = sum(rest.reaction(pin)["force"][-1] for pin in pins)
+    np.testing.assert_allclose(np.abs(pulls), (0, 0, n * n * 0.1 * 9.81), atol=1e-9)
+    assert found.info["unstable_directions"] == 0 and np.all(rest.series["spring_force"][-1] >= 0.0)
+
+
 def test_reactions_and_step_control_know_springs_with_damping() -> None:
     anchor, bob = mass((0, 0, 0), name="anchor", m=1.0), mass((0.1, 0, -1.0), (1.0, 0.5, 2.0))
     scene = fb.Scene(anchor, fb.Pin(anchor, "pin"), bob, fb.Spring(anchor, bob, "s", stiffness=100.0, damping=3.0),

@@ -230,6 +230,10 @@ def is_list_of(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
     return lambda x: isinstance(x, (list, tuple)) and all(test(y) for y in x)
 
 
+def is_counts(x: Any) -> bool:
+    return isinstance(x, np.ndarray) and not isinstance(x, np.ma.MaskedArray) and x.ndim == 1 and x.dtype.kind in "iu"
+
+
 def is_series(x: Any) -> bool:
     """What a result may hold: numbers that are not finite, too."""
     if isinstance(x, range):
@@ -550,8 +554,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
         "animate": Call(fb.animate, dict(result=modes(), path=folder / "film.gif", overwrite=True, plane="xy", frames=2), dict(
             result=one_of(fb.Result, Modes, DampedModes), path=PATH, plane=is_text, fps=is_real, speed=is_real,
-            mode=either(is_count, is_list_of(is_count)), amplitude=is_real, frames=is_count, decay=is_flag, overwrite=is_flag,
-            progress=is_flag)),
+            mode=either(is_count, is_list_of(is_count), is_counts), amplitude=is_real, frames=is_count, decay=is_flag,
+            overwrite=is_flag, progress=is_flag)),
         "plot_overview": Call(fb.plot_overview, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count)),
         "plot_shapes": Call(fb.plot_shapes, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count,
                                                                         cmap=is_text)),
