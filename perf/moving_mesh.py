@@ -99,9 +99,9 @@ def orders(name: str, smooth: bool, halved: bool) -> list[Bar]:
         fine = [run(name, n, smooth, 0.5 * step)[0] for n in (12, 24, 48)]
         print("  with half the step, of 12 and 24 elements:", "; ".join(
             f"{x[0]:.1e} m, {x[1]:.1e} m, {x[2]:.1e}" for x in (differences(x, fine[-1]) for x in fine[:-1])), flush=True)
-    return [] if not smooth else [
-        (f"{name}, error of {what}, 24 elements over 6", 4.0**-least, ratio, f"order {-np.log2(ratio) / 2.0:.1f}, least {least:g}")
-        for (what, least), ratio in zip(ORDERS.items(), off[2] / off[0])]
+    found = zip(ORDERS.items(), off[2] / off[0]) if smooth else ()
+    return [(f"{name}, error of {what}, 24 elements over 6", 4.0**-least, ratio,
+             f"order {-np.log2(ratio) / 2.0:.1f}, at least {least:g}") for (what, least), ratio in found]
 
 
 def cost(name: str, elements: int, step: float) -> None:

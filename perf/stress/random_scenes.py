@@ -1,40 +1,48 @@
-"""Three thousand random scenes (tests/scene_strategies.py) against the properties of tests/physics/test_scene_properties.py."""
+"""Three thousand random scenes (tests/scene_strategies.py) against the properties of tests/physics/test_scene_properties.py,
+and as many with sleeves, friction, drives and stops against those of tests/physics/test_sliding_scenes.py."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from hypothesis import given, settings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "physics"))
 
-from scene_strategies import Drawn, scenes  # noqa: E402
+import test_sliding_scenes as sliding  # noqa: E402
+from scene_strategies import scenes, sliding_paths  # noqa: E402
 from table import Row  # noqa: E402
-from test_scene_properties import CHECKS, QUICK, assert_property  # noqa: E402
+from test_scene_properties import CHECKS, QUICK  # noqa: E402
 
 
-def tried(name: str, held: bool, examples: int) -> Row:
+def tried(what: str, strategy: Any, holds: Callable[[Any], None], examples: int) -> Row:
     """One property over many scenes; a failure shows the smallest scene that was found."""
     count = [0, 0]
 
-    def check(drawn: Drawn) -> None:
+    def check(drawn: Any) -> None:
         count[0] += 1
-        assert_property(name, drawn)
+        holds(drawn)
         count[1] += 1
 
     message = ""
     try:
-        settings(QUICK, max_examples=examples)(given(scenes(held=held, planar=name == "turned"))(check))()
+        settings(QUICK, max_examples=examples)(given(strategy)(check))()
     except Exception as found:  # what was found is the result
         message = f"{type(found).__name__}: {str(found)[:300]} {' '.join(getattr(found, '__notes__', []))[:2000]}"
-    what = "on supports, with loads" if held else "in flight"
     happened = message or f"holds in {count[1]}, {count[0] - count[1]} not usable"
-    return Row(f"{name}, scenes {what}", f"holds in {examples}", happened, not message)
+    return Row(what, f"holds in {examples}", happened, not message)
 
 
 def rows(quick: bool = False) -> Iterator[Row]:
     """All cases of this part."""
-    for name in CHECKS:
+    examples, where = 20 if quick else 300, {False: "in flight", True: "on supports, with loads"}
+    for name, check in CHECKS.items():
         for held in (False, True):
-            yield tried(name, held, 20 if quick else 300)
+            yield tried(f"{name}, scenes {where[held]}", scenes(held=held, planar=name == "turned"), check, examples)
+    for name, check in sliding.CHECKS.items():
+        for held in (False, True):
+            yield tried(f"{name}, sleeves and forces along beams {where[held]}", sliding.drawn_by(name, held), check, examples)
+        if name != "turned":
+            yield tried(f"{name}, forces along paths", sliding_paths(planar=name == "plane"), check, examples)

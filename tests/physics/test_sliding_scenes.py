@@ -75,7 +75,8 @@ def check_balance(drawn: Drawn | DrawnPath) -> None:
 def check_restart(drawn: Drawn | DrawnPath) -> None:
     model = compiled(drawn)
     whole = run(model, drawn)
-    n = Random(str(drawn)).randrange(1, len(whole.t) - 1)
+    # two steps are left: forces of the last row come from these
+    n = Random(str(drawn)).randrange(1, len(whole.t) - 2)
     with tempfile.TemporaryDirectory() as folder:
         assert_goes_on(model, whole, n, Path(folder) / "c", settings_of(drawn))
 
@@ -105,13 +106,19 @@ CHECKS = {"balance": check_balance, "restart": check_restart, "solvers": check_s
           "turned": check_turned}
 
 
+def assert_property(name: str, drawn: Drawn | DrawnPath) -> None:
+    """One of the checks."""
+    CHECKS[name](drawn)
+
+
 def drawn_by(name: str, held: bool = False, kinds: Any = ("sleeve", "point")) -> Any:
+    """Scenes for one of the checks."""
     return sliding_scenes(planar=name == "plane", held=held, kinds=kinds)
 
 
 @pytest.mark.parametrize("name", [x for x in CHECKS if x != "solvers"])
 def test_a_few_scenes(name: str) -> None:
-    QUICK(given(drawn_by(name))(CHECKS[name]))()
+    QUICK(given(drawn_by(name))(lambda drawn: assert_property(name, drawn)))()
 
 
 @pytest.mark.slow
@@ -120,24 +127,20 @@ def test_a_few_scenes(name: str) -> None:
 @pytest.mark.parametrize("name", CHECKS)
 def test_many_scenes(name: str, held: bool, first: str) -> None:
     kinds = (first, "point" if first == "sleeve" else "sleeve")
-    settings(MANY, max_examples=MANY.max_examples // 2)(given(drawn_by(name, held, kinds))(CHECKS[name]))()
-
-
-def check_path(name: str, planar: bool, most: settings) -> None:
-    """One property over paths, of which some are crossed at their joints."""
-    most(given(sliding_paths(planar=planar or name == "plane"))(CHECKS[name]))()
+    settings(MANY, max_examples=MANY.max_examples // 2)(
+        given(drawn_by(name, held, kinds))(lambda drawn: assert_property(name, drawn)))()
 
 
 @pytest.mark.parametrize("name", ["balance", "restart"])
 def test_a_few_paths(name: str) -> None:
-    check_path(name, False, QUICK)
+    QUICK(given(sliding_paths())(lambda drawn: assert_property(name, drawn)))()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("planar", [False, True])
-@pytest.mark.parametrize("name", ["balance", "restart", "solvers", "plane"])
+@pytest.mark.parametrize(("name", "planar"), [("balance", False), ("balance", True), ("restart", False), ("restart", True),
+                                              ("solvers", False), ("solvers", True), ("plane", True)])
 def test_many_paths(name: str, planar: bool) -> None:
-    check_path(name, planar, MANY)
+    MANY(given(sliding_paths(planar=planar))(lambda drawn: assert_property(name, drawn)))()
 
 
 def hashes() -> list[str]:

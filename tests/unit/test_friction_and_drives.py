@@ -108,8 +108,8 @@ def test_equilibria_with_held_sliders_take_friction() -> None:
 def test_a_prescribed_motion_and_friction_do_not_contradict_each_other(drive: fb.Drive) -> None:
     """The drive gives what friction takes and the mass gets."""
     load = fb.Load("push", BEAM.end, force=(0, 0, 0.05))
-    found = fb.compile_scene(fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), slider(drive=drive, friction=0.3), load, gravity=(0, 0, -1.0)))
-    result = fb.simulate(found, t_end=0.5, step=1e-3, every=1, progress=False)
+    driven = fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), slider(drive=drive, friction=0.3), load, gravity=(0, 0, -1.0))
+    result = fb.simulate(fb.compile_scene(driven), t_end=0.5, step=1e-3, every=1, progress=False)
     s = result.slider("s")
     np.testing.assert_allclose(s["s"], 0.5 - 0.4 * result.t, atol=1e-12)
     assert s["friction_loss"][-1] > 1e-3 and np.all(np.diff(s["friction_loss"]) >= 0.0) and s["drive_work"][-1] > 0.0
