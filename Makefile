@@ -5,8 +5,8 @@ OUT ?= out
 BIN := $(VENV)/bin
 # a process that crashes is a defect (CONTRIBUTING.md): the run ends there
 PARALLEL := -q -n 2 --dist loadfile --max-worker-restart=0
-# what `make test-plain` runs: a term of each kind, with few kernels, because numba alone compiles for minutes
-PLAIN_TESTS ?= tests/unit/test_orthonormal.py tests/unit/test_distance_joint.py
+# what `make test-plain` runs: masses on rods by every method and solver; numba alone compiles for minutes
+PLAIN_TESTS ?= tests/unit/test_distance_joint.py
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
 .PHONY: help demo test test-slow test-plain lint api docs pictures study peers perf perf-compare perf-limits clean
