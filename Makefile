@@ -5,14 +5,17 @@ OUT ?= out
 BIN := $(VENV)/bin
 # a process that crashes is a defect (CONTRIBUTING.md): the run ends there
 PARALLEL := -q -n 2 --dist loadfile --max-worker-restart=0
+# what `make test-plain` runs: masses on rods by every method and solver; numba alone compiles for minutes
+PLAIN_TESTS ?= tests/unit/test_distance_joint.py
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: help demo test test-slow lint api docs pictures study peers perf perf-compare perf-limits clean
+.PHONY: help demo test test-slow test-plain lint api docs pictures study peers perf perf-compare perf-limits clean
 
 help:
 	@echo "make demo       install into $(VENV) and run the example ring_on_cable (pictures in $(OUT)/)"
 	@echo "make test       install into $(VENV) and run the tests, without the long ones"
 	@echo "make test-slow  the long physics runs"
+	@echo "make test-plain PLAIN_TESTS=files   tests with kernels that numba compiles alone (FASTBEAM_PLAIN_NUMBA=1): slow"
 	@echo "make lint       ruff, as the tests run it"
 	@echo "make api        write the list of public names and arguments anew (tests/public_api.txt)"
 	@echo "make docs       the pages of docs/ as a site in $(OUT)/site"
@@ -33,6 +36,9 @@ test: $(VENV)/.installed-dev
 
 test-slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest $(PARALLEL) -m slow
+
+test-plain: $(VENV)/.installed-dev
+	FASTBEAM_PLAIN_NUMBA=1 $(BIN)/python -m pytest -q $(PLAIN_TESTS)
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/python -m ruff check .

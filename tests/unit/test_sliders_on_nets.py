@@ -197,3 +197,23 @@ def test_a_border_that_the_memory_does_not_hold_is_refused(monkeypatch: pytest.M
     # carriers have no border
     assert model_of(scene(), planar=False).border_size > 0
     Stepper(model_of(scene(), planar=False), np.ones(1))
+
+
+def net_of(joints: int, beams: int) -> fb.Net:
+    """Beams of one element between any two of so many points."""
+    rng = np.random.default_rng(0)
+    pairs = np.stack(np.triu_indices(joints, 1), axis=1)
+    return fb.Net("net", 5.0 * rng.random((joints, 3)), pairs[rng.permutation(len(pairs))[:beams]], section=ROD, elements=1,
+                  degree=1, clamps=[0, 1])
+
+
+@pytest.mark.parametrize(("net", "rows"), [(grid(6, elements=10, degree=1), True), (grid(20, elements=1, degree=1), True),
+                                           (net_of(100, 900), False)])
+def test_in_nets_below_a_thousand_elements_sliders_are_rows_where_elimination_does_not_fill_up(net: fb.Net, rows: bool) -> None:
+    parts: list[Any] = [net]
+    for k in range(20):
+        bead = fb.PointMass(f"m{k}", mass=0.1)
+        parts += [bead, fb.Slider(f"s{k}", bead, net.beam(k), at=0.4 * float(net.lengths[k]))]
+    model = fb.compile_scene(fb.Scene(*parts, gravity=(0, 0.1, -9.81)))
+    assert 800 <= sum(net.elements) < 1000
+    assert model.by_rows is rows and model.carriers is None and ("sparse solver      PARDISO" in str(model)) is not rows
