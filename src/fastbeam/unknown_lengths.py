@@ -256,11 +256,19 @@ class LengthSolver(Response):
 
     def influence(self) -> tuple[Array, Array] | None:
         """Derivatives of all conditions by all prestrains at the present equilibrium, each in sizes of its quantity [m, m], and
-        how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions."""
+        how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions, and prestrains
+        push along what has no stiffness."""
         saddle, _, push, slopes, direct = self.bordered()
         solver = Solver(saddle, "auto")
         columns = [solver.solve(push[:, k]) for k in range(push.shape[1])]
-        if solver.is_singular or any(x is None for x in columns):
+        if solver.is_singular:
+            # beams may spin
+            columns = []
+            for k in range(push.shape[1]):
+                columns.append(saddle.solve(push[:, k]))
+                if saddle.unbalanced > UNBALANCED * np.linalg.norm(saddle.row * push[:, k]):
+                    return None
+        if any(x is None for x in columns):
             return None
         found = direct + slopes @ np.stack(columns, axis=1)  # type: ignore[arg-type]
         size = np.array([condition.size for condition in self.conditions])
