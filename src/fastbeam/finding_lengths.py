@@ -222,7 +222,8 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
         raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "
                          f"{largest_step:g}")
     tables = LengthTables(model, _beams_of(model, lengths), mass == "per_length")
-    asked = conditions_of(model, wanted_of(model, conditions, points, "find_lengths, conditions"), conditions, points, stays)
+    wanted = wanted_of(model, {} if conditions is None else conditions, points, "find_lengths, conditions")
+    asked = conditions_of(model, wanted, conditions, points, stays)
     if len(asked) != len(tables.beams):
         raise SceneError(f"find_lengths: {len(asked)} conditions need as many unknown lengths, got {len(tables.beams)}; name "
                          f"{'more' if len(asked) > len(tables.beams) else 'fewer'} beams, or conditions")

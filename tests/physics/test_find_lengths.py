@@ -203,6 +203,7 @@ def test_cables_of_a_net_bring_a_node_to_its_place() -> None:
     ([3], {("joint", "x"): 1.1}, "3 is no beam"),
     (["hot", "hot"], {("joint", "x"): 1.1, ("hot", "N"): 1.0}, "beam 'hot' stands there twice"),
     (["hot"], {}, "conditions: must be a mapping of quantities"),
+    (["hot"], None, "conditions: must be a mapping of quantities"),
     (["hot"], {("joint", "x"): "a"}, "conditions: the value of"),
     (["hot"], {("tip", "x"): 1.1}, "'tip' is no name in points="),
     (["hot"], {("joint", "w"): 1.1}, "'joint' has no 'w'"),
