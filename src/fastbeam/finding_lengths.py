@@ -82,7 +82,7 @@ class LengthSteps(LoadSteps):
         self.buffer = ResultBuffer(header)
         task.tables.watch(self.observer.points.sections)
 
-    def _beside(self) -> dict[str, Any]:
+    def _also(self) -> dict[str, Any]:
         return {"prestrains": self.solver.prestrains.copy()}
 
     def _finish(self) -> Result:
@@ -120,11 +120,10 @@ class LengthSteps(LoadSteps):
 
     def _judge(self) -> None:
         for share, extent in self.solver.leaps:
-            self.buffer.event({"kind": "leap", "time": share,
-                               "text": f"when conditions had gone {share:.6g} of their way there was no equilibrium nearby, and one "
-                                       f"further off was taken (motion of {extent:.3g}, in sizes of the scene and rad): lengths or "
-                                       "sliders jump there, as a slider does from one element to the next where the mesh is too "
-                                       "coarse for the kink that it makes"})
+            text = (f"when conditions had gone {share:.6g} of their way there was no equilibrium nearby, and one further off was "
+                    f"taken (motion of {extent:.3g}, in sizes of the scene and rad): lengths or sliders jump there, as a slider "
+                    "does from one element to the next where the mesh is too coarse for the kink that it makes")
+            self.buffer.event({"kind": "leap", "time": share, "text": text})
         super()._judge()
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
@@ -133,8 +132,7 @@ class LengthSteps(LoadSteps):
                 for one, value in zip(self.task.conditions, solver.values())]
         off = np.argsort(-np.abs(solver.values() - solver.asked), kind="stable")[:MOST]
         why = ("lengths do not move the conditions there any more, or a part is free to move" if status == SINGULAR else
-               "beyond it there may be no equilibrium with these conditions (as where a cable would have to be longer the more it is "
-               "to rise, or a prestrain leaves -10 to 0.99)")
+               "there may be no equilibrium beyond it, or a prestrain would leave -10 to 0.99")
         return ConvergenceError(f"find_lengths: the smallest step fails when conditions have gone {reached:.6g} of their way, "
                                 f"{', '.join(told[k] for k in off)}; {why}. The last equilibrium is in .state, everything "
                                 f"computed in .result{self._look_at_mesh(reached)}", step=len(solver.history), time=reached,
@@ -224,7 +222,8 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
         raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "
                          f"{largest_step:g}")
     tables = LengthTables(model, _beams_of(model, lengths), mass == "per_length")
-    asked = conditions_of(model, wanted_of(model, conditions, points, "find_lengths, conditions"), conditions, points, stays)
+    wanted = wanted_of(model, {} if conditions is None else conditions, points, "find_lengths, conditions")
+    asked = conditions_of(model, wanted, conditions, points, stays)
     if len(asked) != len(tables.beams):
         raise SceneError(f"find_lengths: {len(asked)} conditions need as many unknown lengths, got {len(tables.beams)}; name "
                          f"{'more' if len(asked) > len(tables.beams) else 'fewer'} beams, or conditions")
@@ -261,8 +260,8 @@ def _beams_of(model: Model, lengths: Any) -> list[Beam]:
         try:
             model.numbers.start(one)
         except KeyError:
-            raise SceneError(f"find_lengths, lengths: {one.label} is not in scene {model.scene_name!r}; name a beam of the compiled "
-                             "scene") from None
+            raise SceneError(f"find_lengths, lengths: {one.label} is not in scene {model.scene_name!r}; name a beam of the "
+                             "compiled scene") from None
         if any(one is other for other in out):
             raise SceneError(f"find_lengths, lengths: {one.label} stands there twice; each length is one unknown")
         out.append(one)
@@ -286,13 +285,14 @@ def _check_influence(found: tuple[Array, Array] | None, beams: list[Beam], condi
         raise SceneError(f"find_lengths: no length moves {labels[j]} at the start; name beams that hold what it is asked of, or "
                          "give a start= in which they carry")
     for k in np.flatnonzero(~seen.any(axis=0)):
-        raise SceneError(f"find_lengths: the length of {names[k]} moves none of the conditions at the start; name a beam that does")
+        raise SceneError(f"find_lengths: the length of {names[k]} moves none of the conditions at the start; name a "
+                         "beam that does")
     scaled = by / np.max(np.abs(by), axis=1, keepdims=True)
     scaled /= np.max(np.abs(scaled), axis=0)
     left, sizes, right = np.linalg.svd(scaled)
     if sizes[-1] <= DEPENDENT * sizes[0]:
         rows, columns = (", ".join(text[k] for k in np.flatnonzero(np.abs(x) > PART * np.max(np.abs(x)))[:MOST])
                          for text, x in ((labels, left[:, -1]), (names, right[-1])))
-        raise SceneError(f"find_lengths: conditions and lengths do not fit each other at the start: lengths of {columns} may change "
-                         f"together without moving any condition, and no lengths move {rows} independently; take other beams or "
-                         "conditions")
+        raise SceneError(f"find_lengths: conditions and lengths do not fit each other at the start: lengths of {columns} may "
+                         f"change together without moving any condition, and no lengths move {rows} independently; take other "
+                         "beams or conditions")

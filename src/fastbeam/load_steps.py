@@ -255,11 +255,11 @@ class LoadSteps:
         if isinstance(solver, ExactSolver) and solver.found is not None:
             row |= solver.row(Observed(self.observed, task.points or {}), t, loads, factor)
             shown = solver.shown
-        self.buffer.append(row | self._beside(), factor)
+        self.buffer.append(row | self._also(), factor)
         q = shown.q.reshape(-1, 4, 3)
         self.buffer.snapshot(factor, q[:, 0], q[:, 1:])
 
-    def _beside(self) -> dict[str, Any]:
+    def _also(self) -> dict[str, Any]:
         """What a row has besides what is observed."""
         return {}
 

@@ -15,6 +15,7 @@ from .kernels.work import State
 from .model import Model
 from .observe import place_of
 from .path_stops import AXES, MOMENTS, Wanted
+from .resolution import Resolution
 from .response import Response, Solver
 from .saddle import Saddle, factors_for
 from .scene import Beam
@@ -68,7 +69,8 @@ class LengthTables(StrainPath):
         within = np.eye(3) if model.dim == 3 or self._axes is None else self._axes[:2].T
         pull = np.zeros(8)
         pull[:within.shape[1]] = model.gravity @ within
-        self._weights.append((rows, rows.copy(), [(model.pattern.row_of[at], share[:, None] * pull) for at, share in self._shares]))
+        row_of = model.pattern.row_of
+        self._weights.append((rows, rows.copy(), [(row_of[at], share[:, None] * pull) for at, share in self._shares]))
         self._weights.append((weight, weight.copy(), self._shares))
         return replace(own, loads=loads, gravity_weight=weight)
 
@@ -254,11 +256,19 @@ class LengthSolver(Response):
 
     def influence(self) -> tuple[Array, Array] | None:
         """Derivatives of all conditions by all prestrains at the present equilibrium, each in sizes of its quantity [m, m], and
-        how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions."""
+        how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions, and prestrains
+        push along what has no stiffness."""
         saddle, _, push, slopes, direct = self.bordered()
         solver = Solver(saddle, "auto")
         columns = [solver.solve(push[:, k]) for k in range(push.shape[1])]
-        if solver.is_singular or any(x is None for x in columns):
+        if solver.is_singular:
+            # beams may spin
+            columns = []
+            for k in range(push.shape[1]):
+                columns.append(saddle.solve(push[:, k]))
+                if saddle.unbalanced > UNBALANCED * np.linalg.norm(saddle.row * push[:, k]):
+                    return None
+        if any(x is None for x in columns):
             return None
         found = direct + slopes @ np.stack(columns, axis=1)  # type: ignore[arg-type]
         size = np.array([condition.size for condition in self.conditions])
@@ -300,15 +310,19 @@ class LengthSolver(Response):
             gone = gone + x
             self.change = change
             self._put(change)
-            sizes.append(float(np.max(np.abs(x[self.unknowns:]))) + self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns])))
+            moved = self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns]))
+            sizes.append(moved + float(np.max(np.abs(x[self.unknowns:]))))
             if not sizes[-1] < np.inf:
                 return NOT_FINITE, sizes
             if has_converged(sizes[-1], before, expected):
                 # further off than conditions that are nearly linear lead: another equilibrium
                 is_near = self._extent(gone - first) <= max(STRAY * self._extent(first), LEAST_STRAY)
-                if not is_near and self.may_leap:
-                    self.leaps.append((self.share, self._extent(gone)))
-                return OK if is_near or self.may_leap else NOT_CONVERGED, sizes
+                if is_near:
+                    return OK, sizes
+                if not self.may_leap or Resolution(self.tables.model).is_folded(self.state.q):
+                    return NOT_CONVERGED, sizes
+                self.leaps.append((self.share, self._extent(gone)))
+                return OK, sizes
             before, expected = sizes[-1], next_increment(sizes[-1], before)
             self.interrupts.serve()
         return NOT_CONVERGED, sizes

@@ -448,6 +448,12 @@ def calls(folder: Path) -> dict[str, Call]:
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
             side=among(1, -1), branch=is_count, observe=is_list_of(is_text), moves=one_of(Mapping), stop=one_of(Mapping),
             prestrains=one_of(Mapping))),
+        "find_lengths": Call(fb.find_lengths, dict(model=held(), lengths=["boom"], conditions={("tip", "x"): 2.0},
+                                                   points={"tip": BEAM.end}), dict(
+            model=one_of(Model), lengths=is_list_of(either(is_text, one_of(fb.Beam))), conditions=one_of(Mapping),
+            points=one_of(Mapping), start=one_of(State), at_time=is_real, mass=among("kept", "per_length"),
+            observe=is_list_of(is_text), held=either(is_flag, is_text, is_list_of(is_text)), step=is_real, largest_step=is_real,
+            smallest_step=is_real, max_iterations=is_count, backend=is_text)),
         "stick_interval": Call(fb.stick_interval, dict(model=rubbing(), slider="s"), dict(
             model=one_of(Model), slider=is_text, load_factor=is_real, within=is_array(2), at_time=either(is_real, is_array(2)),
             start=one_of(State), held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
