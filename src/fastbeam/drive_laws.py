@@ -118,8 +118,8 @@ def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
     return float(np.clip(gains[0] * (given[0] - s) + gains[1] * (given[1] - rate), -gains[2], gains[2]))
 
 
-def slopes_at_rest(drive: Any, who: str, t: float, s: float, size: float) -> tuple[float, float]:
-    """Derivatives by place, N/m, and rate, N s/m, of the force of one that does not prescribe the motion, where its slider rests
+def slope_at_rest(drive: Any, who: str, t: float, s: float, size: float, by_rate: bool) -> float:
+    """Derivative by place, N/m, or by rate, N s/m, of the force of one that does not prescribe the motion, where its slider rests
     at s at time t; size: that of places, m, and of rates a second.
 
     Raises
@@ -129,12 +129,14 @@ def slopes_at_rest(drive: Any, who: str, t: float, s: float, size: float) -> tup
     """
     kind = kind_of(drive)
     if kind == LAW:
-        return (slope_of(lambda x: float(drive.force(t, x, 0.0)), s, size, f"{who}: force(t, s, rate)", "s"),
-                slope_of(lambda x: float(drive.force(t, s, x)), 0.0, size, f"{who}: force(t, s, rate)", "rate"))
+        law = f"{who}: force(t, s, rate)"
+        if by_rate:
+            return slope_of(lambda x: float(drive.force(t, s, x)), 0.0, size, law, "rate")
+        return slope_of(lambda x: float(drive.force(t, x, 0.0)), s, size, law, "s")
     stiffness, damping, limit = gains_of(drive)
     if kind != CONTROL or abs(stiffness * (given_to(drive, who, t, 0.0)[0] - s)) > limit:
-        return 0.0, 0.0
-    return -stiffness, -damping
+        return 0.0
+    return -damping if by_rate else -stiffness
 
 
 def slope_of(f: Callable[[float], float], x: float, size: float, who: str, by: str) -> float:

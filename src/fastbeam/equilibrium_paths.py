@@ -29,7 +29,6 @@ from .static_motion import StaticShift
 from .static_strains import StrainPath, prestrains_of
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports, standing_supports, supported
-from .twisting import check_twist
 from .winches import refuse_winches
 
 Array = np.ndarray
@@ -83,8 +82,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         Points after which the path ends all the same, with an event; one that comes back to its start ends there.
     at_time : float or (float, float)
         Where time functions of loads, and of drives, are evaluated, s; needed when the scene has some. Two times: load factor 0
-        has the loads of the first, 1 those of the second, so that loads and gravity without a time function stay, and cases of loads follow each
-        other. `start` is then an equilibrium under the first loads, `solve_static(model, at_time=...)`.
+        has the loads of the first, 1 those of the second, so that loads and gravity without a time function stay, and cases of
+        loads follow each other. `start` is then an equilibrium under the first loads, `solve_static(model, at_time=...)`.
     points : mapping
         As in `simulate`.
     observe : sequence of str
@@ -141,10 +140,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     """
     check_model("solve_path", model)
     stays = held_sliders(model, held)
-    check_twist("solve_path", model)
     check_slider_forces("solve_path", model, stays, smooth=True)
     drives = model.slider_forces
-    if drives is not None and not isinstance(at_time, float) and drives.has_functions(~stays):
+    if drives is not None and (at_time is None or isinstance(at_time, tuple)) and drives.has_functions(~stays):
         raise SceneError("solve_path: drives have time functions; say with at_time=... where to evaluate them, one time for "
                          "the whole path")
     refuse_winches("solve_path", model)

@@ -37,11 +37,6 @@ class RestingSliders:
         When functions of time are evaluated, s.
     factor : float
         Load factor, with which forces of drives grow.
-
-    Raises
-    ------
-    SceneError
-        The law of a drive has no derivative.
     """
 
     def __init__(self, model: Model, state: State, stays: Array, at_time: float, factor: float) -> None:
@@ -52,39 +47,49 @@ class RestingSliders:
         self.along.factor = factor
         self._own = model.along_of(state.history).copy()
         self.force, _ = self.along.known(s)
-        stiff = forces.tables.stops[:, 2]
-        pressed = (s < self.along.elastic[:, 0]) | (s > self.along.elastic[:, 1])
-        # of forces on the points by their places, N/m, and by their rates, N s/m
-        self.slope = np.where(pressed & (stiff > 0.0), -stiff, 0.0)
-        self._by_rate = -forces.tables.viscous
-        self._at, self._known = (at_time, factor, s.copy()), np.zeros(s.size, bool)
-        self._add_drives()
+        self._at = at_time, factor, s.copy()
 
-    def _add_drives(self) -> None:
-        """Derivatives of the forces of drives on those that are free."""
+    def _by_drives(self, by_rate: bool) -> Array:
+        """Derivatives of the forces of drives on those that are free, by place, N/m, or by rate, N s/m, [S]."""
         t, factor, s = self._at
-        for k in self.along.driven[self.free[self.along.driven] & ~self._known[self.along.driven]].tolist() if factor else []:
-            by_place, by_rate = self.forces.slopes_at_rest(k, t, float(s[k]), factor, float(self._own[k, OFFSET]),
-                                                           float(self.along.lengths[k]))
-            self.slope[k] += by_place
-            self._by_rate[k] += by_rate
-            self._known[k] = True
+        out = np.zeros(s.size)
+        for k in np.intersect1d(self.along.driven, np.flatnonzero(self.free)).tolist() if factor else []:
+            out[k] = self.forces.slope_at_rest(k, t, float(s[k]), factor, float(self._own[k, OFFSET]), by_rate)
+        return out
 
     @property
     def free(self) -> Array:
         """Which sliders move, bool [S]."""
         return self.along.free
 
+    @property
+    def slope(self) -> Array:
+        """Derivatives by s of the forces of drives and stops on those that are free, N/m, [S].
+
+        Raises
+        ------
+        SceneError
+            The law of a drive has none.
+        """
+        s, stiff, (low, high) = self._at[2], self.forces.tables.stops[:, 2], self.along.elastic.T
+        return self._by_drives(by_rate=False) - np.where((stiff > 0.0) & ((s < low) | (s > high)), stiff, 0.0)
+
     def put(self, border: Border) -> Border:
         """Equations of sliders with these forces."""
         return border._replace(sliding=border.sliding - self.force, bend=border.bend - self.slope)
 
     def damping(self, border: Border) -> Array:
-        """Minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; border: with what presses."""
+        """Minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; border: with what presses.
+
+        Raises
+        ------
+        SceneError
+            The law of a drive has none.
+        """
         table = self.forces.tables
         smooth = (table.smoothing > 0.0) & (table.friction > 0.0)
         of_smooth = np.where(smooth, table.friction * border.normal / np.where(smooth, table.smoothing, 1.0), 0.0)
-        return np.where(self.free, of_smooth - self._by_rate, 0.0)
+        return np.where(self.free, of_smooth + table.viscous - self._by_drives(by_rate=True), 0.0)
 
     def judge(self, who: str, border: Border, loads: float) -> bool:
         """Whether friction and stops hold the sliders that they are to hold; one that touches a stop without a force is free from
@@ -124,7 +129,6 @@ class RestingSliders:
                              "fb.solve_static(model) and give state=result.state")
         touches = ~along.rubs & (at_stop != 0) & (np.abs(needed) <= slack)
         at_stop[touches] = 0
-        self._add_drives()
         return bool(touches.any())
 
     def remember(self, history: Array) -> None:
@@ -139,7 +143,7 @@ def locked_sliders(model: Model, state: State | None) -> Array:
     """Which sliders are locked in a state, bool [S]."""
     if model.slider_forces is None or state is None:
         return np.zeros(model.n_sliders, bool)
-    return model.along_of(state.history)[:, HELD] == LOCKED
+    return np.asarray(model.along_of(state.history)[:, HELD] == LOCKED)
 
 
 def resting_sliders(who: str, model: Model, state: State | None, stays: Array, at_time: float | None,
@@ -149,7 +153,7 @@ def resting_sliders(who: str, model: Model, state: State | None, stays: Array, a
     Raises
     ------
     SceneError
-        A drive is a function of time, and none is given, or its law has no derivative.
+        A drive is a function of time, and none is given.
     """
     forces = model.slider_forces
     if forces is None:

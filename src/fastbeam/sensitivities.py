@@ -25,7 +25,6 @@ from .section_gradient import SectionGradient, section_gradients
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, solve_static, which_sliders
 from .supports import check_supports
-from .twisting import check_twist
 from .winches import refuse_winches
 
 if TYPE_CHECKING:
@@ -344,7 +343,6 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     check_backend(backend)
     family = Family(build, numbers_of, sizes)
     model, stays = family.model, held_sliders(family.model, held)
-    check_twist(who, model)
     check_slider_forces(who, model, stays, smooth=who == "sensitivity")
     if model.prescribed is not None:
         raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "

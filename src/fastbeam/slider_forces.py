@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .drive_laws import force_at, gains_of, given_to, kind_of, law_of, slopes_at_rest, value_at
+from .drive_laws import force_at, gains_of, given_to, kind_of, law_of, slope_at_rest, value_at
 from .errors import SceneError
 from .kernels.along import (AGAINST, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, MOST_KEPT, NO_DRIVE, OFF,
                             OFFSET, POSITION, SIGN, TURNS, Along)
@@ -95,10 +95,10 @@ class SliderForces:
 
     @property
     def is_rough(self) -> Array:
-        """Whether something may hold a slider, let it go or prescribe its motion, so that its place at rest is no smooth function
-        of the loads, bool [S]."""
-        rigid = [x.stops is not None and x.stops.is_rigid for x in self.sliders]
-        return self.lets_go_of | self.hold_by_friction | np.array(rigid) | np.isin(self.tables.drive, (POSITION, INCREMENT))
+        """Whether something may hold a slider, let it go or prescribe its motion, or it is on a switch, so that its place at rest
+        is no smooth function of the loads, bool [S]."""
+        rough = [isinstance(x.beam, Switch) or x.stops is not None and x.stops.is_rigid for x in self.sliders]
+        return self.lets_go_of | self.hold_by_friction | np.array(rough) | np.isin(self.tables.drive, (POSITION, INCREMENT))
 
     @property
     def hold_by_friction(self) -> Array:
@@ -375,18 +375,18 @@ class SliderForces:
         given = self._given(k, t, 0.0)[0]
         return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - offset - s), -gains[2], gains[2])))
 
-    def slopes_at_rest(self, k: int, t: float, s: float, share: float, offset: float, size: float) -> tuple[float, float]:
-        """Derivatives of this force by s, N/m, and by ds/dt, N s/m; size: that of s.
+    def slope_at_rest(self, k: int, t: float, s: float, share: float, offset: float, by_rate: bool) -> float:
+        """Derivative of this force by s, N/m, or by ds/dt, N s/m.
 
         Raises
         ------
         SceneError
             A law has a kink or jumps there.
         """
+        slider = self.sliders[k]
         # laws know s of a switch, controllers follow the way
         way = s + offset if self.tables.drive[k] == CONTROL else s
-        found = slopes_at_rest(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, way, size)
-        return share * found[0], share * found[1]
+        return share * slope_at_rest(slider.drive, f"slider {slider.name!r}", t, way, slider.beam.length, by_rate)
 
     def place_given(self, k: int, t: float, own: Array) -> float:
         """Where a drive puts slider k at time t, m; own [11]: of its history."""

@@ -116,7 +116,7 @@ class StaticAlong:
             if self.is_exact:
                 s_k, offset = float(s[k]), float(self.offset[k])
                 force[k] += self.forces.at_rest(k, self.at_time, s_k, self.factor, offset)
-                slope[k] += self.forces.slopes_at_rest(k, self.at_time, s_k, self.factor, offset, float(self.lengths[k]))[0]
+                slope[k] += self.forces.slope_at_rest(k, self.at_time, s_k, self.factor, offset, by_rate=False)
                 continue
             step = 1e-6 * (1e-3 * abs(s[k]) + 1e-3 * self.lengths[k])
             back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.factor, self.offset[k])

@@ -215,7 +215,7 @@ def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = Fa
     if refused.size:
         name = model.names["sliders"][refused[0]]
         what = ("a lock or may leave its beam" if rubbing else
-                "Coulomb friction, a prescribed motion, rigid stops, a lock or may leave its beam" if smooth else
+                "Coulomb friction, a prescribed motion, rigid stops, a lock, a switch, or may leave its beam" if smooth else
                 "friction, a drive, stops, a lock or may leave its beam")
         raise SceneError(f"{who}: slider {name!r} has {what}, which equilibria do not know; hold it where it stands with "
                          f"held=({name!r},), leave that out for the equilibrium, or run until it rests")

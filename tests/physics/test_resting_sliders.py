@@ -126,7 +126,9 @@ def test_laws_with_a_kink_at_rest_are_refused_and_flat_ones_are_not() -> None:
 
     for law, by in ((on_one_side, "s at s = 1"), (dry, "rate at rate = 0")):
         with pytest.raises(fb.SceneError, match=f"slider 's': force.* has no derivative by {by}, .*held="):
-            fb.modes(rigid_rail(0.0, 1.0, drive=fb.Drive(force=law)))
+            fb.modes(rigid_rail(0.0, 1.0, drive=fb.Drive(force=law)), damped=True)
+    undamped = fb.modes(rigid_rail(0.0, 1.0, drive=fb.Drive(force=dry))).angular[0]
+    assert undamped == pytest.approx(np.sqrt(0.5 / MASS), rel=1e-10)
     rate = fb.modes(rigid_rail(0.0, 1.0, drive=fb.Drive(force=square)), damped=True).rates[0]
     assert abs(rate - 1j * np.sqrt(0.5 / MASS)) < 1e-7
 

@@ -40,7 +40,7 @@ def bead(friction: Any = None, **forces: Any) -> fb.Scene:
     (dict(build=tip, values={"F": 1.0}, observe=("momentum",)), "observe"),
     (dict(build=tip, values={"F": 1.0}, load_factor=0.5), "load_factor belongs to a state"),
     (dict(build=tip, values={"F": 1.0}, held="ring"), "has no slider 'ring'"),
-    (dict(build=lambda: bead(fb.Friction(0.3)), values={}), "slider 'run' has friction"),
+    (dict(build=lambda: bead(fb.Friction(0.3)), values={}), "slider 'run' has Coulomb friction"),
     (dict(build=lambda n: tip(elements=round(n)), values={"n": 100.0}), "parameter 'n' changes what the scene is made of"),
     (dict(build=lambda L: tip(L=round(L, 2)), values={"L": 3.0}), "no smooth function of parameter 'L'")])
 def test_what_is_refused(arguments: dict[str, Any], message: str) -> None:
