@@ -207,6 +207,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
+        laws=tuple(zip(laws, links.loaded.nodes)) + tuple(zip(*links.of(LineForce, ForceElement))),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
     if model.catches:
         model = replace(model, **waiting(model))
