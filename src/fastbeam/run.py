@@ -20,7 +20,7 @@ from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import StepControl, composition, failure
 from .encounters import CONDITION, Encounters
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError, carry
-from .extrapolation import check_two_runs, combine, extrapolates
+from .extrapolation import check_two_runs, combine, ended_alone, extrapolates
 from .filtering import FilteringStepper, check_filtered
 from .impacts import Impacts
 from .interrupt import Calls, Interrupts
@@ -205,8 +205,16 @@ def _of_two_runs(model: Model, t_start: float, t_end: float, step: float, every:
     n = max(1, math.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
     every = max(1, n // 500) if every is None else min(every, n)
     step = (t_end - t_start) / n
-    coarse, fine = (simulate(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every, **options) for k in (1, 2))
-    result = combine(model, coarse, fine, step, t_end)
+    runs: list[Result] = []
+    try:
+        for k in (1, 2):
+            runs.append(simulate(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every, **options))
+        result = combine(model, *runs, step, t_end)
+    except (KeyboardInterrupt, Exception) as error:
+        raised = ended_alone(error, runs, step, file, overwrite)
+        if raised is not error:
+            raise raised from error
+        raise
     if file is not None:
         result.save(file, overwrite=overwrite)
     return result
