@@ -333,11 +333,11 @@ def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
                          "beside its arguments is frozen when it is compiled: hand it over in parameters=")
 
 
-def without_numbers(model: Model, state: State, t: float, h: float) -> str:
+def without_numbers(laws: list[tuple[Any, Array]], model: Model, state: State, t: float, h: float) -> str:
     """Which law gives no finite numbers within a step of size h that failed, asked in Python at the last good state and where its
-    velocities lead: a sentence, '' where none is found."""
+    velocities lead: a sentence, '' where none is found. Of every force the nodes that its law sees."""
     q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
-    for part, nodes in model.laws:
+    for part, nodes in laws:
         for at in (t, t + 0.5 * h, t + h):
             x = q + (at - t) * v
             for where in ([int(k)] for k in nodes) if isinstance(part, UserForce) else (nodes.tolist(),):
