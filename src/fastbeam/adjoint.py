@@ -180,7 +180,7 @@ class AdjointRun:
                 pivoting = stepper.linear.fallbacks
                 outcome = stepper.advance(0.0, self._h, 1, first + k)
                 if outcome.status != OK:
-                    raise failure(stepper, outcome, float(self.t[first + k]), first + k)
+                    raise failure(stepper, outcome, float(self.t[first + k]), first + k, self._h)
                 out.dphi[k], out.theta[k] = work.dphi[:out.dphi.shape[1]], work.theta[:out.theta.shape[1]]
                 out.force[k] = state.force
                 if stepper.along is not None:

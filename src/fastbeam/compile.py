@@ -54,6 +54,7 @@ from .supports import waiting
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
 from .tracks import corners_of, track_of
 from .unpacked import Unpacked, unpack
+from .user_forces import without_numbers
 from .winches import WinchRows
 
 Array = np.ndarray
@@ -207,6 +208,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
+        failing_law=partial(without_numbers, [*zip(laws, links.loaded.nodes), *zip(*links.of(LineForce, ForceElement))]),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
     if model.catches:
         model = replace(model, **waiting(model))

@@ -58,6 +58,8 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
     if not np.isfinite(size) and outcome.status in (SINGULAR, NOT_FINITE):
         cause = (f"on the way the axis was compressed to nothing near {model.node_label(node)}, where strains have no meaning, "
                  "or numbers ran away from there")
+        law = model.failing_law(model, stepper.copy_state(), t, h) if h and model.failing_law is not None else ""
+        cause, advice = (law, "Let it give finite numbers there") if law else (cause, advice)
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     spinning, spin = stepper.largest_spin()
     if spin * h > LARGE_TURN:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .checkpoint import Clock
-from .errors import ConvergenceError, SceneError
+from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HISTORY, LOCK_LOSS, STOP_LOSS
 from .kernels.work import State
 from .model import Model
@@ -158,3 +158,37 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     result.state = state_between(model, coarse.state, fine.state, step)
     result.checkpoint = Clock(t_end, t_end, step, step).checkpoint(model, result.state, False, None)
     return result
+
+
+def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any, overwrite: bool) -> BaseException:
+    """The error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and says
+    so; it is written to the file that was asked for.
+
+    Parameters
+    ----------
+    runs : list of Result
+        Those that are complete.
+    step : float
+        Of the first run, s.
+    """
+    result = getattr(error, "result", None) or (runs[-1] if runs else None)
+    if not isinstance(result, Result):
+        return error
+    second = len(runs) > 0 and result is not runs[0]
+    text = (f"this is the {'second' if second else 'first'} of the two runs that order=4 with what dissipates extrapolates, "
+            "alone: "
+            f"steps of {(0.5 if second else 1.0) * step:g} s, errors of second order")
+    result.events.append({"kind": "extrapolation", "time": float(result.t[-1]), "text": text})
+    if file is not None:
+        try:
+            result.save(file, overwrite=overwrite)
+        except ResultFileError as failed:
+            result.events.append({"kind": "file", "time": float(result.t[-1]), "text": str(failed)})
+    if isinstance(error, KeyboardInterrupt) and not isinstance(error, Interrupted):
+        # between the runs, or while one of them was being prepared
+        error = Interrupted("the run was interrupted", result=result, state=result.state, checkpoint=result.checkpoint)
+    if isinstance(error, ConvergenceError):
+        error.result = result
+    if isinstance(error, Interrupted | ConvergenceError):
+        error.args = (f"{error.args[0]}; {text}", *error.args[1:])
+    return error

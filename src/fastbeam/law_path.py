@@ -57,7 +57,7 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
                          "one time, with which forces on nodes grow from zero, or write it as a load with follower=True")
 
     def values(t: float) -> Array:
-        return np.array([1.0 if x.time is None else factor_at(x.time, t) for x in forces])
+        return np.array([1.0 if x.time is None else factor_at(x.time, t, f"of {x.kind} {x.name!r}") for x in forces])
 
     a, b = (values(t) for t in at_time)
     size = np.maximum(np.abs(a), np.abs(b))

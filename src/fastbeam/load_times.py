@@ -19,7 +19,7 @@ def load_factors(model: Model, times: Array, steps: Array) -> Array:
     out = np.ones((len(times), len(model.load_times)))
     for k, time in enumerate(model.load_times):
         if time is not None:
-            out[:, k] = mean_factors(time, times, steps)
+            out[:, k] = mean_factors(time, times, steps, f"of {model.load_names[k]}")
     return out
 
 
@@ -36,7 +36,8 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
         one.held[0] = one.start
     if at_time is None and any(time is not None for time in model.load_times):
         raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
-    return np.array([1.0 if time is None else factor_at(time, at_time or 0.0) for time in model.load_times])
+    return np.array([1.0 if time is None else factor_at(time, at_time or 0.0, f"of {name}")
+                     for time, name in zip(model.load_times, model.load_names)])
 
 
 def which_times(value: Any) -> float | tuple[float, float]:
@@ -72,7 +73,7 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
     return first, last - first
 
 
-def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of a load or of gravity") -> Array:
+def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of gravity") -> Array:
     """Means of a time function over steps [t, t + h], [n]."""
     x = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
     w = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -82,7 +83,7 @@ def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who
     return w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
 
 
-def factor_at(time: Callable[[float], float], t: float, who: str = "of a load or of gravity") -> float:
+def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity") -> float:
     """A time function at t as a number; who: whose it is.
 
     Raises

@@ -31,12 +31,15 @@ class Labels(Sequence):
     def __len__(self) -> int:
         return self._n
 
+    def owner(self, k: int) -> tuple[Beam | Net | NodeRef | str, int]:
+        """What node k belongs to, and its number there."""
+        i = bisect_right(self._starts, k) - 1
+        return self._owners[i], k - self._starts[i]
+
     def __getitem__(self, k: Any) -> Any:
         if isinstance(k, slice):
             return [self[i] for i in range(*k.indices(self._n))]
-        k = range(self._n)[int(k)]
-        i = bisect_right(self._starts, k) - 1
-        owner, local = self._owners[i], k - self._starts[i]
+        owner, local = self.owner(range(self._n)[int(k)])
         if isinstance(owner, str):
             return owner
         if isinstance(owner, NodeRef):

@@ -27,6 +27,8 @@ LARGEST_LOSS, GOOD_LOSS = 0.03, 0.01
 # the size of the scene, beyond which a taut beam is not resolved and it matters
 LONGEST, LEAST_TURN, LEAST_ERROR = 2.0, 0.1, 2e-3
 MOST_EVENTS = 5
+# a curve that turns by more, rad, within this share of its length has a kink
+LEAST_KINK, SHARP = 0.05, 1e-9
 # shapes that are looked at in a run, and elements in all of them together
 MOST_LOOKS, MOST_ELEMENTS = 500, 500_000
 
@@ -157,7 +159,32 @@ class Resolution:
                 cure = f"{math.ceil(finer * elements)} elements instead of {elements}"
             if kind == "layer":
                 cure += ", or element ends closer to each other there"
-            self._worst[kind, beam] = size, t, f"{beam}, {where}: {text}" + (f"; it takes {cure}" if finer else "")
+            cure = self._kink(first, last) or f"it takes {cure}"
+            self._worst[kind, beam] = size, t, f"{beam}, {where}: {text}" + (f"; {cure}" if finer else "")
+
+    def _kink(self, first: int, last: int) -> str:
+        """What to say of an element, or next to which, the curve that its beam was made from turns at one place; '' where it does
+        not."""
+        owner, k = self.model.numbers.labels.owner(first)
+        curve = getattr(owner, "curve", None)
+        if curve is None:
+            return ""
+        a, b = (float(x) for x in owner.node_s[[k, k + last - first]])
+        edge = 1e-3 * (b - a)
+        a, b = max(a - edge, 0.0), min(b + edge, float(owner.length))
+
+        def turn(a: float, b: float) -> float:
+            d = curve.reference(np.array([a, b]))[1][:, 0]
+            return 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(d[1] - d[0]))))
+
+        while b - a > SHARP * owner.length:
+            middle = 0.5 * (a + b)
+            a, b = (a, middle) if turn(a, middle) > turn(middle, b) else (middle, b)
+        found = turn(a, b)
+        if found < LEAST_KINK:
+            return ""
+        return (f"the curve of the beam has a kink of {found:.2g} rad at s = {0.5 * (a + b):.4g} m, which no number of elements "
+                "resolves: end the beam there and begin another one, or round the curve")
 
     def _place(self, first: int, last: int) -> tuple[str, str, int]:
         """(beam, which part of it, number of its elements or 0) of the element between two nodes."""

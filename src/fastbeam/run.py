@@ -20,7 +20,7 @@ from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import StepControl, composition, failure
 from .encounters import CONDITION, Encounters
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError, carry
-from .extrapolation import check_two_runs, combine, extrapolates
+from .extrapolation import check_two_runs, combine, ended_alone, extrapolates
 from .filtering import FilteringStepper, check_filtered
 from .impacts import Impacts
 from .interrupt import Calls, Interrupts
@@ -219,9 +219,17 @@ def _of_two_runs(model: Model, t_start: float, t_end: float, step: float, every:
     step = (t_end - t_start) / n
     kinks = Kinks(model, step)
     kinks(t_start, options["start"] or model.state())
-    coarse, fine = (simulate(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every,
-                             callback=kinks if k == 2 and kinks.groups else None, **options) for k in (1, 2))
-    result = combine(model, coarse, fine, step, t_end)
+    runs: list[Result] = []
+    try:
+        for k in (1, 2):
+            runs.append(simulate(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every,
+                                 callback=kinks if k == 2 and kinks.groups else None, **options))
+        result = combine(model, *runs, step, t_end)
+    except (KeyboardInterrupt, Exception) as error:
+        raised = ended_alone(error, runs, step, file, overwrite)
+        if raised is not error:
+            raise raised from error
+        raise
     result.events += kinks.events
     if file is not None:
         result.save(file, overwrite=overwrite)

@@ -13,8 +13,11 @@ from .kernels.drag import NoWind, Wind
 from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
 from .kernels.user_force import Laws, UserForces
+from .kernels.work import State
+from .model import Model
 from .numbering import NodeList
 from .scene import Beam, Drag, ForceElement, LineForce, Scene, UserForce
+from .scene.links import label_of
 from .tables import node_lengths
 from .workspace import law_work
 
@@ -32,6 +35,8 @@ class Loaded:
         1, along beams the length that belongs to the node, m.
     of : int64 [K]
         Which force.
+    nodes : list of int64 [*]
+        Those of every force.
     """
 
     def __init__(self, scene: Scene, nodes: NodeList) -> None:
@@ -45,6 +50,7 @@ class Loaded:
             else:
                 node.append(np.array([nodes.number(force.at)]))
                 share.append(np.ones(1))
+        self.nodes = node[1:]
         self.node, self.share = np.concatenate(node), np.concatenate(share)
         self.of = np.repeat(np.arange(len(self.forces)), [len(x) for x in node[1:]]).astype(np.int64)
 
@@ -325,3 +331,40 @@ def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
     if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
         raise SceneError(f"{who}: its {law} gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads "
                          "beside its arguments is frozen when it is compiled: hand it over in parameters=")
+
+
+def without_numbers(laws: list[tuple[Any, Array]], model: Model, state: State, t: float, h: float) -> str:
+    """Which law gives no finite numbers within a step of size h that failed, asked in Python at the last good state and where its
+    velocities lead: a sentence, '' where none is found. Of every force the nodes that its law sees."""
+    q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+    for part, nodes in laws:
+        for at in (t, t + 0.5 * h, t + h):
+            x = q + (at - t) * v
+            for where in ([int(k)] for k in nodes) if isinstance(part, UserForce) else (nodes.tolist(),):
+                found = _asked(part, at, x[where], v[where], model.q0.reshape(-1, 4, 3)[where])
+                if found:
+                    return f"{label_of(part)}: its law {found} at t = {at:.6g} s, {' and '.join(model.labels[k] for k in where)}"
+    return ""
+
+
+def _asked(part: Any, t: float, x: Array, v: Array, reference: Array) -> str:
+    """What is wrong with what a law gives at its nodes, coordinates [*, 4, 3]; '' for nothing."""
+    parameters = np.array(part.parameters)
+    out = np.zeros(6)
+    try:
+        with np.errstate(all="ignore"):
+            if isinstance(part, LineForce):
+                way = x[1, 0] - x[0, 0]
+                length = float(np.linalg.norm(way))
+                out = np.array([float(part.law(t, length, float(way @ (v[1, 0] - v[0, 0])) / length, parameters))])
+            elif isinstance(part, ForceElement):
+                one, other = (np.asarray(part.directors) @ r[1:].T @ d[1:] for r, d in zip(reference, x))
+                part.law(t, one @ (x[1, 0] - x[0, 0]), one @ other.T, np.zeros(3), np.zeros(3), parameters, out[:3], out[3:])
+            else:
+                spin = 0.5 * np.cross(x[0, 1:], v[0, 1:]).sum(axis=0)
+                time = getattr(part, "time", None)
+                part.law(t, x[0, 0].copy(), x[0, 1:].copy(), v[0, 0].copy(), spin, parameters, out[:3], out[3:])
+                out = out * (1.0 if time is None else float(time(t)))
+    except Exception as failed:
+        return f"fails, {type(failed).__name__}: {str(failed)[:200]},"
+    return "" if np.isfinite(out).all() else f"gives {shown(out)}, which is no finite force,"

@@ -180,3 +180,25 @@ def test_supports_that_could_move_stand_still_and_hinges_count_their_turns() -> 
     assert found.info["finished"] and np.linalg.norm(places(found.state)[0]) == 0.0
     again = fb.solve_static(model, start=found.state, load_step=1.0)
     np.testing.assert_allclose(places(again.state), places(found.state), atol=1e-9)
+
+
+def test_a_cable_on_two_pins_hangs_in_a_wind_from_the_side_where_statics_refuse_it() -> None:
+    section = fb.Section.circle(radius=0.006, E=1e11, rho=8000.0)
+    weight, wind = section.rhoA * 9.81, 3.0
+
+    def hung(gravity: float, *loads: tuple[float, float, float]) -> fb.Model:
+        cable = fb.Beam.through_points("cable", [(0, 0, 0), (2, 0, -1.5), (4, 0, -2), (6, 0, -1.5), (8, 0, 0)], section=section,
+                                       elements=6)
+        return fb.compile_scene(fb.Scene(cable, fb.Pin(cable.start), fb.Pin(cable.end), gravity=(0, 0, -gravity), *(
+            fb.DistributedLoad("wind", cable, force=load) for load in loads)))
+
+    aslant = hung(9.81, (0.0, wind, 0.0))
+    with pytest.raises(fb.SceneError, match=r"can turn about \(1, 0, 0\) .* \(relax finds how it hangs\)"):
+        fb.solve_static(aslant)
+    found = fb.relax(aslant).state.q.reshape(-1, 4, 3)[:, 0]
+    # the equilibrium in a plane, under both loads together, turned into theirs
+    total = float(np.hypot(weight, wind))
+    plane = fb.solve_static(hung(total / section.rhoA)).state.q.reshape(-1, 4, 3)[:, 0]
+    expected = np.stack((plane[:, 0], -plane[:, 2] * wind / total, plane[:, 2] * weight / total), axis=1)
+    assert np.max(expected[:, 1]) > 0.6
+    np.testing.assert_allclose(found, expected, atol=1e-7)

@@ -46,7 +46,7 @@ def test_time_function_that_fails_brings_everything_until_then(how: Any, setting
     settings = {"t_end": 1.0, "step": H, **settings}
     whole = fb.simulate(fb.compile_scene(scene(steady)), **settings)
     model = fb.compile_scene(scene(failing(0.5, how)))
-    with pytest.raises(fb.SceneError, match="time function of a load or of gravity: must .* at t = 0.5") as caught:
+    with pytest.raises(fb.SceneError, match="time function of load 'tip': must .* at t = 0.5") as caught:
         fb.simulate(model, file=tmp_path / "run.h5", checkpoint=tmp_path / "kept", **settings)
     result = caught.value.result
     assert result.events[-1]["kind"] == "failed" and str(caught.value) in result.events[-1]["text"]

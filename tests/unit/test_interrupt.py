@@ -275,3 +275,53 @@ def test_last_row_has_contact_forces_unless_steps_are_long(settings: dict[str, A
         np.testing.assert_array_equal(force[:-1], other[:-1])
         assert np.isfinite(other).all()
         np.testing.assert_array_equal(force[-1], other[-1] if limit else np.full((1, 3), np.nan))
+
+
+@pytest.mark.parametrize(("at", "which", "share"), [([0.05], "first", 1.0), ([0.05, 0.07], "second", 0.5)])
+def test_ctrl_c_in_one_of_two_runs_leaves_a_file_and_says_which(at: list[float], which: str, share: float,
+                                                                tmp_path: Path) -> None:
+    # order 4 with damping extrapolates two runs
+    calls: list[float] = []
+
+    def factor(t: Any) -> Any:
+        calls.append(float(np.max(t)))
+        # the times of the second run begin anew
+        runs = sum(b < a - 0.5 * H for a, b in zip(calls, calls[1:]))
+        if calls[-1] > at[-1] and (len(at) == 1 or runs > 0 and calls[-1] < 0.1):
+            if signal.getsignal(signal.SIGINT) is not signal.default_int_handler and not pressed:
+                pressed.append(True)
+                ctrl_c()
+        return 1.0 + 0.1 * np.sin(5.0 * t)
+
+    pressed: list[bool] = []
+    soft = fb.Section.circle(radius=0.05, E=1e7, rho=1000.0, damping=1e-3)
+    beam = fb.Beam.straight("beam", (0, 0, 0), (3, 0, 0), section=soft, elements=2)
+    scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, 2), time=factor))
+    settings: dict[str, Any] = dict(t_end=0.2, step=H, every=1, progress=False)
+    with pytest.raises(fb.Interrupted) as caught:
+        fb.simulate(fb.compile_scene(scene), order=4, file=tmp_path / "run.h5", **settings)
+    result = caught.value.result
+    says = (f"this is the {which} of the two runs that order=4 with what dissipates extrapolates, alone: steps of "
+            f"{share * H:g} s, errors of second order")
+    assert str(caught.value).endswith(says)
+    assert [e["text"] for e in result.events if e["kind"] == "extrapolation"] == [says]
+    assert 0.04 < result.t[-1] < 0.2 and result.info["order"] == 2 and result.info["step"] == share * H
+    # the run that it is, bit for bit
+    alone = fb.simulate(fb.compile_scene(scene), **{**settings, "step": share * H, "every": round(1.0 / share)})
+    np.testing.assert_array_equal(result.t[:-1], alone.t[:result.t.size - 1])
+    np.testing.assert_array_equal(result.series["strain"][:-2], alone.series["strain"][:result.t.size - 2])
+    stored = fb.load_result(tmp_path / "run.h5")
+    np.testing.assert_array_equal(stored.t, result.t)
+    assert stored.events == result.events
+    assert caught.value.checkpoint.t == result.t[-1]
+
+
+def test_a_failure_in_one_of_two_runs_leaves_a_file_and_says_which(tmp_path: Path) -> None:
+    soft = fb.Section.circle(radius=0.05, E=1e7, rho=1000.0, damping=1e-3)
+    beam = fb.Beam.straight("beam", (0, 0, 0), (3, 0, 0), section=soft, elements=2)
+    scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, 2),
+                                                        time=lambda t: 1.0 if t < 0.05 else float("nan")))
+    with pytest.raises(fb.SceneError, match="time function of load 'tip'") as caught:
+        fb.simulate(fb.compile_scene(scene), t_end=0.2, step=H, order=4, every=1, progress=False, file=tmp_path / "run.h5")
+    assert caught.value.result.events[-1]["text"].startswith("this is the first of the two runs")
+    np.testing.assert_array_equal(fb.load_result(tmp_path / "run.h5").t, caught.value.result.t)

@@ -123,3 +123,31 @@ def test_an_axis_that_was_compressed_through_nothing_is_named() -> None:
         events = failed.result.events
         assert "compressed to nothing" in str(failed) or events
     assert any(event["kind"] == "reversed" for event in events)
+
+
+def hoisted(elements: int, rounding: float, height: float = 6.0) -> list[str]:
+    """A rope over a pulley, whose curve runs to a point or around it."""
+    def curve(t: float) -> tuple[float, float, float]:
+        return 0.05 * float(np.tanh(60.0 * (t - 0.5))), 0.0, -float(np.hypot(height * (1.0 - 2.0 * t), rounding))
+
+    rope = fb.Beam.from_curve("rope", curve, section=WIRE, elements=elements)
+    eye, car, weight = (fb.PointMass(name, mass=m) for name, m in (("pulley", 1.0), ("car", 1000.0), ("weight", 900.0)))
+    model = fb.compile_scene(fb.Scene(rope, eye, car, weight, fb.Pin(eye), fb.Slider("sheave", eye, rope, at=rope.length / 2),
+                                      fb.BallJoint(car, rope.end), fb.BallJoint(weight, rope.start), gravity=(0, 0, -9.81)))
+    look = Resolution(model)
+    look.look(0.0, model.q0)
+    return [event["text"] for event in look.events()]
+
+
+@pytest.mark.parametrize("elements", [12, 36, 37, 144])
+def test_a_kink_of_the_curve_is_named_and_no_number_of_elements(elements: int) -> None:
+    # its slopes are 12 down and 3 across on both sides
+    (text,) = hoisted(elements, 0.0)
+    assert text.startswith("beam 'rope', s = ") and "more than a right angle" in text and "it takes" not in text
+    found, at = (float(text.split(before)[1].split()[0]) for before in ("a kink of ", "rad at s = "))
+    assert abs(found - 2.0 * np.arctan2(12.0, 3.0)) < 0.06 and abs(at - 6.003) < 2e-3
+
+
+def test_a_bend_however_tight_is_none() -> None:
+    (text,) = hoisted(37, 0.002)
+    assert "kink" not in text and "it takes" in text
