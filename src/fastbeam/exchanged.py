@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .errors import SceneError
+
 if TYPE_CHECKING:
     from .result import Result
 
@@ -43,6 +45,18 @@ def balance_of(result: Result) -> dict[str, Array]:
         energies |= dict(zip(("dissipated by filters", "stored in filters"), series["filter_loss"].T))
     energies["sum"] = np.sum(list(energies.values()), axis=0)
     return energies
+
+
+def power_of(result: Result, name: str) -> Array:
+    """`Result.power`, from a result that has energies."""
+    known = balance_of(result)
+    if name not in known:
+        raise SceneError(f"power: the balance has no {name!r}; it has {', '.join(map(repr, known))}. A part that took "
+                         "and gave nothing has no entry")
+    t = result.t
+    if len(t) < 3 or not np.all(np.diff(t) > 0.0):
+        raise SceneError(f"power: needs three rows at times that grow, here {len(t)}; record more with every=1")
+    return np.asarray(np.gradient(known[name], t, edge_order=2))
 
 
 # of a coordinate: what its rate and its force are called

@@ -14,7 +14,7 @@ import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, hides_others, is_masked, shown
 from .errors import SceneError
-from .exchanged import balance_of, joint_of
+from .exchanged import balance_of, joint_of, power_of
 from .exports import Exports
 from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, TWISTING, Readings
 from .rows import RowBuffer, Rows, listing
@@ -289,6 +289,20 @@ class Result(Readings, Exports):
         """
         self._series("kinetic")
         return balance_of(self)
+
+    @checked(name=NAMED)
+    def power(self, name: str) -> np.ndarray:
+        """Rate of an entry of `balance()` over time [n], W: with its sign there, so that what a damper takes is positive and what
+        a motor puts in negative. Differences of the energies of neighbouring rows, of second order in their distance: record
+        rows often enough (`every=1`).
+
+        Raises
+        ------
+        SceneError
+            The run did not record energies, has fewer than three rows, or there is no such entry.
+        """
+        self._series("kinetic")
+        return power_of(self, name)
 
     @checked(name=NAMED)
     def deviation(self, name: str) -> np.ndarray:

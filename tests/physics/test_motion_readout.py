@@ -318,3 +318,30 @@ def test_equilibria_have_triads_of_points():
     result = fb.solve_static(model, observe=("orientation", "section"), points={"root": beam.start, "tip": beam.end})
     assert np.allclose(at_root(result)[-1], (3.0, -1.0, 0.5), atol=1e-6)
     assert result.orientation("tip")[-1, 0, 1] < -0.1
+
+
+def test_power_is_torque_times_spin_and_force_times_velocity():
+    """A constant motor against a damper, and a weight that falls, in closed form; order 2 in the distance of rows."""
+    inertia, torque, damping = 0.2, 3.0, 0.5
+    wheel = fb.RigidBody("wheel", mass=1.0, inertia=np.diag([0.1, inertia, 0.1]), position=(0, 0, 0))
+    brick = fb.PointMass("brick", mass=2.0, position=(5, 0, 0))
+    hinge = fb.RevoluteJoint(fb.GROUND, wheel, "hinge", axis=(0, 1, 0), torque=torque, damping=damping)
+    model = fb.compile_scene(fb.Scene(wheel, brick, hinge, gravity=G))
+    errors = []
+    for step in (2e-2, 1e-2, 5e-3):
+        result = fb.simulate(model, t_end=0.8, step=step, every=1)
+        spin = torque / damping * (1.0 - np.exp(-damping * result.t / inertia))
+        gravity = [name for name in ("gravity", "loads") if name in result.balance()][0]
+        off = (result.power("motor of joint 'hinge'") + torque * spin,
+               result.power("damper of joint 'hinge'") - damping * spin**2,
+               result.power(gravity) - 2.0 * 9.81**2 * -result.t)
+        assert np.max(np.abs(off[2])) < 1e-8
+        assert np.max(np.abs(result.power("sum"))) < 1e-8
+        errors.append(max(np.max(np.abs(x)) for x in off[:2]) / (torque**2 / damping))
+    rates = rates_of(errors)
+    print("power, share:", errors, rates)
+    assert np.all(rates > 1.7) and errors[-1] < 1e-3
+    with pytest.raises(fb.SceneError, match="the balance has no 'nothing'; it has 'kinetic'"):
+        result.power("nothing")
+    with pytest.raises(fb.SceneError, match="needs three rows"):
+        fb.simulate(model, t_end=1e-2, step=1e-2).power("kinetic")

@@ -527,7 +527,7 @@ def calls(folder: Path) -> dict[str, Call]:
             events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
            for name in ("point", "slider", "joint", "spring", "bushing", "winch", "deviation", "drift", "is_conserved",
-                        "velocity", "section", "acceleration", "spin", "orientation")},
+                        "velocity", "section", "acceleration", "spin", "orientation", "power")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "LineForce": Call(fb.LineForce, dict(a=BEAM.end, b=BODY, law=tension), dict(
             a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR, derivative=is_function)),
