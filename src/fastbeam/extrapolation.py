@@ -1,7 +1,9 @@
 """Order four with what dissipates, and of reactions: conserving steps of h and of h/2, extrapolated (theory.md 6)."""
 from __future__ import annotations
 
-from collections.abc import Collection
+import math
+from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,9 @@ from .checkpoint import Clock
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HISTORY, LOCK_LOSS, STOP_LOSS
 from .kernels.work import State
+from .kinks import Kinks
 from .model import Model
+from .places import check_new
 from .result import Result
 from .starting import check_start
 
@@ -192,3 +196,31 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any
     if isinstance(error, Interrupted | ConvergenceError):
         error.args = (f"{error.args[0]}; {text}", *error.args[1:])
     return error
+
+
+def of_two_runs(run: Callable[..., Result], model: Model, t_start: float, t_end: float, step: float,
+                every: int | None, file: Any, overwrite: bool, options: dict[str, Any]) -> Result:
+    """Order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same.
+    run: `simulate`."""
+    if file is not None:
+        check_new("result file", Path(file), Path(file), overwrite)
+    n = max(1, math.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
+    every = max(1, n // 500) if every is None else min(every, n)
+    step = (t_end - t_start) / n
+    kinks = Kinks(model, step)
+    kinks(t_start, options["start"] or model.state())
+    runs: list[Result] = []
+    try:
+        for k in (1, 2):
+            runs.append(run(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every,
+                                 callback=kinks if k == 2 and kinks.groups else None, **options))
+        result = combine(model, *runs, step, t_end)
+    except (KeyboardInterrupt, Exception) as error:
+        raised = ended_alone(error, runs, step, file, overwrite)
+        if raised is not error:
+            raise raised from error
+        raise
+    result.events += kinks.events
+    if file is not None:
+        result.save(file, overwrite=overwrite)
+    return result

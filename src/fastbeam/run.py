@@ -1,14 +1,12 @@
 """Runs a model in time and records what was asked for."""
 from __future__ import annotations
 
-import math
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +18,7 @@ from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import StepControl, composition, failure
 from .encounters import CONDITION, Encounters
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError, carry
-from .extrapolation import check_two_runs, combine, ended_alone, extrapolates
+from .extrapolation import check_two_runs, extrapolates, of_two_runs
 from .filtering import FilteringStepper, check_filtered
 from .impacts import Impacts
 from .interrupt import Calls, Interrupts
@@ -33,7 +31,6 @@ from .model import Model, check_model
 from .newton import AUGMENTATION, Stepper
 from .outcome import Outcome
 from .observe import OBSERVED, POINTS, Observer, conserved
-from .places import check_new
 from .point_rows import PointRows
 from .progress import Progress
 from .reactions import ReactingStepper
@@ -174,7 +171,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         checkpoint = check_target(checkpoint, overwrite=True, probe=True)
     if order == 4 and method == "energy_momentum" and extrapolates(model, observe):
         check_two_runs(tolerance, callback, checkpoint, min_step, max_step)
-        return _of_two_runs(model, clock.now, t_end, step, every, file, overwrite, {
+        return of_two_runs(simulate, model, clock.now, t_end, step, every, file, overwrite, {
             "rho_inf": rho_inf, "start": state, "observe": observe, "points": points, "snapshots": snapshots,
             "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation, "threads": threads,
             "progress": progress, "mend_start": mend_start})
@@ -207,33 +204,6 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     run.notes = notes
     run.impacts = Impacts(model, start.impacts if isinstance(start, Checkpoint) else None)
     return run.go(every)
-
-
-def _of_two_runs(model: Model, t_start: float, t_end: float, step: float, every: int | None, file: Any, overwrite: bool,
-                 options: dict[str, Any]) -> Result:
-    """Order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same."""
-    if file is not None:
-        check_new("result file", Path(file), Path(file), overwrite)
-    n = max(1, math.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
-    every = max(1, n // 500) if every is None else min(every, n)
-    step = (t_end - t_start) / n
-    kinks = Kinks(model, step)
-    kinks(t_start, options["start"] or model.state())
-    runs: list[Result] = []
-    try:
-        for k in (1, 2):
-            runs.append(simulate(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every,
-                                 callback=kinks if k == 2 and kinks.groups else None, **options))
-        result = combine(model, *runs, step, t_end)
-    except (KeyboardInterrupt, Exception) as error:
-        raised = ended_alone(error, runs, step, file, overwrite)
-        if raised is not error:
-            raise raised from error
-        raise
-    result.events += kinks.events
-    if file is not None:
-        result.save(file, overwrite=overwrite)
-    return result
 
 
 class _Run(Encounters):
