@@ -276,7 +276,7 @@ class LengthSolver(Response):
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before, change = self._saved(), self.change.copy()
-        status, sizes = NOT_CONVERGED, []
+        status, sizes = NOT_CONVERGED, list[float]()
         try:
             status, sizes = self._find()
         finally:
