@@ -326,7 +326,7 @@ def test_derivatives_of_equilibria_and_frequencies_with_drives_and_elastic_stops
     modes = fb.modes(found.model, state=found.state, n=3)
     np.testing.assert_allclose(slopes.frequencies, modes.frequencies, rtol=1e-9)
     gradient = found.gradient(sliders={"one": 1.0, "two": 2.0}).by
-    for name in ("L", "k", "x"):
+    for name in ("L", "k"):
         def at(v: float, name: str = name) -> Array:
             model = fb.compile_scene(driven(**DRIVEN | {name: v})[0])
             rest = fb.solve_static(model)
@@ -385,8 +385,10 @@ def test_paths_of_what_drives_push(planar: Any) -> None:
     between = (s > 2.0 - away + 1e-3) & (s < 2.0 + away - 1e-3)
     unstable = path.series["unstable_directions"]
     assert np.all(unstable[between] == 1) and np.all(unstable[s < 2.0 - away - 1e-3] == 0) and unstable[-1] == 0
-    # a controller, its stiffness growing with it
-    model = toggle(planar, drive=fb.Drive(position=lambda t: 1.2 + 2.0 * t, stiffness=8.0, damping=1.0))
+
+
+def test_paths_with_a_controller_whose_stiffness_grows() -> None:
+    model = toggle("auto", drive=fb.Drive(position=lambda t: 1.2 + 2.0 * t, stiffness=8.0, damping=1.0))
     with pytest.raises(fb.SceneError, match="solve_path: drives have time functions; say with at_time="):
         fb.solve_path(model)
     path = fb.solve_path(model, at_time=1.0)
@@ -396,4 +398,4 @@ def test_paths_of_what_drives_push(planar: Any) -> None:
     assert s[-1] == pytest.approx(fb.solve_static(model, at_time=1.0, start=path.state, load_step=1.0,
                                                   raise_loads=False).state.s[0], rel=1e-10)
     with pytest.raises(fb.SceneError, match="solve_path: slider 's' has Coulomb friction, .*, which equilibria do not know"):
-        fb.solve_path(toggle(planar, drive=fb.Drive(force=10.0), friction=0.1))
+        fb.solve_path(toggle("auto", drive=fb.Drive(force=10.0), friction=0.1))
