@@ -311,7 +311,7 @@ ALL: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", ALL)
 def test_balance_and_momenta_with_a_flying_beam(name: str, planar: Any, body: bool) -> None:
     result = run(flying(planar, body, **ALL[name]), 0.2)
-    # of 0.2 J exchanged at rigid stops round-off is more: 1.3e-12
+    # of 0.2 J exchanged at rigid stops round-off is more: up to 1.6e-12
     assert balanced(result, 2e-12 if name == "rigid stops" else 1e-12) and result.drift("balance") < 1e-12
     assert result.drift("lin_mom") < 1e-13 and result.drift("ang_mom") < 1e-12
     assert result.drift("gap") < 1e-14 and np.ptp(result.slider("s")["s"]) > 0.01
