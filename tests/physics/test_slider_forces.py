@@ -311,7 +311,9 @@ ALL: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", ALL)
 def test_balance_and_momenta_with_a_flying_beam(name: str, planar: Any, body: bool) -> None:
     result = run(flying(planar, body, **ALL[name]), 0.2)
-    assert balanced(result) and result.drift("lin_mom") < 1e-13 and result.drift("ang_mom") < 1e-12
+    # of 0.2 J exchanged at rigid stops round-off is more: up to 1.6e-12
+    assert balanced(result, 2e-12 if name == "rigid stops" else 1e-12) and result.drift("balance") < 1e-12
+    assert result.drift("lin_mom") < 1e-13 and result.drift("ang_mom") < 1e-12
     assert result.drift("gap") < 1e-14 and np.ptp(result.slider("s")["s"]) > 0.01
     assert not [x for x in result.events if x["kind"] not in ("impact", "projected", "coarse", "massless")]
 
@@ -415,7 +417,7 @@ def test_a_run_that_records_energies_alone_has_its_balance() -> None:
     model = flying(**ALL["rigid stops"])
     alone, whole = (run(model, 0.15, observe=observe) for observe in (("energy",), ("energy", "slider")))
     assert "s_slide" not in alone.series and np.ptp(alone.series["stop_loss"]) > 0.0
-    assert balanced(alone) and balanced(whole)
+    assert balanced(alone, 2e-12) and balanced(whole, 2e-12)
     for name, x in whole.balance().items():
         np.testing.assert_array_equal(alone.balance()[name], x)
     with pytest.raises(fb.SceneError, match="observe=.'energy'"):
