@@ -11,7 +11,7 @@ from .static_sliders import Increment
 
 Array = np.ndarray
 # zeros so near to each other, as a share of the step, are those of one point; counts beside a point are taken so far from it
-TOGETHER, BESIDE = 1e-6, 1e-3
+TOGETHER, NEARBY = 1e-6, 1e-3
 # where Newton's matrix is singular at a zero: distance of the samples beside it that are interpolated, as a share of the
 # step, from the first to the largest that is tried, and how many there are on either side
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
@@ -132,9 +132,9 @@ class PathStep:
         behind = counted
         if limit is not None and known and not any(self._is_at(x[0], limit[0]) for x in found):
             # it changes the number, too: the other way where a bifurcation is beside it
-            ahead, behind = (self._count(limit[0] + sign * BESIDE * self.size) for sign in (-1.0, 1.0))
+            ahead, behind = (self._count(limit[0] + sign * NEARBY * self.size) for sign in (-1.0, 1.0))
             if ahead is not None and ahead != unstable and not found:
-                size = limit[0] - BESIDE * self.size
+                size = limit[0] - NEARBY * self.size
                 if self.to(size):
                     found = self._bifurcations(unstable, ahead, size, self.solver.saved())  # type: ignore[arg-type]
         best = min(found, default=None, key=lambda x: x[0])

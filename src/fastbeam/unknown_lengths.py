@@ -13,7 +13,7 @@ from .errors import SceneError
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, has_converged, next_increment
 from .kernels.work import State
 from .model import Model
-from .observe import place_of
+from .point_rows import place_of
 from .path_stops import AXES, MOMENTS, Wanted
 from .resolution import Resolution
 from .response import Response, Solver
