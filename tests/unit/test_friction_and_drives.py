@@ -36,7 +36,7 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "negative friction": (lambda: slider(friction=-0.1), ("friction", "finite number >= 0")),
     "friction as text": (lambda: slider(friction="0.3"), ("friction", "coefficient >= 0 or a Friction")),
     "drive as a number": (lambda: slider(drive=1.0), ("drive", "fb.Drive(speed=")),
-    "several drives": (lambda: slider(drive=[fb.Drive(speed=1.0), fb.Drive(force=1.0)]), ("slider 's'", "drive", "fb.Drive(")),
+    "several drives": (lambda: slider(drive=[fb.Drive(speed=1.0), fb.Drive(force=1.0)]), ("slider 's'", "there is one drive")),
     "stops as a pair": (lambda: slider(stops=(0.2, 0.8)), ("stops", "fb.Stops(start, end)")),
     "stops beyond the beam": (lambda: slider(stops=fb.Stops(0.2, 1.8)), ("end=1.8 m lies beyond", "0 to 1 m")),
     "stops that exclude the start": (lambda: slider(stops=fb.Stops(0.6, 0.8)),

@@ -290,7 +290,9 @@ class ADrive:
 
     def __call__(self, value: Any) -> Drive:
         if not isinstance(value, Drive):
-            raise Refusal(f"must be a Drive, as in drive=fb.Drive(speed=0.5), got {shown(value)}")
+            several = isinstance(value, (list, tuple)) and sum(isinstance(x, Drive) for x in value) > 1
+            hint = "; there is one drive, give the sum of both forces as force=" if several else ""
+            raise Refusal(f"must be a Drive, as in drive=fb.Drive(speed=0.5), got {shown(value)}{hint}")
         return value
 
 
