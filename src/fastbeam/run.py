@@ -387,13 +387,13 @@ class _Run(Encounters):
         end, left, last = self.plan()
         # steps since the last row, which controllers do not end
         since = 0
-        # whether the last row is told by the last three steps, which are taken one by one
-        singly = False
         while t < self.t_end:
             begin = time.perf_counter()
             self.sampling.ask(t, self.stepper)
             self.between = True
             whole = left > 0
+            # whether steps follow that are taken one by one, because the last three tell the last row
+            more = False
             if self.control is not None:
                 planned = min(max(h, self.control.smallest), self.control.largest)
                 rest = end - t
@@ -414,6 +414,7 @@ class _Run(Encounters):
                 count = min(most, left) if not singly else max(1, left - tail)
                 outcome = self.advance(clock.origin, size, count, clock.done)
                 left -= outcome.steps
+                more = singly and left > 0
                 reached = clock.count(outcome.steps)
                 if outcome.status == OK and not left and not last:
                     reached = end
@@ -456,7 +457,7 @@ class _Run(Encounters):
                 self.count_from(t)
                 end, left, last = self.plan()
             since += outcome.steps
-            due = not (self.sampling.controllers or singly and left) or since >= every or t >= self.t_end
+            due = not (self.sampling.controllers or more) or since >= every or t >= self.t_end
             since = 0 if due else since
             yield t, outcome, size, due
             if quiet and self.control is None and time.perf_counter() - begin < 0.1:

@@ -301,7 +301,7 @@ def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]
         place = motion.place(t) if motion.position is not None else q0[node, 0] + motion.place(t) - motion.place(0.0)
         away = float(np.linalg.norm(np.where(held_axes(np.array([motion.mask]))[0], q[node, 0] - place, 0.0)))
         turn = motion.turn(t) @ motion.turn(0.0).T
-        angle = _angle(q[node, 1:], q0[node, 1:] @ turn.T) if motion.rotation is not None else 0.0
+        angle = _turned_by(q[node, 1:], q0[node, 1:] @ turn.T) if motion.rotation is not None else 0.0
         if away > TIED * reach or angle > 10.0 * TIED:
             by = " and ".join(text for text, size in ((f"{away:.3g} m", away), (f"{angle:.3g} rad", angle)) if size)
             out.append(("support", f"{motion.label} begins at t = {t:.6g} s, where {model.labels[node]} is {by} off its place at "
@@ -311,8 +311,8 @@ def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]
     return out
 
 
-def _angle(a: Array, b: Array) -> float:
-    """Between triads (3, 3), rad."""
+def _turned_by(a: Array, b: Array) -> float:
+    """The angle between two triads (3, 3), rad."""
     return 2.0 * float(np.arcsin(min(1.0, float(np.linalg.norm(a - b)) / np.sqrt(8.0))))
 
 
