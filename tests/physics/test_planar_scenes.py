@@ -92,8 +92,8 @@ def test_mechanism(where: str, order: int) -> None:
 
 
 def test_step_control() -> None:
-    # sizes of steps follow from local errors: differences of round-off size scale them. The last step of this tolerance is no short
-    # rest, whose forces would have the round-off of places divided by its square
+    # sizes of steps follow from local errors: differences of round-off size scale them. The last step of this tolerance is no
+    # short rest, whose forces would have the round-off of places divided by its square
     flat, space = both(mechanism, tolerance=5e-6, observe=("energy", "momentum", "slider"))
     assert flat.info["accepted"] == space.info["accepted"] > 5
     assert flat.info["rejected"] == space.info["rejected"]
