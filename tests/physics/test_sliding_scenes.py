@@ -127,7 +127,7 @@ def test_a_few_scenes(name: str) -> None:
 @pytest.mark.parametrize("name", CHECKS)
 def test_many_scenes(name: str, held: bool, first: str) -> None:
     kinds = (first, "point" if first == "sleeve" else "sleeve")
-    settings(MANY, max_examples=MANY.max_examples // 2)(
+    settings(MANY, max_examples=max(1, MANY.max_examples // 5))(
         given(drawn_by(name, held, kinds))(lambda drawn: assert_property(name, drawn)))()
 
 
@@ -140,7 +140,8 @@ def test_a_few_paths(name: str) -> None:
 @pytest.mark.parametrize(("name", "planar"), [("balance", False), ("balance", True), ("restart", False), ("restart", True),
                                               ("solvers", False), ("solvers", True), ("plane", True)])
 def test_many_paths(name: str, planar: bool) -> None:
-    MANY(given(sliding_paths(planar=planar))(lambda drawn: assert_property(name, drawn)))()
+    settings(MANY, max_examples=max(1, MANY.max_examples // 4))(
+        given(sliding_paths(planar=planar))(lambda drawn: assert_property(name, drawn)))()
 
 
 def hashes() -> list[str]:
