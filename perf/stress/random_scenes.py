@@ -1,5 +1,5 @@
 """Three thousand random scenes (tests/scene_strategies.py) against the properties of tests/physics/test_scene_properties.py,
-and as many with sleeves, friction, drives and stops against those of tests/physics/test_sliding_scenes.py."""
+and as many with sleeves, friction, drives and stops against those of tests/sliding_checks.py."""
 from __future__ import annotations
 
 import sys
@@ -9,9 +9,10 @@ from typing import Any
 
 from hypothesis import given, settings
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "physics"))
+TESTS = Path(__file__).resolve().parents[2] / "tests"
+sys.path[:0] = [str(TESTS / "physics"), str(TESTS)]
 
-import test_sliding_scenes as sliding  # noqa: E402
+import sliding_checks as sliding  # noqa: E402
 from scene_strategies import scenes, sliding_paths  # noqa: E402
 from table import Row  # noqa: E402
 from test_scene_properties import CHECKS, QUICK  # noqa: E402

@@ -1,10 +1,7 @@
-"""Random scenes and paths whose sliders have friction, drives and stops or are sleeves: balance of energies, restarts bit for bit
-from any row, plane and space, turned and shifted scenes, both solvers, one thread and two."""
+"""Checks of random scenes and paths whose sliders have friction, drives and stops or are sleeves: balance of energies, restarts
+bit for bit from any row, plane and space, turned and shifted scenes, both solvers. perf/stress/random_scenes.py runs them."""
 from __future__ import annotations
 
-import json
-import os
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -12,16 +9,15 @@ from random import Random
 from typing import Any
 
 import numpy as np
-import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume
 
 import fastbeam as fb
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parent / "physics"))
 from exchange import balanced, exchanged, largest  # noqa: E402
 from restarts import assert_goes_on  # noqa: E402
-from scene_strategies import Drawn, DrawnPath, build, build_path, sliding_paths, sliding_scenes  # noqa: E402
-from test_scene_properties import MANY, QUICK, SAME, STEPS  # noqa: E402
+from scene_strategies import Drawn, DrawnPath, build, build_path, sliding_scenes  # noqa: E402
+from test_scene_properties import SAME, STEPS  # noqa: E402
 
 Array = np.ndarray
 # a general rotation, by Cayley's formula
@@ -114,59 +110,3 @@ def assert_property(name: str, drawn: Drawn | DrawnPath) -> None:
 def drawn_by(name: str, held: bool = False, kinds: Any = ("sleeve", "point")) -> Any:
     """Scenes for one of the checks."""
     return sliding_scenes(planar=name == "plane", held=held, kinds=kinds)
-
-
-@pytest.mark.parametrize("name", [x for x in CHECKS if x != "solvers"])
-def test_a_few_scenes(name: str) -> None:
-    QUICK(given(drawn_by(name))(lambda drawn: assert_property(name, drawn)))()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("first", ["sleeve", "point"])
-@pytest.mark.parametrize("held", [False, True])
-@pytest.mark.parametrize("name", CHECKS)
-def test_many_scenes(name: str, held: bool, first: str) -> None:
-    kinds = (first, "point" if first == "sleeve" else "sleeve")
-    settings(MANY, max_examples=max(1, MANY.max_examples // 5))(
-        given(drawn_by(name, held, kinds))(lambda drawn: assert_property(name, drawn)))()
-
-
-@pytest.mark.parametrize("name", ["balance", "restart"])
-def test_a_few_paths(name: str) -> None:
-    QUICK(given(sliding_paths())(lambda drawn: assert_property(name, drawn)))()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "planar"), [("balance", False), ("balance", True), ("restart", False), ("restart", True),
-                                              ("solvers", False), ("solvers", True), ("plane", True)])
-def test_many_paths(name: str, planar: bool) -> None:
-    settings(MANY, max_examples=max(1, MANY.max_examples // 4))(
-        given(sliding_paths(planar=planar))(lambda drawn: assert_property(name, drawn)))()
-
-
-def hashes() -> list[str]:
-    """Of the final states of a few scenes."""
-    found: list[str] = []
-
-    @settings(QUICK, max_examples=6)
-    @given(sliding_scenes())
-    def collect(drawn: Drawn) -> None:
-        found.extend(run(compiled(drawn, solver=solver), drawn).state.q.tobytes().hex()[-64:] for solver in ("auto", "sparse"))
-
-    collect()
-    return found
-
-
-@pytest.mark.slow
-def test_number_of_threads_of_libraries_changes_nothing() -> None:
-    outputs = []
-    for threads in ("1", "2"):
-        names = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-        done = subprocess.run([sys.executable, __file__], env={**os.environ, **dict.fromkeys(names, threads)}, check=True,
-                              capture_output=True, text=True, timeout=500)
-        outputs.append(json.loads(done.stdout.splitlines()[-1]))
-    assert len(outputs[0]) >= 6 and outputs[0] == outputs[1]
-
-
-if __name__ == "__main__":
-    print(json.dumps(hashes()))
