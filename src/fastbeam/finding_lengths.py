@@ -22,6 +22,7 @@ from .progress import Progress
 from .result import Result, ResultBuffer
 from .scene import Beam
 from .scene.checks import Place
+from .static_strains import check_beam
 from .statics import SHARE, START, check_slider_forces, held_sliders, solve_static, which_sliders
 from .unknown_lengths import DEPENDENT, UNMOVED, Condition, LengthSolver, LengthTables, conditions_of
 from .winches import refuse_winches
@@ -255,13 +256,7 @@ def _beams_of(model: Model, lengths: Any) -> list[Beam]:
                 raise SceneError(f"find_lengths, lengths: scene {model.scene_name!r} has no beam {one!r}; its beams are "
                                  f"{', '.join(map(repr, list(named)[:12])) or 'none'}; of a net name net.beam(k)")
             one = named[one]
-        if not isinstance(one, Beam):
-            raise SceneError(f"find_lengths, lengths: {shown(one)} is no beam; of a net name its beams, net.beam(k)")
-        try:
-            model.numbers.start(one)
-        except KeyError:
-            raise SceneError(f"find_lengths, lengths: {one.label} is not in scene {model.scene_name!r}; name a beam of the "
-                             "compiled scene") from None
+        check_beam("find_lengths, lengths", model, one)
         if any(one is other for other in out):
             raise SceneError(f"find_lengths, lengths: {one.label} stands there twice; each length is one unknown")
         out.append(one)

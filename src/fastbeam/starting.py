@@ -282,6 +282,11 @@ def _standing(model: Model, state: State) -> Array:
 def moving_supports(model: Model, state: State) -> list[tuple[Any, int]]:
     """Motions that hold their nodes from the start on, and these; not those that take hold on the way, from wherever their nodes
     are then."""
+    return [(motion, node) for motion, node in _motions(model, state) if motion.since is None]
+
+
+def _motions(model: Model, state: State) -> list[tuple[Any, int]]:
+    """Motions of supports that have not let go, and their nodes."""
     if model.prescribed is None:
         return []
     gone: set[int] = set()
@@ -289,7 +294,7 @@ def moving_supports(model: Model, state: State) -> list[tuple[Any, int]]:
         off = model.released.off(state.history[model.release_place:model.motion_place])
         gone = set(model.released.motion[off].tolist())
     pairs = zip(model.prescribed.motions, model.prescribed.own.tolist())
-    return [(motion, node) for k, (motion, node) in enumerate(pairs) if motion.since is None and k not in gone]
+    return [pair for k, pair in enumerate(pairs) if k not in gone]
 
 
 def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]]:
@@ -395,14 +400,9 @@ def _moved_unknowns(model: Model, state: State) -> Array:
     bits = np.zeros(model.n_nodes, np.int64)
     row_of = model.pattern.row_of
     if model.prescribed is not None:
-        gone: set[int] = set()
-        if model.released is not None:
-            off = model.released.off(state.history[model.release_place:model.motion_place])
-            gone = set(model.released.motion[off].tolist())
         first = {int(row): k for k, row in reversed(list(enumerate(row_of.tolist())))}
-        for k, (motion, node) in enumerate(zip(model.prescribed.motions, model.prescribed.own)):
-            if k not in gone:
-                bits[first[int(row_of[node])]] |= motion.mask
+        for motion, node in _motions(model, state):
+            bits[first[int(row_of[node])]] |= motion.mask
     return np.flatnonzero((bits[:, None] >> np.arange(6) & 1).reshape(-1))
 
 

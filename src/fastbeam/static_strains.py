@@ -19,6 +19,23 @@ Array = np.ndarray
 LEAST, MOST = -10.0, 0.99
 
 
+def check_beam(who: str, model: Model, beam: Any) -> None:
+    """Refuse what is no beam of the scene of a model; who: of which call and argument.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not isinstance(beam, Beam):
+        raise SceneError(f"{who}: {shown(beam)} is no beam; of a net name its beams, net.beam(k)")
+    try:
+        model.numbers.start(beam)
+    except KeyError:
+        raise SceneError(f"{who}: {beam.label} is not in scene {model.scene_name!r}; name a beam of the compiled "
+                         "scene") from None
+
+
+
 def prestrains_of(model: Model, prestrains: Any) -> dict[Beam, float]:
     """Changes of prestrains until load factor 1.
 
@@ -31,13 +48,7 @@ def prestrains_of(model: Model, prestrains: Any) -> dict[Beam, float]:
         raise SceneError(f"solve_path, prestrains: must be a mapping {{beam: change of its prestrain}}, got {shown(prestrains)}")
     out = {}
     for beam, value in prestrains.items():
-        if not isinstance(beam, Beam):
-            raise SceneError(f"solve_path, prestrains: {shown(beam)} is no beam; of a net name its beams, net.beam(k)")
-        try:
-            model.numbers.start(beam)
-        except KeyError:
-            raise SceneError(f"solve_path, prestrains: {beam.label} is not in scene {model.scene_name!r}; name a beam of the "
-                             "compiled scene") from None
+        check_beam("solve_path, prestrains", model, beam)
         number = real(value)
         if number is None or not LEAST <= beam.start_strain[0] + number <= MOST:
             raise SceneError(f"solve_path, prestrains: {beam.label} would have a prestrain of {beam.start_strain[0]:.6g} + "
