@@ -1,12 +1,12 @@
 """Scenes with beams whose elements move with contacts: what the compiler takes in place of their sliders (theory.md 5.12).
 
-A contact is an element end, so its point is joined to a node of the beam. Its place s is the first coordinate of a node of its
-own.
+A contact is an element end, so its point is joined to a node of the beam: a slider by a ball joint, a sleeve rigidly, or by a
+hinge where the beam may twist in it. Its place s is the first coordinate of a node of its own.
 """
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -15,27 +15,50 @@ from .kernels.work import State
 from .initial import tied_velocities
 from .moving_tables import Mesh, element_lengths, momenta
 from .numbered import Numbered, number
-from .scene import (BallJoint, Beam, Clamp, InitialVelocity, Load, MovingMesh, Pin, PointMass, RigidBody,
-                    RigidConnection, RigidMotion, Scene, Slider, Spring)
+from .scene import (BallJoint, Beam, Bushing, Clamp, CylindricalJoint, Damper, DistanceJoint, InitialVelocity, Load, MovingMesh,
+                    Pin, PlanarJoint, PointMass, PrismaticJoint, RevoluteJoint, RigidBody, RigidConnection, RigidMotion, Scene,
+                    Sleeve, Slider, SphericalJoint, Spring, UniversalJoint)
 from .unpacked import unpack
 
 Array = np.ndarray
-TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, Clamp, Pin, Load, Slider, Spring, InitialVelocity, RigidMotion,
-         MovingMesh)
+JOINTS = (RevoluteJoint, PrismaticJoint, CylindricalJoint, PlanarJoint, UniversalJoint, SphericalJoint)
+TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, DistanceJoint, *JOINTS, Clamp, Pin, Load, Slider, Spring, Damper,
+         Bushing, InitialVelocity, RigidMotion, MovingMesh)
+
+
+class Bore(RevoluteJoint):
+    """The axis of a sleeve in which the beam may twist; its position is held by another joint."""
+
+    kind: ClassVar[str] = "bore"
+    is_pinned: ClassVar[bool] = False
+
+
+def moment_of(slider: Slider) -> str:
+    """Name of the joint that carries the moments of a contact; empty where it carries none."""
+    if not isinstance(slider, Sleeve):
+        return ""
+    return slider.name if slider.keyed else f"{slider.name} (bore)"
 
 
 class Moving(NamedTuple):
-    """What a model knows of its moving meshes: the terms, names of contacts, their places (nodes), nodes of the beams there."""
+    """What a model knows of its moving meshes: the terms, names of contacts, their places (nodes), nodes of the beams there, and
+    names of the joints that carry their moments, empty where there are none."""
 
     tables: tuple[Any, ...]
     names: list[str]
     places: Array
     contacts: Array
+    moments: list[str]
 
     @property
     def size(self) -> int:
         """Numbers in the history: of every beam momenta, and the work of its weight."""
         return sum(_size(table) for table in self.tables)
+
+    @property
+    def mass(self) -> float:
+        """Of all beams, kg."""
+        return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
 
     def gaps(self, q: Array) -> tuple[Array, Array, Array]:
         """Ways between neighbouring contacts and ends of beams, at coordinates [12 N]; the least; lengths of the beams, m."""
@@ -130,13 +153,24 @@ def rewrite(scene: Scene) -> Rewritten | None:
                   gravity=scene.gravity, gravity_time=scene.gravity_time, project_velocities=scene.project_velocities)
     given.check()
     meshes = [Mesh(part.beam, list(part.sliders)) for part in parts]
-    contacts = [BallJoint(mesh.contact(k), slider.point, name=slider.name)
-                for mesh in meshes for k, slider in enumerate(mesh.sliders)]
+    contacts = [joint for mesh in meshes for k in range(len(mesh.sliders)) for joint in _joints(mesh, k)]
     kept = [part for part in given.parts if not isinstance(part, (Slider, InitialVelocity, RigidMotion))]
     out = Scene(*kept, *contacts, *(place for mesh in meshes for place in mesh.places), name=scene.name, gravity=scene.gravity,
                 gravity_time=scene.gravity_time, project_velocities=True)
     out.moving = tuple(meshes)
     return Rewritten(out, meshes, given)
+
+
+def _joints(mesh: Mesh, k: int) -> list[Any]:
+    """What joins the point of contact k to its node of the beam."""
+    slider, node = mesh.sliders[k], mesh.contact(k)
+    if isinstance(slider, Sleeve) and slider.keyed:
+        return [RigidConnection(node, slider.point, name=slider.name)]
+    # the position is eliminated: a node of a straight beam that moves with its place, without a mass, has no inertia
+    out: list[Any] = [BallJoint(node, slider.point, name=slider.name)]
+    if isinstance(slider, Sleeve):
+        out.append(Bore(node, slider.point, moment_of(slider), axis=mesh.beam.reference(slider.at)[1][0, 0]))
+    return out
 
 
 def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
@@ -152,11 +186,11 @@ def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
         for slider in part.sliders:
             if slider not in scene.sliders:
                 raise SceneError(f"{part.label}: slider {slider.name!r} is not in {scene.label}; add it to the scene")
-            if any(slider.point.owner is beam for beam in beams):
+            if any(slider.point.owner is beam for beam in beams) and not _is_end(slider.point):
                 raise SceneError(f"{part.label}: slider {slider.name!r}: {slider.point} is a node of a mesh that moves itself; "
-                                 "slide nodes of other beams")
+                                 "slide its ends, or nodes of other beams")
     for x in scene.parts:
-        if type(x) not in TAKEN:
+        if type(x) not in TAKEN and not isinstance(x, Sleeve):
             raise SceneError(f"{who}: a scene with moving meshes takes no {getattr(x, 'kind', type(x).__name__)} "
                              f"{getattr(x, 'name', '')!r}; leave it out, or the moving mesh")
         if isinstance(x, Load) and x.follower:
@@ -165,6 +199,9 @@ def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
         if isinstance(x, Pin | Clamp) and (x.until is not None or x.since is not None):
             raise SceneError(f"{who}: {x.name!r} lets go or takes hold, which scenes with moving meshes do not know; leave until "
                              "and since out")
+        if isinstance(x, JOINTS) and any(freedom.stops is not None and freedom.stops.is_rigid for freedom in x.freedoms):
+            raise SceneError(f"{who}: {x.label} has rigid stops, whose blows scenes with moving meshes do not know; give them a "
+                             "stiffness=")
         for node in _inner(x, beams):
             raise SceneError(f"{who}: {x.kind} {getattr(x, 'name', '')!r} is at {node}, which moves over the beam; only its ends "
                              "can be held, joined and loaded")
@@ -173,8 +210,12 @@ def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
 def _inner(part: Any, beams: list[Beam]) -> list[Any]:
     """Nodes inside beams with moving meshes that a part refers to."""
     found = [getattr(part, name, None) for name in ("at", "a", "b")] if not isinstance(part, (Slider, Beam)) else []
-    return [node for node in found if any(getattr(node, "owner", None) is beam for beam in beams)
-            and 0 < node.index < node.owner.n_nodes - 1]
+    return [node for node in found if any(getattr(node, "owner", None) is beam for beam in beams) and not _is_end(node)]
+
+
+def _is_end(node: Any) -> bool:
+    """Whether a node of a beam is one of its ends, which stay the same material points."""
+    return bool(node.index in (0, node.owner.n_nodes - 1))
 
 
 def initial(rewritten: Rewritten, numbered: Numbered) -> State:
@@ -226,5 +267,6 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
         names += [slider.name for slider in mesh.sliders]
         places += table.places.tolist()
         contacts += [numbers.number(mesh.contact(k)) for k in range(len(mesh.sliders))]
-    moving = Moving(tuple(tables), names, np.array(places), np.array(contacts))
+    moments = [moment_of(slider) for mesh in rewritten.meshes for slider in mesh.sliders]
+    moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), moments)
     return replace(model, links=(*model.links, *tables), moving=moving)

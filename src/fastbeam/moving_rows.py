@@ -36,7 +36,9 @@ class MeshRows:
 
     def named(self, names: dict[str, list[Any]]) -> dict[str, list[Any]]:
         """With the sliders."""
-        return names if self.moving is None else {**names, "sliders": list(self.moving.names), "moving_meshes": [1]}
+        if self.moving is None:
+            return names
+        return {**names, "sliders": list(self.moving.names), "moving_meshes": [1], "moving_moments": list(self.moving.moments)}
 
 
 def add_moving(model: Model, state: State, out: Array) -> None:

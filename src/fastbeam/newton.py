@@ -156,7 +156,7 @@ class Stepper:
         self._records: tuple[Record | None, Record | None] = None, None
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
         self.stop: Callable[[], bool] = bool
-        mass = float(model.gravity_weight.sum())
+        mass = float(model.gravity_weight.sum()) + (0.0 if model.moving is None else model.moving.mass)
         self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
         self._timed = any(t is not None for t in model.load_times)
         if not self._timed and len(core.loads) == 1 and not static:

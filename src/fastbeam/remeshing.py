@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from .arguments import Anything, checked, shown
 from .cut_beams import Cut
 from .errors import SceneError
-from .scene import Beam, MovingMesh, Path, Scene, Slider
+from .scene import Beam, MovingMesh, Path, Scene, Sleeve, Slider
 
 Array = np.ndarray
 
@@ -19,13 +20,20 @@ class _Remeshed(Cut):
     def __init__(self, scene: Scene, new: dict[int, Beam]) -> None:
         self.given, self.new, self._paths = scene, new, {}
 
+    def _swapped(self, x: Any) -> Any:
+        if isinstance(x, Sleeve) and not x.slides_freely:
+            raise SceneError(f"with_moving_meshes: sleeve {x.name!r} has friction, a drive, stops or a lock, which elements that "
+                             "move do not know; leave it out, or compile the scene as it is")
+        return super()._swapped(x)
+
 
 @checked(scene=Anything())
 def with_moving_meshes(scene: Scene) -> Scene:
     """The scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
 
     Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths, at least one
-    each; what refers to their ends, or slides on them, refers to the new beams. All else is taken as it is.
+    each; what refers to their ends, or slides on them, refers to the new beams. Sleeves hold their beam at the middle of their
+    bore. All else is taken as it is.
 
     Parameters
     ----------

@@ -87,6 +87,10 @@ def describe(scene: Scene, model: Model) -> str:
             lines.append(f"  {what:18} {', '.join(names[:4])}" + (", ..." if len(names) > 4 else ""))
     if model.projected:
         lines.append(f"  start              {model.projected}")
+    if model.moving is not None:
+        names = model.moving.names
+        where = f"{_plural(len(names), 'contact')} on {_plural(len(model.moving.tables), 'beam')}"
+        lines.append(f"  moving elements    end at {where}: {', '.join(names[:4])}" + (", ..." if len(names) > 4 else ""))
     if model.sliders is not None:
         c1 = sum(s.curve == "c1" and not getattr(s, "length", 0.0) for s in scene.sliders)
         bores = [s.length for s in scene.sleeves if s.length]
@@ -165,7 +169,7 @@ def _left_out(scene: Scene, model: Model) -> list[str]:
         out.append("connections (none)")
     if model.held is None:
         out.append("supports (none)")
-    if model.sliders is None:
+    if model.sliders is None and model.moving is None:
         out.append("sliders (none)")
     if model.green is None:
         out.append("green_lagrange strains (no beam uses them)")

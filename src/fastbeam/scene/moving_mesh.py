@@ -23,14 +23,14 @@ NEAREST = 1e-3
 
 @dataclass(frozen=True)
 class SomeSliders:
-    """One Slider or several, as a tuple."""
+    """One Slider or Sleeve, or several, as a tuple."""
 
     def __call__(self, value: Any) -> tuple[Slider, ...]:
         some = tuple(value) if isinstance(value, (list, tuple)) else (value,)
-        wrong = [x for x in some if not isinstance(x, Slider) or isinstance(x, Sleeve)]
+        wrong = [x for x in some if not isinstance(x, Slider)]
         if not some or wrong:
             what = shown(wrong[0] if wrong else value)
-            raise Refusal(f"must be a Slider or several, got {what}; sleeves run on meshes that stand still")
+            raise Refusal(f"must be a Slider or Sleeve, or several, got {what}")
         return some
 
 
@@ -47,7 +47,8 @@ class MovingMesh:
     beam : Beam
         With Lagrange elements, strain 'simo_reissner', and the same section and curvature everywhere.
     sliders : Slider or list of Slider
-        All that slide on it, without friction, drives, stops, locks, releases and one-sided contact.
+        All that slide on it, without friction, drives, stops, locks, releases and one-sided contact. A `Sleeve` holds the beam at
+        one point, and has `length=0`.
     velocity, spin : array_like (3,) or callable, optional
         Initial velocity (m/s) and angular velocity (rad/s) of the beam as functions of the arc length, as `InitialVelocity` takes
         them; added to what other parts say.
@@ -91,6 +92,10 @@ class MovingMesh:
         if not slider.slides_freely:
             raise SceneError(f"{self.label}: slider {slider.name!r} has friction, a drive, stops, a lock, a release or one-sided "
                              "contact, which elements that move do not know; leave it out, or the moving mesh")
+        if isinstance(slider, Sleeve) and slider.length:
+            raise SceneError(f"{self.label}: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m (by default an "
+                             "element), and elements that move end at one point of it; give length=0, or use "
+                             "with_moving_meshes(scene)")
         if not isinstance(slider.point.owner, (Beam, PointMass)) and slider.point.owner.kind != "body":
             raise SceneError(f"{self.label}: slider {slider.name!r}: {slider.point} cannot run on elements that move; slide a "
                              "PointMass, a RigidBody or a node of another Beam")
