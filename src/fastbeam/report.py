@@ -104,8 +104,9 @@ def describe(scene: Scene, model: Model) -> str:
     pattern = model.pattern
     if pattern.plan is not None:
         cost = pattern.plan.target.size / max(pattern.n, 1)
-        border = f", border {run.border * model.n_sliders} ({_plural(model.n_sliders, 'slider')})" if model.n_sliders else ""
-        lines.append(f"  chain solver       block elimination of {pattern.n} rows, {cost:.1f} updates a row{border}, "
+        form = f"a {'row' if model.by_rows else 'dense border'} of {run.border} unknowns" + " each" * (model.n_sliders > 1)
+        sliders = f", {_plural(model.n_sliders, 'slider')} with {form}" if model.n_sliders else ""
+        lines.append(f"  chain solver       block elimination of {pattern.n} rows, {cost:.1f} updates a row{sliders}, "
                      "in the compiled loop")
     else:
         lines.append(f"  sparse solver      PARDISO, {pattern.keys.size} blocks of {len(run.dofs)} x {len(run.dofs)}, "
