@@ -21,9 +21,15 @@ class _Remeshed(Cut):
         self.given, self.new, self._paths = scene, new, {}
 
     def _swapped(self, x: Any) -> Any:
-        if isinstance(x, Sleeve) and not x.slides_freely:
-            raise SceneError(f"with_moving_meshes: sleeve {x.name!r} has friction, a drive, stops or a lock, which elements that "
-                             "move do not know; leave it out, or compile the scene as it is")
+        if isinstance(x, Sleeve):
+            who = f"with_moving_meshes: sleeve {x.name!r}"
+            if not x.slides_freely:
+                raise SceneError(f"{who} has friction, a drive, stops or a lock, which elements that move do not know; leave it "
+                                 "out, or compile the scene as it is")
+            element = x.beam.length / x.beam.n_elements
+            if x.length and abs(x.length - element) > 1e-12 * element:
+                raise SceneError(f"{who} has a bore of length={x.length:.6g} m, and elements that move end at one point of it; "
+                                 "leave length out, give length=0, or compile the scene as it is")
         return super()._swapped(x)
 
 
@@ -32,8 +38,8 @@ def with_moving_meshes(scene: Scene) -> Scene:
     """The scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
 
     Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths, at least one
-    each; what refers to their ends, or slides on them, refers to the new beams. Sleeves hold their beam at the middle of their
-    bore. All else is taken as it is.
+    each; what refers to their ends, or slides on them, refers to the new beams. Sleeves hold their beam at one point; those with
+    a bore of their own, `length=`, are refused. All else is taken as it is.
 
     Parameters
     ----------

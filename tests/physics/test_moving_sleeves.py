@@ -165,6 +165,8 @@ def test_what_sleeves_on_moving_meshes_refuse() -> None:
     scene = flight(4, friction=0.1, length=0.1)
     with pytest.raises(fb.SceneError, match="sleeve 'sleeve' has friction"):
         fb.with_moving_meshes(scene)
+    with pytest.raises(fb.SceneError, match="has a bore of length=0.3 m"):
+        fb.with_moving_meshes(flight(4, length=0.3))
     rod, body = scene.beams[0], scene.bodies[0]
     with pytest.raises(fb.SceneError, match="has a bore of length=1 m .* give length=0"):
         fb.MovingMesh(rod, fb.Sleeve("sleeve", body, rod, at=1.3))
