@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 import fastbeam as fb
 from fastbeam.newton import Stepper
 from printing import table
-from processes import smallest
+from processes import in_turn, smallest
 
 BAR, ROUNDS, STEPS = 1.2, 12, 30
 FORCES: dict[str, dict[str, Any]] = {
@@ -41,16 +40,7 @@ def measure(n: int, planar: bool) -> dict[str, tuple[float, float]]:
     steppers = {"bare": Stepper(fb.compile_scene(scene(n, None), planar=planar, condense=False), np.ones(1))}
     steppers |= {name: Stepper(fb.compile_scene(scene(n, forces), planar=planar, condense=False), np.ones(1))
                  for name, forces in FORCES.items()}
-    best = dict.fromkeys(steppers, (np.inf, np.inf))
-    for k in range(ROUNDS):
-        for name, stepper in steppers.items():
-            begin = time.thread_time()
-            outcome = stepper.advance(0.0, plain.STEP, STEPS, STEPS * k)
-            took = 1e6 * (time.thread_time() - begin)
-            assert outcome.status == 0 and stepper.linear.fallbacks == 0, (name, outcome)
-            if k:
-                best[name] = min(best[name][0], took / outcome.iterations), min(best[name][1], took / STEPS)
-    return best
+    return {name: (iteration, step) for name, (iteration, step, _) in in_turn(steppers, plain.STEP, STEPS, ROUNDS).items()}
 
 
 def main() -> int:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 import fastbeam as fb
 from fastbeam.newton import Stepper
 from printing import Bar, judged, table
-from processes import smallest
+from processes import in_turn, smallest
 
 BAR, ROUNDS, STEPS, STEP = 1.3, 7, 30, 1e-3
 K = 0.4
@@ -80,22 +79,12 @@ def scene(elements: int, kind: str) -> fb.Scene:
 
 
 def measure(elements: int) -> dict[str, tuple[float, ...]]:
-    """Microseconds of an iteration, the smallest of several rounds in turn in this process, and places of the end in the last."""
+    """Microseconds of an iteration in this process, and how far the end of the rope is from where it is with `Drag`, m."""
     models = {kind: fb.compile_scene(scene(elements, kind), planar=False, condense=False) for kind in KINDS}
     steppers = {kind: Stepper(model, np.ones(1)) for kind, model in models.items()}
-    best = dict.fromkeys(steppers, np.inf)
-    ends: dict[str, Any] = {}
-    for k in range(ROUNDS):
-        for kind, stepper in steppers.items():
-            begin = time.thread_time()
-            outcome = stepper.advance(0.0, STEP, STEPS, STEPS * k)
-            took = 1e6 * (time.thread_time() - begin)
-            assert outcome.status == 0 and stepper.linear.fallbacks == 0, (kind, outcome)
-            ends[kind] = stepper.state.q.reshape(-1, 12)[-1, :3].copy()
-            if k:
-                best[kind] = min(best[kind], took / outcome.iterations)
-    apart = {kind: float(np.max(np.abs(ends[kind] - ends["Drag"]))) for kind in KINDS}
-    return {kind: (best[kind], apart[kind]) for kind in KINDS}
+    best = in_turn(steppers, STEP, STEPS, ROUNDS)
+    ends = {kind: stepper.state.q.reshape(-1, 12)[-1, :3] for kind, stepper in steppers.items()}
+    return {kind: (best[kind][0], float(np.max(np.abs(ends[kind] - ends["Drag"])))) for kind in KINDS}
 
 
 def main() -> int:

@@ -42,13 +42,14 @@ ASLANT = (0.0, 4.0, -9.81)
 # force on the end of the rail, N, and the time in which it grows, s
 PUSH, GROWN = (0.0, 20.0, -15.0), 0.8
 MESHES = (6, 12, 24, 48)
-# a sleeve makes shear that dies away within sqrt(EI/GA), a fifth of an element of 12
+# a sleeve makes shear that dies away within sqrt(EI/GA), a quarter of an element of 12
 FINER = {"body_in_sleeve": (6, 12, 36, 72)}
 OBSERVE = ("energy", "momentum", "slider", "reaction")
 # of the driving force of a sleeve: elements, places inside one, bar of the relative error; moment (N m) and force (N) on the end
 # of the rod, the time in which they grow and that after it, s, and the step
 PIECES, PLACES, DRIVEN = 10, 20, 1e-5
 WRENCH, SIDEWAYS, RAMP, AFTER, PACE = 12.0, 2.0, 8.0, 0.5, 0.02
+ROD = fb.Section(EA=4e3, GA2=1.5e3, GA3=1.5e3, GJ=20.0, EI2=20.0, EI3=20.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)
 
 
 def grown(t: float) -> float:
@@ -72,8 +73,7 @@ def driven(at: float, moves: bool, force: float, **sleeve: Any) -> tuple[float, 
     """Force along a rod of 2 m on a sleeve at `at` that a heavy body holds, and the exact one, N, after a moment and a force
     across have grown on the end of the rod. It is clamped at its start, straight up to the sleeve and bent behind it.
     N + N^2/(2 EA) before the sleeve, N the force of the rod, is the sum of that, M^2/(2 EI) and Q^2/(2 GA) behind it."""
-    section = fb.Section(EA=4e3, GA2=1.5e3, GA3=1.5e3, GJ=20.0, EI2=20.0, EI3=20.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)
-    rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=section, elements=PIECES)
+    rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=ROD, elements=PIECES)
     body = fb.RigidBody("body", mass=1e9, inertia=(1e9, 1e9, 1e9), position=(at, 0, 0))
     scene = fb.Scene(rod, body, fb.Clamp(rod.start), fb.Sleeve("sleeve", body, rod, at=at, **sleeve),
                      fb.Load("wrench", rod.end, moment=(0, 0, WRENCH), force=(0, force, 0), time=lambda t: grown(t / RAMP)))
@@ -83,8 +83,8 @@ def driven(at: float, moves: bool, force: float, **sleeve: Any) -> tuple[float, 
     late = result.t > RAMP
     found = float(np.mean(result.slider("sleeve")["force"][late, 0]))
     moment = WRENCH + force * float(np.mean(result.point("end")[late, 0]) - at)
-    w = moment**2 / (2.0 * section.EI3) + force**2 / (2.0 * section.GA2)
-    return abs(found), w / (0.5 + np.sqrt(0.25 + 0.5 * w / section.EA))
+    w = moment**2 / (2.0 * ROD.EI3) + force**2 / (2.0 * ROD.GA2)
+    return abs(found), w / (0.5 + np.sqrt(0.25 + 0.5 * w / ROD.EA))
 
 
 def places() -> list[Bar]:

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from typing import Any
 
 import numpy as np
 import fastbeam as fb
 from fastbeam.newton import Stepper
 from printing import table
-from processes import smallest
+from processes import in_turn, smallest
 from sliders import Bar, judged
 
 BAR, ROUNDS, STEPS, STEP = 2.0, 7, 30, 1e-3
@@ -44,18 +43,7 @@ def measure(n: int, planar: bool | str) -> dict[str, tuple[float, float]]:
     """Microseconds of an iteration, the smallest of several rounds in turn, in this process, and iterations a step."""
     steppers = {kind or "bare": Stepper(fb.compile_scene(scene(n, kind), planar=planar, condense=False), np.ones(1))
                 for kind in (None, *KINDS)}
-    best = dict.fromkeys(steppers, np.inf)
-    iterations = dict.fromkeys(steppers, 0.0)
-    for k in range(ROUNDS):
-        for name, stepper in steppers.items():
-            begin = time.thread_time()
-            outcome = stepper.advance(0.0, STEP, STEPS, STEPS * k)
-            took = 1e6 * (time.thread_time() - begin)
-            assert outcome.status == 0 and stepper.linear.fallbacks == 0, (name, outcome)
-            if k:
-                best[name] = min(best[name], took / outcome.iterations)
-                iterations[name] = outcome.iterations / STEPS
-    return {name: (best[name], iterations[name]) for name in best}
+    return {name: (took, iterations) for name, (took, _, iterations) in in_turn(steppers, STEP, STEPS, ROUNDS).items()}
 
 
 def main() -> int:

@@ -211,7 +211,7 @@ def _normal(within: list[Array], across: list[Array], triad: Array, some_axes: A
             _, size, directions = np.linalg.svd(known, full_matrices=False)
         if size[1] > 1e-9 * size[0]:
             # a director of the first node is more exact where it has this direction up to the round-off of the singular vector
-            noise = max(64.0 * np.finfo(float).eps * size[0] / size[1], 1e-15)
+            noise = 64.0 * np.finfo(float).eps * size[0] / size[1]
             return min((d for d in triad if np.linalg.norm(np.cross(d, directions[2])) < noise),
                        key=lambda d: -abs(d @ directions[2]), default=directions[2])
     if not size[0] > 0.0:

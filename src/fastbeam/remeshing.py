@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from .arguments import Anything, checked, shown
 from .cut_beams import Cut
 from .errors import SceneError
 from .scene import Beam, MovingMesh, Path, Scene, Sleeve, Slider
+from .scene.moving_mesh import check_free
 
 Array = np.ndarray
 
@@ -19,18 +19,6 @@ class _Remeshed(Cut):
 
     def __init__(self, scene: Scene, new: dict[int, Beam]) -> None:
         self.given, self.new, self._paths = scene, new, {}
-
-    def _swapped(self, x: Any) -> Any:
-        if isinstance(x, Sleeve):
-            who = f"with_moving_meshes: sleeve {x.name!r}"
-            if not x.slides_freely:
-                raise SceneError(f"{who} has friction, a drive, stops or a lock, which elements that move do not know; leave it "
-                                 "out, or compile the scene as it is")
-            element = x.beam.length / x.beam.n_elements
-            if x.length and abs(x.length - element) > 1e-12 * element:
-                raise SceneError(f"{who} has a bore of length={x.length:.6g} m, and elements that move end at one point of it; "
-                                 "leave length out, give length=0, or compile the scene as it is")
-        return super()._swapped(x)
 
 
 @checked(scene=Anything())
@@ -65,6 +53,12 @@ def with_moving_meshes(scene: Scene) -> Scene:
         if not isinstance(slider.beam, Beam) or isinstance(slider.beam, Path):
             raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; elements of single beams "
                              "move, not those of paths, switches and nets")
+        check_free("with_moving_meshes", slider)
+        element = slider.beam.length / slider.beam.n_elements
+        if isinstance(slider, Sleeve) and slider.length and abs(slider.length - element) > 1e-12 * element:
+            raise SceneError(f"with_moving_meshes: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m, and "
+                             "elements that move end at one point of it; leave length out, give length=0, or compile the scene "
+                             "as it is")
         on.setdefault(id(slider.beam), []).append(slider)
     new = {i: _cut(some[0].beam, sorted(slider.at for slider in some)) for i, some in on.items()}
     swap = _Remeshed(scene, new)

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,11 +64,9 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  {noun + 's':18} {_plural(count, noun)} between two points")
     if scene.winches:
         lines.append(f"  winches            {_plural(len(scene.winches), 'rope')} of "
-                     f"{sum(x.segments for x in scene.winches)} segments: {', '.join(x.name for x in scene.winches[:4])}"
-                     + (", ..." if len(scene.winches) > 4 else ""))
+                     f"{sum(x.segments for x in scene.winches)} segments: {_some([x.name for x in scene.winches])}")
     if model.user_forces:
-        lines.append(f"  user forces        {_plural(len(model.user_forces), 'law')}: {', '.join(model.user_forces[:4])}"
-                     + (", ..." if len(model.user_forces) > 4 else ""))
+        lines.append(f"  user forces        {_plural(len(model.user_forces), 'law')}: {_some(model.user_forces)}")
     if model.n_rows < model.n_nodes:
         shared = _plural(model.n_nodes - model.n_rows, "beam end")
         lines.append(f"  shared rows        {shared} of nets share the unknowns of another")
@@ -84,13 +83,13 @@ def describe(scene: Scene, model: Model) -> str:
     for what, names in (("energy taken", model.losses), ("supports that move", model.works),
                         *_changing(model)):
         if names:
-            lines.append(f"  {what:18} {', '.join(names[:4])}" + (", ..." if len(names) > 4 else ""))
+            lines.append(f"  {what:18} {_some(names)}")
     if model.projected:
         lines.append(f"  start              {model.projected}")
     if model.moving is not None:
         names = model.moving.names
         where = f"{_plural(len(names), 'contact')} on {_plural(len(model.moving.tables), 'beam')}"
-        lines.append(f"  moving elements    end at {where}: {', '.join(names[:4])}" + (", ..." if len(names) > 4 else ""))
+        lines.append(f"  moving elements    end at {where}: {_some(names)}")
     if model.sliders is not None:
         c1 = sum(s.curve == "c1" and not getattr(s, "length", 0.0) for s in scene.sliders)
         bores = [s.length for s in scene.sleeves if s.length]
@@ -115,6 +114,11 @@ def describe(scene: Scene, model: Model) -> str:
     return "\n".join(lines)
 
 
+def _some(names: Sequence[str]) -> str:
+    """The first four."""
+    return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+
+
 def _paths(scene: Scene, model: Model) -> list[str]:
     """A line for every path."""
     lines, known = [], set()
@@ -126,7 +130,7 @@ def _paths(scene: Scene, model: Model) -> list[str]:
             count = sum(other.beam is path and other.curve == slider.curve for other in scene.sliders)
             across = f", one tangent across {track.smooth} of {_plural(track.joints, 'joint')}" if track.smooth else ""
             if isinstance(path, Switch):
-                names = ", ".join(f"{x.name!r} {x.length:.6g} m" for x in path.tracks[:4]) + ", ..." * (len(path.tracks) > 4)
+                names = _some([f"{x.name!r} {x.length:.6g} m" for x in path.tracks])
                 lines.append(f"  switch             {path.name!r}: {_plural(len(path.tracks), 'track')}, {names}, "
                              f"{_plural(count, 'slider')}")
                 continue

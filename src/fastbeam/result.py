@@ -251,8 +251,9 @@ class Result(Readings, Exports):
             out["force"] = np.full((len(self.t), 3), np.nan)
             if "reaction" in self.series:
                 out["force"] = self.reaction(name)["force"]
-                if holder := self.names.get("moving_moments", [""] * (k + 1))[k]:
-                    out["moment"] = self.reaction(holder)["moment"]
+                holders = self.names.get("moving_moments")
+                if holders and holders[k]:
+                    out["moment"] = self.reaction(holders[k])["moment"]
         else:
             out["force"] = self._series("contact_force")[:, k]
         same = ((x, x) for x in (*ALONG, *TWISTING))

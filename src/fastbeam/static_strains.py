@@ -35,7 +35,6 @@ def check_beam(who: str, model: Model, beam: Any) -> None:
                          "scene") from None
 
 
-
 def prestrains_of(model: Model, prestrains: Any) -> dict[Beam, float]:
     """Changes of prestrains until load factor 1.
 

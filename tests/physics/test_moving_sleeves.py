@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 import fastbeam as fb
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "perf"))
+from moving_mesh import ROD as SECTION  # noqa: E402
 from moving_mesh import driven  # noqa: E402
 
 Array = np.ndarray
-SECTION = fb.Section(EA=4e3, GA2=1.5e3, GA3=1.5e3, GJ=20.0, EI2=20.0, EI3=20.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)
 
 
 def drifts(result: fb.Result) -> float:

@@ -34,6 +34,18 @@ class SomeSliders:
         return some
 
 
+def check_free(who: str, slider: Slider) -> None:
+    """Refuse forces along the beam, and what holds a slider or lets it go.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not slider.slides_freely:
+        raise SceneError(f"{who}: {slider.kind} {slider.name!r} has friction, a drive, stops, a lock, a release or one-sided "
+                         "contact, which elements that move do not know; leave it out, or the moving mesh")
+
+
 @checked(beam=ABeam(), sliders=SomeSliders(), velocity=FIELD, spin=FIELD)
 @noun
 class MovingMesh:
@@ -89,9 +101,7 @@ class MovingMesh:
         beam = self.beam
         if slider.beam is not beam:
             raise SceneError(f"{self.label}: slider {slider.name!r} is on {slider.beam.label}; name a slider on {beam.label}")
-        if not slider.slides_freely:
-            raise SceneError(f"{self.label}: slider {slider.name!r} has friction, a drive, stops, a lock, a release or one-sided "
-                             "contact, which elements that move do not know; leave it out, or the moving mesh")
+        check_free(self.label, slider)
         if isinstance(slider, Sleeve) and slider.length:
             raise SceneError(f"{self.label}: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m (by default an "
                              "element), and elements that move end at one point of it; give length=0, or use "
