@@ -42,7 +42,7 @@ STEP, NUMBERS = Number(above=0.0, unit="s"), Maybe(Instance(np.ndarray, "an arra
 
 
 @checked(state=Instance(State, "a State"), t=Number(), step=STEP, t_start=Number(), steps=Count(0), next_step=Maybe(STEP),
-         mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS, last_step=STEP, impacts=NUMBERS)
+         mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS, last_step=STEP, impacts=NUMBERS, began=Number())
 @dataclass(frozen=True)
 class Checkpoint:
     """Where a run stands; `simulate(model, start=checkpoint, ...)` goes on as if it had never stopped.
@@ -72,6 +72,8 @@ class Checkpoint:
     impacts : float64 [S + R, 2] or None
         Times of the last impacts of all sliders, and joints that may stick, on rigid stops at the start and the end, s, -1.8e308
         where there was none; None where nothing has such stops.
+    began : float or None
+        Time of the state from which the first of these runs began, s; None: t. Loads are not asked for before it.
     """
 
     state: State
@@ -86,6 +88,7 @@ class Checkpoint:
     memory: Array | None = None
     last_step: float | None = None
     impacts: Array | None = None
+    began: float | None = None
 
     @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
@@ -100,7 +103,7 @@ class Checkpoint:
         """
         path = check_target(path, overwrite)
         head = {name: getattr(self, name) for name in ("t", "step", "t_start", "steps", "next_step", "scene", "fingerprint",
-                                                   "last_step")}
+                                                   "last_step", "began")}
         extra = [() if x is None else x for x in (self.mean_force, self.memory, self.impacts)]
         arrays = [np.asarray(x, dtype="<f8") for x in (*self.state, *extra)]
         head["sizes"] = {name: x.size for name, x in zip(ARRAYS, arrays)}
@@ -150,7 +153,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         sizes = [int(head["sizes"][name]) for name in ARRAYS]
         times = {name: number(name, head[name]) for name in ("t", "step", "t_start")}
         next_step = None if head["next_step"] is None else number("next_step", head["next_step"])
-        last_step = None if head.get("last_step") is None else number("last_step", head["last_step"])
+        last_step, began = (None if head.get(name) is None else number(name, head[name]) for name in ("last_step", "began"))
         steps, scene, fingerprint = int(head["steps"]), str(head["scene"]), str(head["fingerprint"])
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
@@ -169,7 +172,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
     *state, force, memory, impacts = (x.copy() for x in np.split(numbers, np.cumsum(sizes)[:-1]))
     return Checkpoint(State(*state), **times, steps=steps, next_step=next_step, mean_force=force if force.size else None,
                       scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None, last_step=last_step,
-                      impacts=impacts.reshape(-1, 2) if impacts.size else None)
+                      impacts=impacts.reshape(-1, 2) if impacts.size else None, began=began)
 
 
 def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False) -> Path:
@@ -245,6 +248,8 @@ class Clock:
     now : float
     size : float
         Of the next step; with a fixed step the same all the time.
+    began : float
+        Time of the first state, also where the run goes on from a checkpoint.
     before, before_size : float64 [F] or None, float or None
         Mean contact force of the last step, and its size.
     """
@@ -253,6 +258,7 @@ class Clock:
     now: float
     step: float
     size: float
+    began: float
     done: int = 0
     before: Array | None = None
     before_size: float | None = None
@@ -291,7 +297,7 @@ class Clock:
             origin, done = now, 0
         before = None if self.before is None else self.before.copy()
         return Checkpoint(state, now, self.step, origin, done, self.size if controlled else None, before, model.scene_name,
-                          model.fingerprint, memory, self.before_size, None if impacts is None else impacts.copy())
+                          model.fingerprint, memory, self.before_size, None if impacts is None else impacts.copy(), self.began)
 
 
 def _unclear(a: float, b: float, step: float) -> float:
@@ -329,7 +335,7 @@ def start_clock(model: Model, start: Any, t_start: float | None, step: float, co
     """
     if not isinstance(start, Checkpoint):
         t = 0.0 if t_start is None else number("t_start", t_start)
-        return start, Clock(t, t, step, step)
+        return start, Clock(t, t, step, step, t)
     if t_start is not None:
         raise SceneError(f"t_start: the checkpoint stands at t = {start.t:.6g} s; leave t_start out")
     if start.fingerprint != model.fingerprint:
@@ -338,7 +344,8 @@ def start_clock(model: Model, start: Any, t_start: float | None, step: float, co
                          "another machine; compile the same scene, or go on at your own risk with "
                          "start=checkpoint.state, t_start=checkpoint.t")
     before = None if start.mean_force is None else start.mean_force.copy()
-    clock = Clock(start.t, start.t, step, step, before=before, before_size=start.last_step)
+    began = start.t if start.began is None else start.began
+    clock = Clock(start.t, start.t, step, step, began, before=before, before_size=start.last_step)
     if controlled and start.next_step is not None:
         clock.origin, clock.size = start.t_start, start.next_step
     elif not controlled and start.next_step is None and start.step == step:

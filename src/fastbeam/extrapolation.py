@@ -160,7 +160,7 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
                     directors=triads_between(coarse.directors[shapes[0]], fine.directors[shapes[1]]), velocities=velocities,
                     spins=spins, events=events)
     result.state = state_between(model, coarse.state, fine.state, step)
-    result.checkpoint = Clock(t_end, t_end, step, step).checkpoint(model, result.state, False, None)
+    result.checkpoint = Clock(t_end, t_end, step, step, t_end).checkpoint(model, result.state, False, None)
     return result
 
 

@@ -224,7 +224,7 @@ class _Run(Encounters):
         at_end = stepper.method.at_end
         if observer.slider:
             self.info["contact_force"] = AT_END if at_end else AT_ROWS
-        forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.needs_forces and not at_end else None
+        forces = ContactForces(stepper, control is not None, clock.began, t_end) if observer.needs_forces and not at_end else None
         header = observer.header(self.info, moving=True)
         self.rows = Rows(observer, stepper, clock, forces, t_end, header, snapshots, file, overwrite)
         self.memory, self.event = self.rows.memory, self.rows.event

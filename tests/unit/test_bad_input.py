@@ -518,7 +518,7 @@ def calls(folder: Path) -> dict[str, Call]:
                                                mean_force=None, scene="", fingerprint=""),
                            dict(state=one_of(State), t=is_real, step=is_real, t_start=is_real, steps=is_count, next_step=is_real,
                                 mean_force=one_of(np.ndarray), scene=is_text, fingerprint=is_text, memory=one_of(np.ndarray),
-                                last_step=is_real, impacts=one_of(np.ndarray))),
+                                last_step=is_real, impacts=one_of(np.ndarray), began=is_real)),
         "Checkpoint.save": Call(result().checkpoint.save, dict(path=folder / "c", overwrite=True),
                                 dict(path=PATH, overwrite=is_flag)),
         "Result": Call(fb.Result, dict(t=[0.0, 1.0]), dict(

@@ -50,7 +50,10 @@ def impacts_of(result: fb.Result) -> list[float]:
     return [x["time"] for x in result.events if x["kind"] == "impact"]
 
 
+# steps back at a row in front of an impact ask for the force of the drive
+DRIVEN: dict[str, Any] = dict(stops=fb.Stops(1.0, 3.0, restitution=0.6), drive=fb.Drive(force=lambda t: 0.02 * np.cos(9.0 * t)))
 SCENES = {"bead": (lambda: rail(60.0, 1.05, stops=fb.Stops(1.0, 3.0, restitution=0.3)), 0.2),
+          "driven bead": (lambda: rail(60.0, 1.05, **DRIVEN), 0.2),
           "plane": (lambda: flying("auto"), 0.15), "space": (lambda: flying(False), 0.15)}
 
 
