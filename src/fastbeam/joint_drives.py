@@ -10,6 +10,7 @@ import numpy as np
 from .drive_laws import force_at, gains_of, given_to, kind_of, law_of
 from .errors import SceneError
 from .kernels.along import CONTROL, LAW
+from .kernels.doubt import no_doubt
 from .kernels.joint_drive import BY, TO, ControlTimes, DriveTimes, JointControl, JointDrives, KnownForces
 from .kernels.joint_friction import AGAINST, RUB, RUBBED, SIGN, STICKS, STOP_LOSS, JointFriction
 from .kernels.joint_coordinates import JointMotion
@@ -196,7 +197,7 @@ class Holds:
             press = np.array([self._press(k, kept, n_sliders) for k in self.rubs[rubs]])
             friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, self.ends[rubs],
                                      self.place + RUB * rubs, np.array([self.first + m]), *np.zeros((5, n)),
-                                     *np.zeros((4, n), np.int64), np.zeros(1), ties)
+                                     *np.zeros((3, n), np.int64), no_doubt(n), np.zeros(n, np.int64), np.zeros(1), ties)
         if at_stop.size:
             stops = JointStops(motion, at_stop, self.stops[stopped])
         if at_control.size:

@@ -11,6 +11,7 @@ from .drive_laws import force_at, gains_of, given_to, kind_of, law_of, slope_at_
 from .errors import SceneError
 from .kernels.along import (AGAINST, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, MOST_KEPT, NO_DRIVE, OFF,
                             OFFSET, POSITION, SIGN, TURNS, Along)
+from .kernels.doubt import no_doubt
 from .scene import Drive, Path, Slider, Switch
 from .scene.switches import AT_END, Arrival, span_of, stops_on
 
@@ -52,7 +53,7 @@ class SliderForces:
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
                             np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n),
                             np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64),
-                            np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
+                            no_doubt(n), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
                             np.zeros((n, MOST_KEPT, 4)))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
@@ -182,9 +183,10 @@ class SliderForces:
     def work(self, mass: float) -> Along:
         """The tables with arrays of one run; mass: of the scene, kg."""
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
-        return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
-                                       ("stops", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against",
-                                        "held", "offset", "under", "taken", "shapes")})
+        return self.tables._replace(doubt=no_doubt(len(self.sliders)), **{
+            name: getattr(self.tables, name).copy() for name in (
+                "stops", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held", "offset", "under",
+                "taken", "shapes")})
 
     @cached_property
     def sides(self) -> list[Array]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .kernels.doubt import no_doubt
 from .kernels.sleeve import KnownTwist, Rubbing, Sleeves
 from .kernels.slider import Sliding
 from .kernels.twist import ANGLE, SIGN, STICKS, TWIST, Twist
@@ -24,8 +25,9 @@ def sleeves_of_run(table: Sleeves) -> Sleeves:
     """The table with the arrays of one run."""
     if not isinstance(table.twist, Twist):
         return table
-    twist = Twist(*(x.copy() for x in table.twist))
-    return table._replace(axes=table.axes.copy(), twist=twist)
+    n = table.twist.arm.size
+    own = {name: x.copy() for name, x in table.twist._asdict().items() if name != "doubt"}
+    return table._replace(axes=table.axes.copy(), twist=Twist(**own, doubt=no_doubt(n)))
 
 
 def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[Any, ...]:

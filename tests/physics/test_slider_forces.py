@@ -9,7 +9,8 @@ import pytest
 import fastbeam as fb
 from exchange import balanced
 from fastbeam.kernels import step as kernels
-from fastbeam.kernels.along import AGAINST, MOST_FLIPS
+from fastbeam.kernels.along import AGAINST
+from fastbeam.kernels.doubt import MOST_FLIPS
 from fastbeam.newton import Stepper
 from fastbeam.scene.sliding import initial_rate
 

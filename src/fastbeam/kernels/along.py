@@ -21,6 +21,7 @@ from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
 from .contact_entries import Weights, put_idle_corner, put_translation
 from .curves import find_element, node_of, nodes_of, slot
+from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, end_doubt, is_sharp, sticks_in_doubt
 from .kinds import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
 from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
                      is_settled_along, motion_along, note_passage, put_residual, sliding_law)
@@ -39,8 +40,6 @@ SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_L
 FREE, LOCKED, OFF = range(3)
 # a part of the contact force across the beam that is round-off of the force
 ALONG_ONLY = 1e-12
-# after so many changes of a sign in one step Newton's method goes in circles: friction is continuous in the velocity from then on
-MOST_FLIPS = 6
 # so many iterations of a step judge signs before they count
 JUDGED = 2
 # a slider that friction holds since so many steps is at rest, whatever the beam does; before, what is left of its velocity is
@@ -69,6 +68,7 @@ class Along(NamedTuple):
     judged: np.ndarray      # int64 [S]: how many iterations of this step have asked for the sign
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
+    doubt: Doubt            # of S sliders
     held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
     offset: np.ndarray      # float64 [S]: arc length of the way less s, m: on switches, else 0
     under: np.ndarray       # int64 [S, 2]: first of the nodes under the slider in the last iteration, and the one behind the last
@@ -297,9 +297,11 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
         return rub(factor * mu, press, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
     along.needed[k] = dot(force, tangent) - other
     along.judged[k] += 1
+    if along.judged[k] == LATE:
+        along.flips[k] = MOST_FLIPS
     if along.flips[k] >= MOST_FLIPS:
         if along.against[k] == 0:
-            return rub_in_doubt(along, k, s1 - s0, most * system.contact.compliance[k], most, press, law)
+            return rub_in_doubt(along, k, s1 - s0, system.contact.compliance[k], most, press, law)
         # at the stop it stays for this step
         along.sign[k] = 0
         return hold(along, s1 - s0, force)
@@ -312,17 +314,19 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
 
 
 @kernel
-def rub_in_doubt(along, k, ds, width, most, press, law):
-    """The law with Coulomb friction, continuous in the velocity: full where the slider moves by `width`, what friction can push
-    the parts in the step."""
-    ahead = 1.0 if along.clock[0] > 0.0 else -1.0
-    part = ahead * ds / width if width > 0.0 else 0.0
+def rub_in_doubt(along, k, ds, found, most, press, law):
+    """The law with Coulomb friction where signs go in circles, see doubt.py. found: compliance of the parts in the last
+    iteration."""
     along.rest[k] = 0.0
-    along.sign[k] = 1 if part > 0.0 else -1
-    inside = abs(part) < 1.0
-    slope = law.slope + (ahead * most / width if inside and width > 0.0 else 0.0)
-    return rub((part if inside else along.sign[k]) * along.friction[k], press,
-               SlidingLaw(law.force, law.tangent, law.rest, slope, 1.0, 0.0))
+    if sticks_in_doubt(along.doubt, k, found, ds, most, abs(along.needed[k]) > most):
+        along.sign[k] = 0
+        return hold(along, ds, law.force)
+    ahead = 1.0 if along.clock[0] > 0.0 else -1.0
+    along.sign[k] = 1 if ahead * ds > 0.0 else -1
+    if along.doubt.counts[k, WITHIN] != 0:
+        soft = ahead * along.doubt.compliance[k]
+        return SlidingLaw(law.force, law.tangent, law.rest + ds / soft, law.slope + 1.0 / soft, 1.0, 0.0)
+    return rub(along.sign[k] * along.friction[k], press, law)
 
 
 @begin_along.register(Along)
@@ -344,6 +348,7 @@ def begin_forces(along, term, system, h):
             along.flips[k] = 0
             along.judged[k] = 0
             along.rest[k] = 0.0
+            end_doubt(along.doubt, k)
             if sign != 0 or (along.against[k] == 0 and state.history[HISTORY * k + STICKS] < RESTS):
                 e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
                 tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,
@@ -365,6 +370,8 @@ def friction_takes_energy(along, term, system):
         if is_prescribed(along, k) or not has_signs(along, k):
             continue
         if along.judged[k] < JUDGED:
+            settled = False
+        if along.flips[k] >= MOST_FLIPS and along.against[k] == 0 and not is_sharp(along.doubt, k, along.judged[k]):
             settled = False
         if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
             ds = system.work.s_end[k] - system.state.s[k]

@@ -19,7 +19,8 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import dot
-from .along import JUDGED, MOST_FLIPS
+from .along import JUDGED
+from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, end_doubt, is_sharp, sticks_in_doubt
 from .joint_conditions import direction
 from .joint_coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
 from .joint_drive import is_held
@@ -50,12 +51,13 @@ class JointFriction(NamedTuple):
     first: np.ndarray      # int64 [1]: number of the first among all constraints
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
     rest: np.ndarray       # float64 [D]: increment that leaves the coordinate at rest at the end of the step, m or rad
-    soft: np.ndarray       # float64 [D]: compliance of what the joint joins, where it stuck last
+    soft: np.ndarray       # float64 [D]: compliance of what the joint joins, where it stuck in this step
     reached: np.ndarray    # float64 [D]: value at the end of the last step that was solved for, m or rad
     factor: np.ndarray     # float64 [D]: friction as a share of the largest in this iteration, 0 where it sticks
     sign: np.ndarray       # int64 [D]: sign of the velocity at the end of the step, as taken in this iteration
     flips: np.ndarray      # int64 [D]: how often an iteration of this step has changed the sign
     judged: np.ndarray     # int64 [D]: how many iterations of this step have asked for the sign
+    doubt: Doubt           # of D coordinates
     against: np.ndarray    # int64 [D]: -1 or 1 where it rests against its first or last stop, else 0
     clock: np.ndarray      # float64 [1]: size of the step, s
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
@@ -149,6 +151,8 @@ def begin_friction(term, system, h, c):
         term.against[i] = int(state.history[term.place[i] + AGAINST])
         term.flips[i] = 0
         term.judged[i] = 0
+        term.soft[i] = 0.0
+        end_doubt(term.doubt, i)
         rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
         left = LEFT * (system.length if motion.kind[term.which[i]] == LINE else 1.0)
         if term.sign[i] == 0 and (not stopped or abs(rest) <= left or term.against[i] != 0):
@@ -180,17 +184,20 @@ def judge(term, i, force, way, most):
 
 
 @kernel
-def rub_in_doubt(term, i, way, most):
-    """Where signs go in circles: friction as a share of the largest, continuous in the velocity, and the derivative of the force
-    by the increment. It is full where the coordinate moves by what friction can push the parts in the step."""
+def rub_in_doubt(term, i, way, most, force):
+    """Where signs go in circles, see doubt.py: friction as a share of the largest, and the derivative of the force by the
+    increment where friction is less than that. force: of the last iteration."""
     term.rest[i] = 0.0
     term.judged[i] += 1
-    width = most * term.soft[i]
+    if sticks_in_doubt(term.doubt, i, term.soft[i], way, most, breaks_loose(term, i, force, most) != 0):
+        term.sign[i] = 0
+        return 0.0, 0.0
     ahead = 1.0 if term.clock[0] > 0.0 else -1.0
-    part = ahead * (way / width if width > 0.0 else np.sign(way))
-    inside = abs(part) < 1.0 and width > 0.0
-    term.sign[i] = 1 if part > 0.0 else -1
-    return -(part if inside else float(term.sign[i])), -ahead * most / width if inside else 0.0
+    term.sign[i] = 1 if ahead * way > 0.0 else -1
+    if term.doubt.counts[i, WITHIN] != 0:
+        soft = ahead * term.doubt.compliance[i]
+        return -way / (soft * most), -1.0 / soft
+    return -1.0 * term.sign[i], 0.0
 
 
 @assemble.register(JointFriction, Conserving)
@@ -202,12 +209,14 @@ def assemble_friction(term, method, system, h):
         k = term.first[0] + i
         f = contact.first_force[k]
         way = missing(motion, c, system.dofs, system.work.q_end, term.start[i])
-        if term.sign[i] == 0 and term.judged[i] > 0 and term.flips[i] < MOST_FLIPS:
+        if term.sign[i] == 0 and term.judged[i] > 0:
             term.soft[i] = contact.compliance[k]
         begin_joint(contact, k, 1)
         most, factor, slope, sticks = 0.0, 0.0, 0.0, False
         if may_stick(term, i):
             most = most_of_friction(term, i, system)
+            if term.judged[i] == LATE:
+                term.flips[i] = MOST_FLIPS
             if term.flips[i] < MOST_FLIPS:
                 sign = judge(term, i, force[f], way, most)
                 term.flips[i] += sign != term.sign[i]
@@ -217,7 +226,7 @@ def assemble_friction(term, method, system, h):
                 # at the stop it stays for this step
                 term.sign[i] = 0
             else:
-                factor, slope = rub_in_doubt(term, i, way, most)
+                factor, slope = rub_in_doubt(term, i, way, most, force[f])
             sticks = term.sign[i] == 0
         term.factor[i] = factor
         if not sticks:
@@ -230,7 +239,8 @@ def assemble_friction(term, method, system, h):
             # the force is known and stays
             contact.residual[k, 0] = 0.0
             contact.corner[k, 0] = 1.0
-            put_pressing(term, i, system, factor)
+            # friction below the bound does not change with it
+            put_pressing(term, i, system, factor if slope == 0.0 else 0.0)
 
 
 @is_settled.register(JointFriction)
@@ -246,6 +256,8 @@ def friction_is_settled(term, system):
         k = term.first[0] + i
         force = system.state.force[system.contact.first_force[k]]
         if term.judged[i] < JUDGED:
+            settled = False
+        if term.flips[i] >= MOST_FLIPS and term.against[i] == 0 and not is_sharp(term.doubt, i, term.judged[i]):
             settled = False
         if term.sign[i] == 0:
             settled = is_held(term.motion, c, system, k) and settled

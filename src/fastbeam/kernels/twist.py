@@ -20,8 +20,9 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import dot
-from .along import FRICTION_LOSS, HISTORY, JUDGED, MOST_FLIPS, force_of_edges, lead_passage
+from .along import FRICTION_LOSS, HISTORY, JUDGED, force_of_edges, lead_passage
 from .curves import find_element, node_of, slot
+from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, end_doubt, is_sharp, sticks_in_doubt
 from .held_directors import director, holder_director
 from .kinds import vector, zero_vector
 from .sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
@@ -47,13 +48,14 @@ class Twist(NamedTuple):
     axes: np.ndarray    # float64 [9 O]: as of `Sleeves` at t = 0; those of `Sleeves` turn
     start: np.ndarray   # float64 [O]: angle at the start of the step, rad
     rest: np.ndarray    # float64 [O]: increment that leaves the section at rest at the end of the step, rad
-    soft: np.ndarray    # float64 [O]: compliance of what a sleeve joins, where the section stuck last
+    soft: np.ndarray    # float64 [O]: compliance of what a sleeve joins, where the section stuck in this step
     way: np.ndarray     # float64 [O]: Dh of the last iteration
     most: np.ndarray    # float64 [O]: largest moment of friction in the last iteration, N m
     before: np.ndarray  # float64 [2 O]: moment and largest moment of the step before where it stuck, N m
     sign: np.ndarray    # int64 [O]: sign of the velocity at the end of the step, as taken in this iteration
     flips: np.ndarray   # int64 [O]: how often an iteration of this step has changed the sign
     judged: np.ndarray  # int64 [O]: how many iterations of this step have asked for the sign
+    doubt: Doubt        # of O sleeves
     clock: np.ndarray   # float64 [1]: size of the step, s
 
 
@@ -108,6 +110,7 @@ def begin_rubbing(twist, sleeves, term, system, h):
         twist.flips[o] = 0
         twist.judged[o] = 0
         twist.soft[o] = 0.0
+        end_doubt(twist.doubt, o)
         sticks = 1.0 if state.history[twist.place[o] + STICKS] != 0.0 else 0.0
         twist.before[2 * o] = sticks * state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
         twist.before[2 * o + 1] = sticks * state.history[twist.place[o] + MOST]
@@ -149,8 +152,10 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     most = most_of_twist(twist, sleeves, term, system, k, o)
     twist.most[o] = most
     ahead = 1.0 if twist.clock[0] > 0.0 else -1.0
-    if twist.sign[o] == 0 and twist.judged[o] > 0 and twist.flips[o] < MOST_FLIPS:
+    if twist.sign[o] == 0 and twist.judged[o] > 0:
         twist.soft[o] = contact.compliance[c]
+    if twist.judged[o] == LATE:
+        twist.flips[o] = MOST_FLIPS
     twist.judged[o] += 1
     if twist.flips[o] >= MOST_FLIPS and twist.rest[o] != 0.0:
         twist.rest[o] = 0.0
@@ -160,13 +165,16 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     twist.way[o] = end - dot(holder_director.call(dofs, sleeves, o, 1, state.q, point),
                              section_of(contact.basis, 0, dofs, state.q, nodes, lo, hi, 2))
     if twist.flips[o] >= MOST_FLIPS:
-        # continuous in the velocity: full where the section turns by what friction can turn the parts in the step
-        width = most * twist.soft[o]
-        part = ahead * (twist.way[o] / width if width > 0.0 else np.sign(twist.way[o]))
-        twist.sign[o] = 1 if part > 0.0 else -1
-        if abs(part) < 1.0 and width > 0.0:
-            contact.corner[c, 18] = ahead * twist.soft[o]
-            contact.residual[c, 2] = end + ahead * twist.soft[o] * state.force[f]
+        breaks = abs(state.force[f] + twist.before[2 * o]) > most + twist.before[2 * o + 1]
+        if sticks_in_doubt(twist.doubt, o, twist.soft[o], twist.way[o], most, breaks):
+            twist.sign[o] = 0
+            contact.residual[c, 2] = end
+            return 1.0
+        twist.sign[o] = 1 if ahead * twist.way[o] > 0.0 else -1
+        if twist.doubt.counts[o, WITHIN] != 0:
+            soft = ahead * twist.doubt.compliance[o]
+            contact.corner[c, 18] = soft
+            contact.residual[c, 2] = end + soft * state.force[f]
             return 1.0
     else:
         sign = judge(twist, o, state.force[f] + twist.before[2 * o], most + twist.before[2 * o + 1], end)
@@ -208,6 +216,8 @@ def twist_takes_energy(twist, sleeves, system):
         if not twist.arm[o] > 0.0:
             continue
         if twist.judged[o] < JUDGED:
+            settled = False
+        if twist.flips[o] >= MOST_FLIPS and not is_sharp(twist.doubt, o, twist.judged[o]):
             settled = False
         moment = system.state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
         bound = (twist.most[o] + twist.before[2 * o + 1]) * (1.0 + 1e-12)
