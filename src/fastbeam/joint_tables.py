@@ -104,11 +104,12 @@ class Conditions:
             A direction lies neither in the plane nor along its normal.
         """
         keep = []
+        first, second = np.abs(self.axes @ normal).tolist()
         for p, (i, j) in enumerate(self.pairs):
-            up = np.abs([self.axes[0, i] @ normal, 0.0 if j < 0 else self.axes[1, j] @ normal])
-            if np.any((up > TOLERANCE) & (up < 1.0 - TOLERANCE)):
+            up = first[i], 0.0 if j < 0 else second[j]
+            if any(TOLERANCE < x < 1.0 - TOLERANCE for x in up):
                 raise NotPlanar
-            if np.all(up < 0.5):
+            if max(up) < 0.5:
                 keep.append(p)
         return np.array(keep, np.int64)
 

@@ -256,3 +256,11 @@ def test_masses_joined_to_each_other_alone_have_no_place():
     a, b, c = (PointMass(name, mass=1.0) for name in "abc")
     with pytest.raises(SceneError, match="point mass 'a' has no position"):
         Scene(RAIL, a, b, c, BallJoint(a, b), BallJoint(b, c), BallJoint(c, a)).check()
+
+
+def test_lists_of_parts_follow_what_is_added_and_are_the_callers_own():
+    scene = Scene(RAIL)
+    assert scene.beams == [RAIL] and scene.masses == []
+    scene.beams.append(POST)
+    scene.add(CART)
+    assert scene.beams == [RAIL] and scene.masses == [CART]
