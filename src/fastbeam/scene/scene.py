@@ -114,8 +114,6 @@ class Scene(notebook.Parts):
                  gravity_time: TimeFactor | None = None, project_velocities: bool = False) -> None:
         self.name, self.gravity, self.gravity_time, self.project_velocities = name, gravity, gravity_time, project_velocities
         self.parts: list[Part] = []
-        # lists by kind of part, of so many parts of this list
-        self._by_kind: tuple[list[Part], int, dict[type, list[Any]]] = self.parts, 0, {}
         self._link_table: tuple[int, tuple[dict[int, list[Slider | Joint]], dict[int, Array]]] = (0, ({}, {}))
         self.add(*parts)
 
@@ -140,13 +138,7 @@ class Scene(notebook.Parts):
         return f"scene {self.name!r}"
 
     def _of(self, kind: type[P]) -> list[P]:
-        parts, n, found = self._by_kind
-        if parts is not self.parts or n != len(parts):
-            found = {}
-            self._by_kind = self.parts, len(self.parts), found
-        if kind not in found:
-            found[kind] = [part for part in self.parts if isinstance(part, kind)]
-        return list(found[kind])
+        return [part for part in self.parts if isinstance(part, kind)]
 
     @property
     def beams(self) -> list[Beam]:
