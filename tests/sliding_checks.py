@@ -55,8 +55,8 @@ def of_both(one: fb.Result, other: fb.Result) -> None:
 
 
 def check_balance(drawn: Drawn | DrawnPath) -> None:
-    # a step that is all but too long for Newton's method may be solved with pivoting
     result = run(compiled(drawn), drawn)
+    assert result.info["fallbacks"] == 0
     for name in result.info["conserved"]:
         assert result.drift(name) < (1e-14 if name == "gap" else 1e-13), name
     size = largest(result)
@@ -100,11 +100,6 @@ def check_turned(drawn: Drawn) -> None:
 
 CHECKS = {"balance": check_balance, "restart": check_restart, "solvers": check_solvers, "plane": check_plane,
           "turned": check_turned}
-
-
-def assert_property(name: str, drawn: Drawn | DrawnPath) -> None:
-    """One of the checks."""
-    CHECKS[name](drawn)
 
 
 def drawn_by(name: str, held: bool = False, kinds: Any = ("sleeve", "point")) -> Any:

@@ -11,10 +11,10 @@ from .arguments import LARGEST, Anything, Count, Names, Number, Word, checked, n
 from .backward import Backward, Stretch, Sums, Weights
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
-from .kernels.doubt import MOST_FLIPS
 from .kernels.ball_joint import BallJoints
 from .kernels.bushing import Bushings
 from .kernels.distance_joint import DistanceJoints
+from .kernels.doubt import MOST_FLIPS
 from .kernels.joint_conditions import JointConditions
 from .kernels.joint_coordinates import VALUE
 from .kernels.spring import Springs

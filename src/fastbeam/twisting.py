@@ -1,12 +1,12 @@
 """Friction of beams that turn in unkeyed sleeves: tables, where a run starts from, and what rows tell of it (theory.md 5.8)."""
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from .errors import SceneError
-from .kernels.doubt import no_doubt
 from .kernels.sleeve import KnownTwist, Rubbing, Sleeves
 from .kernels.slider import Sliding
 from .kernels.twist import ANGLE, SIGN, STICKS, TWIST, Twist
@@ -25,9 +25,7 @@ def sleeves_of_run(table: Sleeves) -> Sleeves:
     """The table with the arrays of one run."""
     if not isinstance(table.twist, Twist):
         return table
-    n = table.twist.arm.size
-    own = {name: x.copy() for name, x in table.twist._asdict().items() if name != "doubt"}
-    return table._replace(axes=table.axes.copy(), twist=Twist(**own, doubt=no_doubt(n)))
+    return table._replace(axes=table.axes.copy(), twist=deepcopy(table.twist))
 
 
 def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[Any, ...]:

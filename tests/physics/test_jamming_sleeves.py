@@ -16,7 +16,7 @@ SOFT: dict[str, float] = dict(EA=10.0, GA2=10.0, GA3=10.0, GJ=10.0, EI2=10.0, EI
                               coupling=0)
 ALONG, ACROSS = np.array((-0.88547621, -0.12622157, -0.4472136)), np.array((0.14112001, -0.9899925, 0.0))
 START = np.full(3, -2.0)
-# a sleeve of half a centimetre of bore half a metre beside the body that it carries, on an arc of 15 cm with a rod at its end
+# a sleeve with a bore of 7.5 mm half a metre beside the body that it carries, on an arc of 15 cm with a rod at its end
 SLEEVE = dict(kind="sleeve", friction="coulomb", drive="none", stops="none", coefficient=0.05, viscous=0.1, way=-0.1, rhythm=2.0,
               force=-5.0, gains=(1.0, 0.1), before=0.002, behind=0.002, stiffness=10.0, restitution=0.0, bore=0.05, keyed=False,
               inertia=0.01)

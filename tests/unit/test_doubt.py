@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from fastbeam.kernels.doubt import (FINAL, LATEST, LEVEL, LEVELS, PATIENCE, SHARPER, SOFTER, WITHIN, Doubt, end_doubt, is_sharp,
+from fastbeam.kernels.doubt import (FINAL, LATEST, LEVEL, LEVELS, PATIENCE, SHARPER, SOFTER, WITHIN, Doubt, clear_doubt, is_sharp,
                                     no_doubt, sticks_in_doubt)
 
 
@@ -31,7 +31,7 @@ def test_it_gets_sharper_until_it_sticks() -> None:
         assert doubt.compliance[1] == 8.0**-2 * SHARPER**level
         assert iterate(doubt) == (level == LEVELS)
     assert is_sharp(doubt, 1, 12)
-    end_doubt(doubt, 1)
+    clear_doubt(doubt, 1)
     assert doubt.compliance[1] == 0.0 and not doubt.counts[1].any()
 
 

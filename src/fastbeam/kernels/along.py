@@ -21,7 +21,7 @@ from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
 from .contact_entries import Weights, put_idle_corner, put_translation
 from .curves import find_element, node_of, nodes_of, slot
-from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, end_doubt, is_sharp, sticks_in_doubt
+from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_sharp, sticks_in_doubt
 from .kinds import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
 from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
                      is_settled_along, motion_along, note_passage, put_residual, sliding_law)
@@ -348,7 +348,7 @@ def begin_forces(along, term, system, h):
             along.flips[k] = 0
             along.judged[k] = 0
             along.rest[k] = 0.0
-            end_doubt(along.doubt, k)
+            clear_doubt(along.doubt, k)
             if sign != 0 or (along.against[k] == 0 and state.history[HISTORY * k + STICKS] < RESTS):
                 e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
                 tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,

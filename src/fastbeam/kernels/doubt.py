@@ -37,7 +37,7 @@ def no_doubt(n: int) -> Doubt:
 
 
 @kernel
-def end_doubt(doubt, i):
+def clear_doubt(doubt, i):
     """At the start of a step."""
     doubt.compliance[i] = 0.0
     for c in range(COUNTS):

@@ -20,7 +20,7 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import dot
 from .along import JUDGED
-from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, end_doubt, is_sharp, sticks_in_doubt
+from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_sharp, sticks_in_doubt
 from .joint_conditions import direction
 from .joint_coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
 from .joint_drive import is_held
@@ -152,7 +152,7 @@ def begin_friction(term, system, h, c):
         term.flips[i] = 0
         term.judged[i] = 0
         term.soft[i] = 0.0
-        end_doubt(term.doubt, i)
+        clear_doubt(term.doubt, i)
         rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
         left = LEFT * (system.length if motion.kind[term.which[i]] == LINE else 1.0)
         if term.sign[i] == 0 and (not stopped or abs(rest) <= left or term.against[i] != 0):

@@ -22,7 +22,7 @@ from .._jit import kernel
 from .algebra import dot
 from .along import FRICTION_LOSS, HISTORY, JUDGED, force_of_edges, lead_passage
 from .curves import find_element, node_of, slot
-from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, end_doubt, is_sharp, sticks_in_doubt
+from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_sharp, sticks_in_doubt
 from .held_directors import director, holder_director
 from .kinds import vector, zero_vector
 from .sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
@@ -110,7 +110,7 @@ def begin_rubbing(twist, sleeves, term, system, h):
         twist.flips[o] = 0
         twist.judged[o] = 0
         twist.soft[o] = 0.0
-        end_doubt(twist.doubt, o)
+        clear_doubt(twist.doubt, o)
         sticks = 1.0 if state.history[twist.place[o] + STICKS] != 0.0 else 0.0
         twist.before[2 * o] = sticks * state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
         twist.before[2 * o + 1] = sticks * state.history[twist.place[o] + MOST]
