@@ -8,7 +8,7 @@ from typing import Any
 from .checkpoint import Clock
 from .corners import TOO_SHORT, Corners, Passed
 from .dynamics import END_TOLERANCE, TRANSFER_TOLERANCE, StepControl, failure, run_to_condition, run_to_end_of_beam
-from .impacts import Impacts
+from .impacts import SAME_TIME, Impacts
 from .interrupt import Calls
 from .kernels.step import NOT_CONVERGED, OK
 from .kernels.work import State
@@ -24,8 +24,6 @@ from .ways import Ways
 
 # what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
 NEXT_TO_NOTHING = 1e-6
-# stops that joints meet within this share of a step are met at the same time
-SAME_TIME = 1e-5
 # a point that is back on its beam after this share of a step has not been away
 SHORT_FLIGHT = 1.0 / 64.0
 # status of steps before one in which a condition of a lock or release begins to hold

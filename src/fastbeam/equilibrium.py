@@ -97,7 +97,7 @@ class StaticSolver:
             state.q[:] = before
             return status, []
         if self.linear.is_compiled and model.substructures is None:
-            buffer = np.zeros(self.max_iterations)
+            buffer = np.zeros(2 * self.max_iterations)
             with self.linear.threads():
                 status, n = kernels.solve_equilibrium(*self.stepper.records, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]

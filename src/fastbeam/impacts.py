@@ -21,6 +21,8 @@ from .starting import direction_rates
 Array = np.ndarray
 # time of an impact where there was none, s
 NEVER = -float(np.finfo(float).max)
+# what happens within this share of a step happens at the same time
+SAME_TIME = 1e-5
 # steps in a row that end at or before a stop without getting anywhere, besides two for every slider
 MOST_IN_A_ROW = 3
 # rates below this share of the largest are none behind an impact
@@ -90,10 +92,10 @@ class Impacts:
 
     def behind(self, state: State, k: int, at_end: bool, t: float, step: float, last: float) -> State:
         """The state after an impact of slider or coordinate k at time t, which is remembered; last: time since the one before, or
-        the row. Of two within a step the second does not bounce."""
+        the row. Of two within a step the second does not bounce, one behind a whole step at the stop included."""
         assert self.times is not None
         restitution = self._restitution(state, k, at_end) or 0.0
-        if t - self.times[k, int(at_end)] < step:
+        if t - self.times[k, int(at_end)] < (1.0 + SAME_TIME) * step:
             restitution = 0.0
         self.times[k, int(at_end)] = t
         self.number += 1

@@ -12,7 +12,7 @@ from .kernels.inner import Inner
 from .kernels.contact_entries import Contact
 from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.terms import System
-from .kernels.work import State, Work
+from .kernels.work import LONGER, State, Work
 from .linsolve import LinearSystem
 from .model import Model
 
@@ -79,7 +79,9 @@ class Iteration:
         owner.linear.begin_step()
         sizes: list[float] = []
         before = expected = np.inf
-        for _ in range(max_iterations):
+        for it in range(2 * max_iterations):
+            if it == max_iterations and owner.work.increment.control[LONGER] == 0.0:
+                break
             self.assemble(h)
             if not self.solve():
                 finite = np.isfinite(owner.work.r).all() and np.isfinite(owner.work.dphi).all()

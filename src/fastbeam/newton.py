@@ -334,7 +334,7 @@ class Stepper:
         """Like `advance`, but returns after a step that was repeated."""
         model = self.core
         self._augment(h)
-        counts, sizes = np.zeros(5, np.int64), np.zeros(self.max_iterations)
+        counts, sizes = np.zeros(5, np.int64), np.zeros(2 * self.max_iterations)
         force = np.zeros((2, self.core_state.force.size))
         loads, factors = None, self._factors
         if self._timed:

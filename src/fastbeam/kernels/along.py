@@ -21,7 +21,7 @@ from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
 from .contact_entries import Weights, put_idle_corner, put_translation
 from .curves import find_element, node_of, nodes_of, slot
-from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_sharp, sticks_in_doubt
+from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_in_doubt, is_sharp, sticks_in_doubt
 from .kinds import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
 from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
                      is_settled_along, motion_along, note_passage, put_residual, sliding_law)
@@ -297,9 +297,7 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
         return rub(factor * mu, press, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
     along.needed[k] = dot(force, tangent) - other
     along.judged[k] += 1
-    if along.judged[k] == LATE:
-        along.flips[k] = MOST_FLIPS
-    if along.flips[k] >= MOST_FLIPS:
+    if is_in_doubt(along.flips, along.judged, k, system.work.increment):
         if along.against[k] == 0:
             return rub_in_doubt(along, k, s1 - s0, system.contact.compliance[k], most, press, law)
         # at the stop it stays for this step

@@ -1,8 +1,9 @@
-"""Coulomb friction where the signs of a step go in circles (theory.md 5.6): for the rest of the step its force is -Ds/c, Ds the
-increment of the coordinate, as long as that is less than the bound, and the bound beyond. c is at first of the size of the
-compliance of the parts in the step. Whenever Newton's method has converged with less than the bound, c is made smaller, and at
-last the coordinate sticks: what is reached is Coulomb's law in Ds, which does not depend on c. Where a smaller c does not
-converge, the one before stays, and where the first does not, it is made larger.
+"""Coulomb friction where the signs of a step go in circles (theory.md 5.6): for the rest of the step it acts against the increment
+Ds of the coordinate. At first the coordinate sticks. Where that takes more than the bound, or does not converge, the friction is
+-Ds/c as long as that is less than the bound, and the bound beyond. c is at first of the size of the compliance of the parts in the
+step; whenever Newton's method has converged with less than the bound, it is made smaller. Where a smaller c does not converge, the
+one before stays, and where the first does not, it is made larger. What sticks within the bound, and what slips with all of it, is
+Coulomb's law in Ds, which does not depend on c.
 """
 from __future__ import annotations
 
@@ -11,17 +12,19 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
+from .work import LONGER
 
 # after so many changes of a sign in one step Newton's method goes in circles, and after so many iterations as well
 MOST_FLIPS, LATE = 6, 12
-# columns of `Doubt.counts`: how many times c was made smaller; iterations since then; whether the last one took less than the
-# bound; whether c stays
+# columns of `Doubt.counts`: 0 where it sticks, then how many c were tried; iterations since then; whether the last one took less
+# than the bound; whether c stays
 LEVEL, TRIED, WITHIN, FINAL = range(4)
 COUNTS = 4
-# c is made smaller by this factor so many times; then the coordinate sticks. The first is made larger by the other
-SHARPER, LEVELS, SOFTER = 1.0 / 64.0, 2, 8.0
-# iterations after which a c has not converged, and iterations of a step after which no smaller one is tried
-PATIENCE, LATEST = 5, 19
+# so many c are tried, each smaller than the one before by this factor. The first is made larger by the other
+LEVELS, SHARPER, SOFTER = 3, 1.0 / 64.0, 8.0
+# iterations after which sticking or a c has not converged; after which the force that it takes to stick is known; and iterations
+# of a step after which no smaller c is tried
+PATIENCE, KNOWN, LATEST = 5, 2, 35
 
 
 class Doubt(NamedTuple):
@@ -45,6 +48,17 @@ def clear_doubt(doubt, i):
 
 
 @kernel
+def is_in_doubt(flips, judged, i, increment):
+    """Whether signs of coordinate i go in circles; the step may then take more iterations."""
+    if judged[i] == LATE:
+        flips[i] = MOST_FLIPS
+    if flips[i] < MOST_FLIPS:
+        return False
+    increment.control[LONGER] = 1.0
+    return True
+
+
+@kernel
 def go_back(doubt, i):
     """To the last c with which Newton's method has converged, which stays for this step."""
     counts = doubt.counts
@@ -60,28 +74,41 @@ def sticks_in_doubt(doubt, i, found, way, most, breaks):
     has found last, 0 where there is none; way: Ds; most: the bound; breaks: whether what held it in the last iteration is more
     than that, where it stuck."""
     counts = doubt.counts
-    if doubt.compliance[i] == 0.0 and found > 0.0:
-        # the next power of 8: solvers find it to some digits, with the matrix of the one or other iteration
-        doubt.compliance[i] = 8.0 ** np.ceil(np.log2(found) / 3.0)
     counts[i, TRIED] += 1
-    if counts[i, LEVEL] == 0 and counts[i, FINAL] == 0 and counts[i, TRIED] > PATIENCE:
+    tried = counts[i, TRIED]
+    if counts[i, LEVEL] == 0 and tried > PATIENCE:
+        counts[i, LEVEL] = 1
+        counts[i, TRIED] = 1
+    elif counts[i, LEVEL] == 1 and counts[i, FINAL] == 0 and tried > PATIENCE:
         doubt.compliance[i] *= SOFTER
         counts[i, TRIED] = 0
-    if counts[i, LEVEL] > 0 and counts[i, FINAL] == 0:
-        if counts[i, TRIED] > PATIENCE or (counts[i, LEVEL] == LEVELS and counts[i, TRIED] > 1 and breaks):
-            go_back(doubt, i)
-    sticks = counts[i, LEVEL] == LEVELS or not doubt.compliance[i] > 0.0
-    counts[i, WITHIN] = 1 if sticks or abs(way) < doubt.compliance[i] * most else 0
+    elif counts[i, LEVEL] > 1 and counts[i, FINAL] == 0 and tried > PATIENCE:
+        go_back(doubt, i)
+    if counts[i, LEVEL] > 0 and doubt.compliance[i] == 0.0 and found > 0.0:
+        # the next power of 8: solvers find it to some digits, at best with the matrix with which it has stuck
+        doubt.compliance[i] = 8.0 ** np.ceil(np.log2(found) / 3.0)
+    sticks = counts[i, LEVEL] == 0 or not doubt.compliance[i] > 0.0
+    if sticks:
+        counts[i, WITHIN] = 0 if breaks else 1
+    else:
+        counts[i, WITHIN] = 1 if abs(way) < doubt.compliance[i] * most else 0
     return sticks
 
 
 @kernel
 def is_sharp(doubt, i, iterations):
-    """Whether Newton's method, which has converged, has done so with Coulomb's law; else c is made smaller."""
+    """Whether Newton's method, which has converged, has done so with Coulomb's law; else a smaller c is tried."""
     counts = doubt.counts
+    if counts[i, LEVEL] == 0:
+        if counts[i, TRIED] < KNOWN:
+            return False
+        if counts[i, WITHIN] == 0:
+            counts[i, LEVEL] = 1
+            counts[i, TRIED] = 0
+        return counts[i, WITHIN] == 1
     if doubt.compliance[i] == 0.0:
-        # the next iteration may know it
-        return counts[i, TRIED] > 1
+        # it sticks, as there is no c
+        return True
     if counts[i, FINAL] != 0 or counts[i, WITHIN] == 0 or counts[i, LEVEL] == LEVELS or iterations > LATEST:
         return True
     counts[i, LEVEL] += 1

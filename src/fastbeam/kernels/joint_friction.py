@@ -20,7 +20,7 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import dot
 from .along import JUDGED
-from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_sharp, sticks_in_doubt
+from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_in_doubt, is_sharp, sticks_in_doubt
 from .joint_conditions import direction
 from .joint_coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
 from .joint_drive import is_held
@@ -215,9 +215,7 @@ def assemble_friction(term, method, system, h):
         most, factor, slope, sticks = 0.0, 0.0, 0.0, False
         if may_stick(term, i):
             most = most_of_friction(term, i, system)
-            if term.judged[i] == LATE:
-                term.flips[i] = MOST_FLIPS
-            if term.flips[i] < MOST_FLIPS:
+            if not is_in_doubt(term.flips, term.judged, i, system.work.increment):
                 sign = judge(term, i, force[f], way, most)
                 term.flips[i] += sign != term.sign[i]
                 term.sign[i] = sign

@@ -22,7 +22,7 @@ from .._jit import kernel
 from .algebra import dot
 from .along import FRICTION_LOSS, HISTORY, JUDGED, force_of_edges, lead_passage
 from .curves import find_element, node_of, slot
-from .doubt import LATE, MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_sharp, sticks_in_doubt
+from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_in_doubt, is_sharp, sticks_in_doubt
 from .held_directors import director, holder_director
 from .kinds import vector, zero_vector
 from .sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
@@ -154,17 +154,16 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     ahead = 1.0 if twist.clock[0] > 0.0 else -1.0
     if twist.sign[o] == 0 and twist.judged[o] > 0:
         twist.soft[o] = contact.compliance[c]
-    if twist.judged[o] == LATE:
-        twist.flips[o] = MOST_FLIPS
+    doubtful = is_in_doubt(twist.flips, twist.judged, o, work.increment)
     twist.judged[o] += 1
-    if twist.flips[o] >= MOST_FLIPS and twist.rest[o] != 0.0:
+    if doubtful and twist.rest[o] != 0.0:
         twist.rest[o] = 0.0
         aim(twist, sleeves, o, twist.start[o])
     end = dot(holder_director.call(dofs, sleeves, o, 1, work.q_end, point),
               section_of(contact.basis, 1, dofs, work.q_end, nodes, lo, hi, 2))
     twist.way[o] = end - dot(holder_director.call(dofs, sleeves, o, 1, state.q, point),
                              section_of(contact.basis, 0, dofs, state.q, nodes, lo, hi, 2))
-    if twist.flips[o] >= MOST_FLIPS:
+    if doubtful:
         breaks = abs(state.force[f] + twist.before[2 * o]) > most + twist.before[2 * o + 1]
         if sticks_in_doubt(twist.doubt, o, twist.soft[o], twist.way[o], most, breaks):
             twist.sign[o] = 0
