@@ -152,7 +152,7 @@ class Stepper:
         put_limits(core, self.core_state, None, self.terms)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
-        self._fallback: Stepper | None = None
+        self.made_fallback: Stepper | None = None  # once a step has needed it
         self._records: tuple[Record | None, Record | None] = None, None
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
         self.stop: Callable[[], bool] = bool
@@ -290,7 +290,7 @@ class Stepper:
     @property
     def fallback(self) -> Stepper:
         """The same state and first guesses around SuperLU, without elimination of inner nodes, where pivots vanish."""
-        if self._fallback is None:
+        if self.made_fallback is None:
             assert self.model.uneliminated is not None
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
                                "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
@@ -298,8 +298,8 @@ class Stepper:
             put_limits(self.core, self.core_state, self.corner, fallback.terms)
             fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
                                                    increment=fallback.work.increment._replace(theta=self.work.theta))
-            self._fallback = fallback
-        return self._fallback
+            self.made_fallback = fallback
+        return self.made_fallback
 
     def save(self) -> tuple[State, Array]:
         """Everything a later `load` needs."""
@@ -319,7 +319,7 @@ class Stepper:
         self.work.past[0] = 0.0
         for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
             mine[:] = other
-        put_limits(self.core, self.core_state, self.corner, self.terms, self._fallback and self._fallback.terms)
+        put_limits(self.core, self.core_state, self.corner, self.terms, self.made_fallback and self.made_fallback.terms)
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
@@ -494,7 +494,7 @@ class Stepper:
     def worst_node(self) -> tuple[int, float]:
         """(node, size) of the largest residual of the last iteration."""
         # that of the interior of condensed beams is kept nowhere; steps in time that failed have been tried without condensation
-        of = self if self.core.substructures is None or self._fallback is None else self._fallback
+        of = self if self.core.substructures is None or self.made_fallback is None else self.made_fallback
         r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.dofs)]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
         return int(np.flatnonzero(of.model.pattern.row_of == row)[0]), float(r[row])

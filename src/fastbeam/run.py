@@ -303,6 +303,7 @@ class _Run(Encounters):
                     self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch.turns(t, size)
+                        self.watch.friction(t, size)
                         self.watch.order(t)
                     self.watch.mesh(t, self.steps)
                     if self.callback is not None:

@@ -28,14 +28,19 @@ def sleeves_of_run(table: Sleeves) -> Sleeves:
     return table._replace(axes=table.axes.copy(), twist=deepcopy(table.twist))
 
 
+def rubbing(terms: tuple[Any, ...]) -> Sleeves | None:
+    """The sleeves among the terms of a run if beams rub that turn in them."""
+    return next((x.sleeves for x in terms if isinstance(x, Rubbing)), None)
+
+
 def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[Any, ...]:
     """Terms with the moments of friction of the state instead of equations for them; running: those of the run, which tell where
     their sections are."""
-    rubbing = [x.sleeves for x in running if isinstance(x, Rubbing)]
-    if not rubbing:
+    sleeves = rubbing(running)
+    if sleeves is None:
         return terms
     (own,) = [x for x in terms if isinstance(x, Sleeves)]
-    known = own._replace(axes=rubbing[0].axes, twist=KnownTwist())
+    known = own._replace(axes=sleeves.axes, twist=KnownTwist())
     return tuple(x._replace(sleeves=known) if isinstance(x, Sliding) else known if isinstance(x, Sleeves) else x
                  for x in terms if not isinstance(x, Rubbing))
 

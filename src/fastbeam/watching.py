@@ -4,13 +4,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import numpy as np
+
 from .axial_waves import braking_time
 from .dynamics import UNRESOLVED_TURN
+from .kernels.doubt import MISSED, Doubt
 from .kinks import Kinks
 from .model import Model
 from .newton import Stepper
 from .resolution import Resolution
 from .result import Result
+from .twisting import rubbing, twist_label
 
 # steps between two looks whether the mesh resolves the shape, so that looks take little time beside steps
 STEPS_A_LOOK = 50
@@ -41,6 +45,7 @@ class Watch:
         self.kinks = kinks
         self._turns_are_resolved = True
         self._struck: dict[int, int] = {}
+        self._missed: set[str] = set()
         self._resolution: Resolution | None = None
         self._next_look, self._steps_to_look = t_start, STEPS_A_LOOK
 
@@ -69,6 +74,21 @@ class Watch:
             self.event({"kind": "unresolved", "time": t,
                         "text": f"{self.model.node_label(node)} turns by {turn:.3g} rad in a step of {h:.3g} s that ends at t = "
                                 f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
+
+    def friction(self, t: float, h: float) -> None:
+        """An event where a step since the last row has ended with less friction than Coulomb's law asks for, once a run and
+        coordinate."""
+        for stepper in filter(None, (self.stepper, self.stepper.made_fallback)):
+            for doubt, names in doubts_of(stepper):
+                for i in np.flatnonzero(doubt.counts[:, MISSED]):
+                    name = names[i]
+                    if name in self._missed or len(self._missed) >= MOST_NAMED:
+                        continue
+                    self._missed.add(name)
+                    self.event({"kind": "unresolved", "time": t,
+                                "text": f"{name}: in a step of {h:.3g} s before t = {t:.6g} s it jams, and no motion was found "
+                                        "with all of its friction; it moves with less than Coulomb's law asks for, and how far "
+                                        "depends on the step; use a smaller step"})
 
     def blow(self, k: int, t: float, h: float) -> None:
         """An event where steps of size h do not resolve what the impact of slider k on a rigid stop sends along the beam, once a
@@ -108,3 +128,18 @@ class Watch:
         if last:
             for event in self._resolution.events():
                 self.event(event)
+
+
+def doubts_of(stepper: Stepper) -> list[tuple[Doubt, list[str]]]:
+    """What a stepper keeps of friction whose signs went in circles, with the names of the coordinates."""
+    model, out = stepper.model, list[tuple[Doubt, list[str]]]()
+    names = model.names["sliders"]
+    if stepper.along is not None:
+        out.append((stepper.along.doubt, [f"slider {name!r}" for name in names]))
+    sleeves = rubbing(stepper.terms)
+    if sleeves is not None:
+        out.append((sleeves.twist.doubt, [twist_label(f"sleeve {names[k]!r}") for k in model.sleeve_pairs[:, 0]]))
+    if stepper.motion is not None and stepper.motion.friction is not None:
+        motions = model.motions
+        out.append((stepper.motion.friction.doubt, [f"joint {motions.names[k]!r}" for k in motions.holds.rubs]))
+    return out

@@ -21,7 +21,7 @@ from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
 from .contact_entries import Weights, put_idle_corner, put_translation
 from .curves import find_element, node_of, nodes_of, slot
-from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_in_doubt, is_sharp, sticks_in_doubt
+from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, sticks_in_doubt
 from .kinds import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
 from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
                      is_settled_along, motion_along, note_passage, put_residual, sliding_law)
@@ -389,6 +389,7 @@ def account_forces(along, term, system, h):
         if system.work.s_end[k] != state.s[k]:
             account_work(along, term, system, k)
         if has_signs(along, k) and not is_prescribed(along, k):
+            count_missed(along.doubt, along.flips, k)
             place = HISTORY * k
             state.history[place + SIGN] = along.sign[k]
             sticks = along.sign[k] == 0 and along.against[k] == 0

@@ -1,9 +1,9 @@
-"""Coulomb friction where the signs of a step go in circles (theory.md 5.6): for the rest of the step it acts against the increment
-Ds of the coordinate. At first the coordinate sticks. Where that takes more than the bound, or does not converge, the friction is
--Ds/c as long as that is less than the bound, and the bound beyond. c is at first of the size of the compliance of the parts in the
-step; whenever Newton's method has converged with less than the bound, it is made smaller. Where a smaller c does not converge, the
-one before stays, and where the first does not, it is made larger. What sticks within the bound, and what slips with all of it, is
-Coulomb's law in Ds, which does not depend on c.
+"""Coulomb friction where the signs of a step go in circles (theory.md 5.6): for the rest of the step it acts against the
+increment Ds of the coordinate. At first the coordinate sticks. Where that takes more than the bound, or does not converge, the
+friction is -Ds/c as long as that is less than the bound, and the bound beyond. c is at first of the size of the compliance of the
+parts in the step; whenever Newton's method has converged with less than the bound, it is made smaller. Where a smaller c does not
+converge, the one before stays, and where the first does not, it is made larger. What sticks within the bound, and what slips with
+all of it, is Coulomb's law in Ds, which does not depend on c.
 """
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .work import LONGER
 # after so many changes of a sign in one step Newton's method goes in circles, and after so many iterations as well
 MOST_FLIPS, LATE = 6, 12
 # columns of `Doubt.counts`: 0 where it sticks, then how many c were tried; iterations since then; whether the last one took less
-# than the bound; whether c stays
-LEVEL, TRIED, WITHIN, FINAL = range(4)
-COUNTS = 4
+# than the bound; whether c stays; and how many steps of the run have ended with a c and less than the bound
+LEVEL, TRIED, WITHIN, FINAL, MISSED = range(5)
+COUNTS = 5
 # so many c are tried, each smaller than the one before by this factor. The first is made larger by the other
 LEVELS, SHARPER, SOFTER = 3, 1.0 / 64.0, 8.0
 # iterations after which sticking or a c has not converged; after which the force that it takes to stick is known; and iterations
 # of a step after which no smaller c is tried
-PATIENCE, KNOWN, LATEST = 5, 2, 35
+PATIENCE, KNOWN, LATEST = 8, 2, 32
 
 
 class Doubt(NamedTuple):
@@ -43,7 +43,7 @@ def no_doubt(n: int) -> Doubt:
 def clear_doubt(doubt, i):
     """At the start of a step."""
     doubt.compliance[i] = 0.0
-    for c in range(COUNTS):
+    for c in range(MISSED):
         doubt.counts[i, c] = 0
 
 
@@ -115,3 +115,12 @@ def is_sharp(doubt, i, iterations):
     counts[i, TRIED] = 0
     doubt.compliance[i] *= SHARPER
     return False
+
+
+@kernel
+def count_missed(doubt, flips, i):
+    """At the end of a step: whether it has missed Coulomb's law, as the coordinate moves and there is less friction than the
+    bound."""
+    counts = doubt.counts
+    if flips[i] >= MOST_FLIPS and counts[i, LEVEL] > 0 and counts[i, WITHIN] == 1 and doubt.compliance[i] > 0.0:
+        counts[i, MISSED] += 1

@@ -20,7 +20,7 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import dot
 from .along import JUDGED
-from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_in_doubt, is_sharp, sticks_in_doubt
+from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, sticks_in_doubt
 from .joint_conditions import direction
 from .joint_coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
 from .joint_drive import is_held
@@ -285,6 +285,7 @@ def account_friction(term, system, h):
             else:
                 history[term.place[i] + AGAINST] = 0.0
             force = system.state.force[system.contact.first_force[term.first[0] + i]]
+            count_missed(term.doubt, term.flips, i)
             history[term.place[i] + SIGN] = term.sign[i]
             held = 1.0 if history[term.place[i] + STICKS] == 0.0 else 2.0
             history[term.place[i] + STICKS] = held if sticks and term.against[i] == 0 else 0.0

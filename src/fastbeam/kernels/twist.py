@@ -22,7 +22,7 @@ from .._jit import kernel
 from .algebra import dot
 from .along import FRICTION_LOSS, HISTORY, JUDGED, force_of_edges, lead_passage
 from .curves import find_element, node_of, slot
-from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, is_in_doubt, is_sharp, sticks_in_doubt
+from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, sticks_in_doubt
 from .held_directors import director, holder_director
 from .kinds import vector, zero_vector
 from .sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
@@ -251,6 +251,7 @@ def account_rubbing(twist, sleeves, term, system, h):
         angle = twist.start[o] + twist.rest[o]
         if twist.sign[o] != 0:
             angle += np.arctan2(end, dot(d, section_of(contact.basis, 1, dofs, work.q_end, nodes, lo, hi, 1)))
+        count_missed(twist.doubt, twist.flips, o)
         own = twist.place[o]
         state.history[own + ANGLE] = angle
         state.history[own + SIGN] = twist.sign[o]
