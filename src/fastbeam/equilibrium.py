@@ -10,7 +10,7 @@ from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.force_element import ForceElements
 from .kernels.user_force import UserForces
-from .kernels.work import State
+from .kernels.work import MORE_ITERATIONS, State
 from .model import Model
 from .newton import Stepper
 from .static_motion import Carrying, StaticMotion, StaticShift, coordinates_of
@@ -97,7 +97,7 @@ class StaticSolver:
             state.q[:] = before
             return status, []
         if self.linear.is_compiled and model.substructures is None:
-            buffer = np.zeros(2 * self.max_iterations)
+            buffer = np.zeros(MORE_ITERATIONS * self.max_iterations)
             with self.linear.threads():
                 status, n = kernels.solve_equilibrium(*self.stepper.records, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]

@@ -12,7 +12,7 @@ from .kernels.inner import Inner
 from .kernels.contact_entries import Contact
 from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.terms import System
-from .kernels.work import LONGER, State, Work
+from .kernels.work import IN_DOUBT, MORE_ITERATIONS, State, Work
 from .linsolve import LinearSystem
 from .model import Model
 
@@ -79,8 +79,8 @@ class Iteration:
         owner.linear.begin_step()
         sizes: list[float] = []
         before = expected = np.inf
-        for it in range(2 * max_iterations):
-            if it == max_iterations and owner.work.increment.control[LONGER] == 0.0:
+        for it in range(MORE_ITERATIONS * max_iterations):
+            if it == max_iterations and owner.work.increment.control[IN_DOUBT] == 0.0:
                 break
             self.assemble(h)
             if not self.solve():

@@ -26,7 +26,7 @@ from .kernels.prescribed import PrescribedSchedule
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
 from .kernels.user_force import UserForceTimes
-from .kernels.work import State, aligned
+from .kernels.work import MORE_ITERATIONS, State, aligned
 from .linsolve import LinearSystem, check_backend
 from .load_times import load_factors
 from .methods import Method, check_forces, empty_rates, start_rates
@@ -334,7 +334,7 @@ class Stepper:
         """Like `advance`, but returns after a step that was repeated."""
         model = self.core
         self._augment(h)
-        counts, sizes = np.zeros(5, np.int64), np.zeros(2 * self.max_iterations)
+        counts, sizes = np.zeros(5, np.int64), np.zeros(MORE_ITERATIONS * self.max_iterations)
         force = np.zeros((2, self.core_state.force.size))
         loads, factors = None, self._factors
         if self._timed:

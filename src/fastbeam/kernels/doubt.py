@@ -2,8 +2,8 @@
 increment Ds of the coordinate. At first the coordinate sticks. Where that takes more than the bound, or does not converge, the
 friction is -Ds/c as long as that is less than the bound, and the bound beyond. c is at first of the size of the compliance of the
 parts in the step; whenever Newton's method has converged with less than the bound, it is made smaller. Where a smaller c does not
-converge, the one before stays, and where the first does not, it is made larger. What sticks within the bound, and what slips with
-all of it, is Coulomb's law in Ds, which does not depend on c.
+converge, one that is less so is tried from the one before, which stays at last, and where the first does not, it is made larger.
+What sticks within the bound, and what slips with all of it, is Coulomb's law in Ds, which does not depend on c.
 """
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .work import LONGER
+from .work import IN_DOUBT
 
 # after so many changes of a sign in one step Newton's method goes in circles, and after so many iterations as well
 MOST_FLIPS, LATE = 6, 12
 # columns of `Doubt.counts`: 0 where it sticks, then how many c were tried; iterations since then; whether the last one took less
-# than the bound; whether c stays; and how many steps of the run have ended with a c and less than the bound
-LEVEL, TRIED, WITHIN, FINAL, MISSED = range(5)
+# than the bound; how many smaller c have not converged; how many steps of the run have ended with a c and less than the bound
+LEVEL, TRIED, WITHIN, FAILED, MISSED = range(5)
 COUNTS = 5
-# so many c are tried, each smaller than the one before by this factor. The first is made larger by the other
-LEVELS, SHARPER, SOFTER = 3, 1.0 / 64.0, 8.0
+# so many c are tried, each smaller than the one before by this factor, and by the other once a c has not converged; behind the
+# second that has not, c stays. The first c is made larger by the other factor
+LEVELS, SHARPER, SOFTER, MOST_FAILED = 5, 1.0 / 64.0, 8.0, 2
 # iterations after which sticking or a c has not converged; after which the force that it takes to stick is known; and iterations
 # of a step after which no smaller c is tried
-PATIENCE, KNOWN, LATEST = 8, 2, 32
+PATIENCE, KNOWN, LATEST = 8, 2, 75
 
 
 class Doubt(NamedTuple):
@@ -54,18 +55,24 @@ def is_in_doubt(flips, judged, i, increment):
         flips[i] = MOST_FLIPS
     if flips[i] < MOST_FLIPS:
         return False
-    increment.control[LONGER] = 1.0
+    increment.control[IN_DOUBT] = 1.0
     return True
 
 
 @kernel
+def factor(doubt, i):
+    """By which the next c is smaller."""
+    return SHARPER if doubt.counts[i, FAILED] == 0 else 1.0 / SOFTER
+
+
+@kernel
 def go_back(doubt, i):
-    """To the last c with which Newton's method has converged, which stays for this step."""
+    """To the last c with which Newton's method has converged."""
     counts = doubt.counts
+    doubt.compliance[i] /= factor(doubt, i)
     counts[i, LEVEL] -= 1
     counts[i, TRIED] = 0
-    counts[i, FINAL] = 1
-    doubt.compliance[i] /= SHARPER
+    counts[i, FAILED] += 1
 
 
 @kernel
@@ -79,10 +86,10 @@ def sticks_in_doubt(doubt, i, found, way, most, breaks):
     if counts[i, LEVEL] == 0 and tried > PATIENCE:
         counts[i, LEVEL] = 1
         counts[i, TRIED] = 1
-    elif counts[i, LEVEL] == 1 and counts[i, FINAL] == 0 and tried > PATIENCE:
+    elif counts[i, LEVEL] == 1 and counts[i, FAILED] == 0 and tried > PATIENCE:
         doubt.compliance[i] *= SOFTER
         counts[i, TRIED] = 0
-    elif counts[i, LEVEL] > 1 and counts[i, FINAL] == 0 and tried > PATIENCE:
+    elif counts[i, LEVEL] > 1 and counts[i, FAILED] < MOST_FAILED and tried > PATIENCE:
         go_back(doubt, i)
     if counts[i, LEVEL] > 0 and doubt.compliance[i] == 0.0 and found > 0.0:
         # the next power of 8: solvers find it to some digits, at best with the matrix with which it has stuck
@@ -109,11 +116,11 @@ def is_sharp(doubt, i, iterations):
     if doubt.compliance[i] == 0.0:
         # it sticks, as there is no c
         return True
-    if counts[i, FINAL] != 0 or counts[i, WITHIN] == 0 or counts[i, LEVEL] == LEVELS or iterations > LATEST:
+    if counts[i, FAILED] == MOST_FAILED or counts[i, WITHIN] == 0 or counts[i, LEVEL] == LEVELS or iterations > LATEST:
         return True
     counts[i, LEVEL] += 1
     counts[i, TRIED] = 0
-    doubt.compliance[i] *= SHARPER
+    doubt.compliance[i] *= factor(doubt, i)
     return False
 
 

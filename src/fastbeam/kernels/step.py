@@ -2,8 +2,8 @@
 
 The loop goes over the terms of a scene; the method, the kind of nodes, contact and solver are types that decide what is called.
 
-Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [2 max_iterations]; counts_out [4 or 5]; mean_force_out [2, F];
-vectors [K, 8 (rows + 1)], factors [K], f_ext_out [8 (rows + 1)]; out [1].
+Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [MORE_ITERATIONS max_iterations]; counts_out [4 or 5];
+mean_force_out [2, F]; vectors [K, 8 (rows + 1)], factors [K], f_ext_out [8 (rows + 1)]; out [1].
 """
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept
                     follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
                     push_increments, put_loads, recover, restore, save, scale_residual, scale_solutions, solve, spread_nodes,
                     take_increments, take_unknowns, within_limits)
-from .work import LONGER, clear_equations, copy, follow_increment, keep_arrays, restore_arrays, start_increment
+from .work import IN_DOUBT, MORE_ITERATIONS, clear_equations, copy, follow_increment, keep_arrays, restore_arrays, start_increment
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 # increments below these may be round-off: where they do not shrink; where they are far longer than foretold
@@ -260,14 +260,14 @@ def has_converged(size, before, expected):
 @kernel
 def newton(terms, system, h, max_iterations, largest, sizes_out):
     """Newton iteration from the first guess: (status, iterations). An increment beyond `largest`, relative to the scene, ends it.
-    There may be twice as many where signs of friction go in circles.
-    sizes_out [2 max_iterations]: sizes of the increments; -1 - k: slider k makes the border singular."""
+    There may be MORE_ITERATIONS times as many where signs of friction go in circles (doubt.py).
+    sizes_out [MORE_ITERATIONS max_iterations]: sizes of the increments; -1 - k: slider k makes the border singular."""
     begin_solver.call(system.solver)
     before = expected = np.inf
     for it in range(sizes_out.shape[0]):
         sizes_out[it] = 0.0
-    for it in range(2 * max_iterations):
-        if it == max_iterations and system.work.increment.control[LONGER] == 0.0:
+    for it in range(MORE_ITERATIONS * max_iterations):
+        if it == max_iterations and system.work.increment.control[IN_DOUBT] == 0.0:
             return NOT_CONVERGED, it
         assemble_step(terms, system, h)
         fill.call(system.contact, terms, system)
@@ -283,7 +283,7 @@ def newton(terms, system, h, max_iterations, largest, sizes_out):
             return OK, it + 1
         expected = next_increment(moved, before)
         before = moved
-    return NOT_CONVERGED, 2 * max_iterations
+    return NOT_CONVERGED, MORE_ITERATIONS * max_iterations
 
 
 # --- steps --------------------------------------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ from .._jit import kernel, separate
 
 # `LastIncrement.control` before the first increment of a step: the line is at its start
 FROM_START = 2.0
-# place there: 1 where a step may take twice as many iterations, as signs of friction go in circles (doubt.py)
-LONGER = 3
+# place there: 1 where a step may take so many times as many iterations, as signs of friction go in circles (doubt.py)
+IN_DOUBT, MORE_ITERATIONS = 3, 4
 
 
 class LastIncrement(NamedTuple):
@@ -21,7 +21,7 @@ class LastIncrement(NamedTuple):
 
     control: np.ndarray   # float64 [4]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that of
     #                       the scene, up to which it does not; size of the first increment of the step, -1 before there is one;
-    #                       LONGER
+    #                       IN_DOUBT
     theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`, padded:
     #                       rows of three are read as rows of four
     x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
@@ -108,7 +108,7 @@ def start_increment(work):
     first = work.past[work.past.shape[0] - 1]
     follow_increment(work.increment, first if work.past[0] > 0.0 else np.inf)
     work.increment.control[2] = -1.0
-    work.increment.control[LONGER] = 0.0
+    work.increment.control[IN_DOUBT] = 0.0
     if work.increment.control[0] != 0.0:
         work.increment.control[0] = FROM_START
 
