@@ -76,8 +76,7 @@ class Watch:
                                 f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
 
     def friction(self, t: float, h: float) -> None:
-        """An event where a step since the last row has ended with less friction than Coulomb's law asks for, once a run and
-        coordinate."""
+        """An event where a step since the last row has missed Coulomb's law, once a run and coordinate."""
         for stepper in filter(None, (self.stepper, self.stepper.made_fallback)):
             for doubt, names in doubts_of(stepper):
                 for i in np.flatnonzero(doubt.counts[:, MISSED]):
@@ -86,9 +85,9 @@ class Watch:
                         continue
                     self._missed.add(name)
                     self.event({"kind": "unresolved", "time": t,
-                                "text": f"{name}: in a step of {h:.3g} s before t = {t:.6g} s it jams, and no motion was found "
-                                        "with all of its friction; it moves with less than Coulomb's law asks for, and how far "
-                                        "depends on the step; use a smaller step"})
+                                "text": f"{name} jams in a step of {h:.3g} s at or before t = {t:.6g} s, and no motion with "
+                                        "Coulomb's law was found: its friction there is another, and how far it moves depends "
+                                        "on the step; use a smaller step"})
 
     def blow(self, k: int, t: float, h: float) -> None:
         """An event where steps of size h do not resolve what the impact of slider k on a rigid stop sends along the beam, once a

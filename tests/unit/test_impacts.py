@@ -205,3 +205,16 @@ def test_a_holder_that_is_held_carries_no_momentum() -> None:
 def test_what_supports_hold_sends_no_wave() -> None:
     result = fb.simulate(rail(60.0, 1.05, stops=fb.Stops(1.0, 3.0, restitution=0.3)), t_end=0.2, step=0.01, progress=False)
     assert impacts_of(result) and not [x for x in result.events if x["kind"] == "unresolved"]
+
+
+@pytest.mark.parametrize("behind, rate", [(0.5, 0.0), (1.0 - 1e-12, 0.0), (1.0, 0.0), (1.0 + 1e-12, 0.0), (1.001, -0.5)])
+def test_a_second_impact_within_a_step_does_not_bounce(behind: float, rate: float) -> None:
+    """Where friction holds a slider at its stop for a whole step, round-off is not to decide."""
+    model = rail(0.0, 1.0, rate=1.0, stops=fb.Stops(0.5, 1.0, restitution=0.5))
+    impacts, step = Impacts(model), 0.02
+    state = model.state()
+    impacts.behind(state, 0, True, 0.1, step, step)
+    after = impacts.behind(state, 0, True, 0.1 + behind * step, step, behind * step)
+    bead = after.v.reshape(-1, 4, 3)[model.labels.index("point mass 'bead'"), 0]
+    np.testing.assert_allclose(bead, (rate, 0.0, 0.0), rtol=0.0, atol=1e-14)
+    assert impacts.number == 2

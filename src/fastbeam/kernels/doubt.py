@@ -17,7 +17,7 @@ from .work import IN_DOUBT
 # after so many changes of a sign in one step Newton's method goes in circles, and after so many iterations as well
 MOST_FLIPS, LATE = 6, 12
 # columns of `Doubt.counts`: 0 where it sticks, then how many c were tried; iterations since then; whether the last one took less
-# than the bound; how many smaller c have not converged; how many steps of the run have ended with a c and less than the bound
+# than the bound; how many smaller c have not converged; how many steps of the run have missed Coulomb's law
 LEVEL, TRIED, WITHIN, FAILED, MISSED = range(5)
 COUNTS = 5
 # so many c are tried, each smaller than the one before by this factor, and by the other once a c has not converged; behind the
@@ -126,8 +126,8 @@ def is_sharp(doubt, i, iterations):
 
 @kernel
 def count_missed(doubt, flips, i):
-    """At the end of a step: whether it has missed Coulomb's law, as the coordinate moves and there is less friction than the
-    bound."""
+    """At the end of a step: whether it has missed Coulomb's law, as the coordinate moves with less friction than the bound, or
+    sticks with more."""
     counts = doubt.counts
-    if flips[i] >= MOST_FLIPS and counts[i, LEVEL] > 0 and counts[i, WITHIN] == 1 and doubt.compliance[i] > 0.0:
+    if flips[i] >= MOST_FLIPS and counts[i, LEVEL] > 0 and (counts[i, WITHIN] == 1 or doubt.compliance[i] == 0.0):
         counts[i, MISSED] += 1
