@@ -45,6 +45,16 @@ def test_what_does_not_converge_while_it_sticks_slides() -> None:
     assert (doubt.counts[1, LEVEL], doubt.compliance[1]) == (1, FIRST)
 
 
+def test_what_has_converged_waits_for_others() -> None:
+    doubt = no_doubt(2)
+    iterate(doubt, KNOWN)
+    for _ in range(5):
+        assert is_sharp(doubt, 1, 8) and iterate(doubt, PATIENCE - KNOWN)
+    doubt = begun(way=-1.0)
+    for _ in range(5):
+        assert is_sharp(doubt, 1, 8) and not iterate(doubt, PATIENCE, way=-1.0) and doubt.compliance[1] == FIRST
+
+
 @pytest.mark.parametrize("found", [3e-3, 3.001e-3, 2.0**-9 * 1.01])
 def test_compliances_that_differ_a_little_are_taken_for_one(found: float) -> None:
     assert begun(found).compliance[1] == FIRST

@@ -109,17 +109,19 @@ def is_sharp(doubt, i, iterations):
     if counts[i, LEVEL] == 0:
         if counts[i, TRIED] < KNOWN:
             return False
+        # it has converged: others may take longer
+        counts[i, TRIED] = KNOWN
         if counts[i, WITHIN] == 0:
             counts[i, LEVEL] = 1
             counts[i, TRIED] = 0
         return counts[i, WITHIN] == 1
+    counts[i, TRIED] = 0
     if doubt.compliance[i] == 0.0:
         # it sticks, as there is no c
         return True
     if counts[i, FAILED] == MOST_FAILED or counts[i, WITHIN] == 0 or counts[i, LEVEL] == LEVELS or iterations > LATEST:
         return True
     counts[i, LEVEL] += 1
-    counts[i, TRIED] = 0
     doubt.compliance[i] *= factor(doubt, i)
     return False
 
