@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from ctypes import addressof, c_char
 from functools import cache
 from typing import Any
 
@@ -158,6 +159,8 @@ def _same(x: Any, y: Any) -> bool:
 _KNOWN: dict[tuple[Any, ...], tuple[RecordType, struct.Struct]] = {}
 # flags of arrays that are part of their types: contiguous by rows or by columns, writeable
 TYPED = 0x403
+# contiguous by rows, and writeable
+CONTIGUOUS = 0x401
 
 
 def _put_words(x: Any, words: list[Any], told: list[Any]) -> None:
@@ -165,7 +168,7 @@ def _put_words(x: Any, words: list[Any], told: list[Any]) -> None:
     if isinstance(x, np.ndarray):
         # as numba's arrays; nobody counts references to them
         told += x.dtype, x.ndim, x.flags.num & TYPED
-        words += 0, 0, x.size, x.itemsize, x.__array_interface__["data"][0], *x.shape, *x.strides
+        words += 0, 0, x.size, x.itemsize, _address(x), *x.shape, *x.strides
     elif isinstance(x, tuple):
         told += type(x), len(x)
         for one in x:
@@ -173,6 +176,14 @@ def _put_words(x: Any, words: list[Any], told: list[Any]) -> None:
     else:
         told.append(type(x))
         words.append(0 if x is None else x)
+
+
+def _address(x: Any) -> int:
+    """Of the first number of an array."""
+    if x.size and x.flags.num & CONTIGUOUS == CONTIGUOUS:
+        # a fifth of the time that the array interface takes
+        return addressof(c_char.from_buffer(x))
+    return int(x.__array_interface__["data"][0])
 
 
 @cache

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -55,17 +56,11 @@ class Resolution:
         self._sets: list[tuple[Any, Any, Array, list[_Elements]]] = []
         self._work = np.zeros(6)
         self._worst: dict[tuple[str, str], tuple[float, float, str]] = {}
-        count = 0
-        for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
-            if tables is not None:
-                of_elements = np.zeros(24 * len(tables.meta))
-                strain_energy(tables, model.n_nodes, model.q0, strains, self._work, of_elements)
-                sets = list(_elements(model, tables))
-                for e in sets:
-                    e.turn = _turn(model.q0, e.nodes)
-                    e.square = of_elements.reshape(-1, 3)[e.at, 1].copy()
-                    count += len(e.at)
-                self._sets.append((tables, strains, of_elements, sets))
+        if model not in _KNOWN:
+            _KNOWN[model] = _element_sets(model)
+        for tables, strains, sets in _KNOWN[model]:
+            self._sets.append((tables, strains, np.zeros(24 * len(tables.meta)), sets))
+        count = sum(len(e.at) for *_, sets in _KNOWN[model] for e in sets)
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
 
     def look(self, t: float, q: Array) -> None:
@@ -196,6 +191,25 @@ class Resolution:
                 return (f"beam {beam['name']!r}", f"s = {s[first - beam['first']]:.4g} to {s[last - beam['first']]:.4g} m",
                         count if count > 1 or beam["count"] == last - first + 1 else 0)
         return label.split(" node ")[0], f"between {label} and {self.model.node_label(last)}", 0
+
+
+# the elements of models that were looked at
+_KNOWN: WeakKeyDictionary[Model, list[tuple[Any, Any, list[_Elements]]]] = WeakKeyDictionary()
+
+
+def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
+    """Tables and strains of a model, with their elements as they are in the reference."""
+    out = []
+    for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
+        if tables is not None:
+            of_elements = np.zeros(24 * len(tables.meta))
+            strain_energy(tables, model.n_nodes, model.q0, strains, np.zeros(6), of_elements)
+            sets = list(_elements(model, tables))
+            for e in sets:
+                e.turn = _turn(model.q0, e.nodes)
+                e.square = of_elements.reshape(-1, 3)[e.at, 1].copy()
+            out.append((tables, strains, sets))
+    return out
 
 
 def _elements(model: Model, tables: Any) -> Any:
