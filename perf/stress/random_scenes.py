@@ -19,7 +19,7 @@ from test_scene_properties import CHECKS, QUICK  # noqa: E402
 
 
 def tried(what: str, strategy: Any, holds: Callable[[Any], None], examples: int) -> Row:
-    """One property over many scenes; a failure shows the smallest scene that was found."""
+    """One property over many scenes; a failure shows the smallest scene that was found, all of it."""
     count = [0, 0]
 
     def check(drawn: Any) -> None:
@@ -31,7 +31,7 @@ def tried(what: str, strategy: Any, holds: Callable[[Any], None], examples: int)
     try:
         settings(QUICK, max_examples=examples)(given(strategy)(check))()
     except Exception as found:  # what was found is the result
-        message = f"{type(found).__name__}: {str(found)[:300]} {' '.join(getattr(found, '__notes__', []))[:2000]}"
+        message = f"{type(found).__name__}: {str(found)[:300]} {' '.join(getattr(found, '__notes__', []))}"
     happened = message or f"holds in {count[1]}, {count[0] - count[1]} not usable"
     return Row(what, f"holds in {examples}", happened, not message)
 
