@@ -4,6 +4,8 @@ friction is -Ds/c as long as that is less than the bound, and the bound beyond. 
 parts in the step; whenever Newton's method has converged with less than the bound, it is made smaller. Where a smaller c does not
 converge, one that is less so is tried from the one before, which stays at last, and where the first does not, it is made larger.
 What sticks within the bound, and what slips with all of it, is Coulomb's law in Ds, which does not depend on c.
+
+Arrays: flips [n], judged [n], of n coordinates: changes of sign, and iterations that have asked for it, in a step.
 """
 from __future__ import annotations
 
