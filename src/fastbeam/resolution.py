@@ -56,11 +56,12 @@ class Resolution:
         self._sets: list[tuple[Any, Any, Array, list[_Elements]]] = []
         self._work = np.zeros(6)
         self._worst: dict[tuple[str, str], tuple[float, float, str]] = {}
-        if model not in _KNOWN:
-            _KNOWN[model] = _element_sets(model)
-        for tables, strains, sets in _KNOWN[model]:
+        known = _KNOWN.get(model)
+        if known is None:
+            known = _KNOWN[model] = _element_sets(model)
+        for tables, strains, sets in known:
             self._sets.append((tables, strains, np.zeros(24 * len(tables.meta)), sets))
-        count = sum(len(e.at) for *_, sets in _KNOWN[model] for e in sets)
+        count = sum(len(e.at) for *_, sets in known for e in sets)
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
 
     def look(self, t: float, q: Array) -> None:

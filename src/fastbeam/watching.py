@@ -78,9 +78,9 @@ class Watch:
     def friction(self, t: float, h: float) -> None:
         """An event where a step since the last row has missed Coulomb's law, once a run and coordinate."""
         for stepper in filter(None, (self.stepper, self.stepper.made_fallback)):
-            for doubt, names in doubts_of(stepper):
+            for doubt, name_of in doubts_of(stepper):
                 for i in np.flatnonzero(doubt.counts[:, MISSED]):
-                    name = names[i]
+                    name = name_of(i)
                     if name in self._missed or len(self._missed) >= MOST_NAMED:
                         continue
                     self._missed.add(name)
@@ -129,16 +129,16 @@ class Watch:
                 self.event(event)
 
 
-def doubts_of(stepper: Stepper) -> list[tuple[Doubt, list[str]]]:
-    """What a stepper keeps of friction whose signs went in circles, with the names of the coordinates."""
-    model, out = stepper.model, list[tuple[Doubt, list[str]]]()
-    names = model.names["sliders"]
+def doubts_of(stepper: Stepper) -> list[tuple[Doubt, Callable[[int], str]]]:
+    """What a stepper keeps of friction whose signs went in circles, and what gives the name of a coordinate: rows ask for it, and
+    there may be many."""
+    model, out = stepper.model, list[tuple[Doubt, Callable[[int], str]]]()
+    names, motions = model.names["sliders"], model.motions
     if stepper.along is not None:
-        out.append((stepper.along.doubt, [f"slider {name!r}" for name in names]))
+        out.append((stepper.along.doubt, lambda i: f"slider {names[i]!r}"))
     sleeves = rubbing(stepper.terms)
     if sleeves is not None:
-        out.append((sleeves.twist.doubt, [twist_label(f"sleeve {names[k]!r}") for k in model.sleeve_pairs[:, 0]]))
+        out.append((sleeves.twist.doubt, lambda i: twist_label(f"sleeve {names[model.sleeve_pairs[i, 0]]!r}")))
     if stepper.motion is not None and stepper.motion.friction is not None:
-        motions = model.motions
-        out.append((stepper.motion.friction.doubt, [f"joint {motions.names[k]!r}" for k in motions.holds.rubs]))
+        out.append((stepper.motion.friction.doubt, lambda i: f"joint {motions.names[motions.holds.rubs[i]]!r}"))
     return out

@@ -139,7 +139,7 @@ def test_an_event_names_what_has_missed_coulombs_law_once() -> None:
     watch = Watch(model, stepper, told.append, 0.0, 1.0)
     watch.friction(0.1, 0.01)
     assert not told
-    names = [name for doubt, names in doubts_of(stepper) for name in names]
+    names = [name_of(i) for doubt, name_of in doubts_of(stepper) for i in range(len(doubt.counts))]
     assert len(names) == 4 and len(set(names)) == 4
     for doubt, _ in doubts_of(stepper):
         doubt.counts[-1, MISSED] = 1
