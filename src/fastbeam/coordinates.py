@@ -9,7 +9,7 @@ from .kernels.joint_coordinates import ANGLE, LINE, NO_SWING, SWING
 from .plane import TOLERANCE, NotPlanar
 
 Array = np.ndarray
-KINDS = {"distance": LINE, "cosine": LINE, "angle": ANGLE, "twist": ANGLE, "swing": SWING}
+KINDS = {"distance": LINE, "place": LINE, "cosine": LINE, "angle": ANGLE, "twist": ANGLE, "swing": SWING}
 
 
 def kind_of(shape: Any) -> int:
@@ -21,7 +21,8 @@ class Coordinate:
     """What a joint leaves free, as a function x of the coordinates of both nodes; a `Law` where a force of its own holds it:
     given as a function of time, or by friction and rigid stops.
 
-    It is y less that at t = 0 of a LINE, atan2(y, z) of an ANGLE, acos(z) of a SWING; y and z are sums of products.
+    It is y less that at t = 0 of a LINE (y itself of a place), atan2(y, z) of an ANGLE, acos(z) of a SWING; y and z are sums of
+    products.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ class Coordinate:
             else:
                 b[5:] = frame.turn[1, j]
             self._pairs[of_z].append((a, b))
-        self.at_start = float(self._sums(frame.reference)[0]) if self.kind == LINE else 0.0
+        self.at_start = float(self._sums(frame.reference)[0]) if self.kind == LINE and shape.what != "place" else 0.0
 
     def forces(self, dim: int) -> int:
         """As of `Law`."""

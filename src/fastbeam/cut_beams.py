@@ -226,12 +226,15 @@ class Cut:
             if new is not value and field.init:
                 changed[field.name] = new
         if isinstance(x, Sleeve):
-            # friction needs a bore, and none of those that are held slips
-            changed |= {"length": 0.0, "friction": None, "key_radius": None, "axis": None, "point": self._swapped(_on_axis(x))}
+            changed |= {"axis": None, "point": self._swapped(_on_axis(x)), **self._bore(x)}
             return PointSleeve(**{field.name: getattr(x, field.name) for field in fields(x) if field.init} | changed)
         if isinstance(x, Slider) and changed:
             changed["curve"] = "own"
         return replace(x, **changed) if changed else x
+
+    def _bore(self, sleeve: Sleeve) -> dict[str, Any]:
+        """What changes of the bore of a sleeve: friction needs one, and none of those that are held slips."""
+        return {"length": 0.0, "friction": None, "key_radius": None}
 
     # --- coordinates --------------------------------------------------------------------------------------------------
     def carry(self, q: Array, given: Any, new: Any, out: Array) -> None:

@@ -35,7 +35,8 @@ def balance_of(result: Result) -> dict[str, Array]:
             energies["loads"] = loads
     for name, noun, kind, sign in ACCOUNTS:
         for k, part in enumerate(result.names.get(f"{kind}s", []) if name in series else []):
-            if np.any(series[name][:, k]):
+            # what acts on places of moving meshes is that of their sliders
+            if np.any(series[name][:, k]) and not (kind == "joint" and result.names["coordinates"][k] == "place"):
                 # a joint may have two coordinates
                 key = f"{noun} of {kind} {part!r}"
                 energies[key] = energies.get(key, 0.0) + sign * series[name][:, k]

@@ -195,7 +195,10 @@ class Holds:
             drives = JointDrives(motion, at_drive, kind, np.array([self.first]), np.zeros(m), np.zeros(m), ties)
         if n:
             press = np.array([self._press(k, kept, n_sliders) for k in self.rubs[rubs]])
-            friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, self.ends[rubs],
+            # a point that runs along a line is held by the force of another joint, across an axis of its own
+            across = np.array([kept[j - n_sliders].node[0] if j >= 0 and kept[j - n_sliders].law.is_vector
+                               and not self.is_angle[k] else -1 for k, (j, _) in zip(self.rubs[rubs], press.tolist())])
+            friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, across, self.ends[rubs],
                                      self.place + RUB * rubs, np.array([self.first + m]), *np.zeros((5, n)),
                                      *np.zeros((3, n), np.int64), no_doubt(n), np.zeros(n, np.int64), np.zeros(1), ties)
         if at_stop.size:
@@ -345,6 +348,14 @@ class Holds:
         low, high, stiffness = self.stops.T
         x = values[self.stopped]
         out[self.stopped] = 0.5 * stiffness * (np.maximum(low - x, 0.0)**2 + np.maximum(x - high, 0.0)**2)
+        return out
+
+    def stop_forces(self, values: Array) -> Array:
+        """Forces of elastic stops, N or N m, [C], at values [C]."""
+        out = np.zeros(values.size)
+        low, high, stiffness = self.stops.T
+        x = values[self.stopped]
+        out[self.stopped] = stiffness * (np.maximum(low - x, 0.0) - np.maximum(x - high, 0.0))
         return out
 
     def exchanged(self, history: Array) -> dict[str, Array]:

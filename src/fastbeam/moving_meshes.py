@@ -18,12 +18,54 @@ from .numbered import Numbered, number
 from .scene import (BallJoint, Beam, Bushing, Clamp, CylindricalJoint, Damper, DistanceJoint, InitialVelocity, Load, MovingMesh,
                     Pin, PlanarJoint, PointMass, PrismaticJoint, RevoluteJoint, RigidBody, RigidConnection, RigidMotion, Scene,
                     Sleeve, Slider, SphericalJoint, Spring, UniversalJoint)
+from .scene.axis_joint import ONE_AXIS, ONE_TRIAD, AxisJoint, Condition
+from .scene.checks import fill, label
+from .scene.fixed import Ground
+from .scene.freedoms import Product, Shape
+from .scene.moving_mesh import has_coulomb
 from .unpacked import unpack
 
 Array = np.ndarray
 JOINTS = (RevoluteJoint, PrismaticJoint, CylindricalJoint, PlanarJoint, UniversalJoint, SphericalJoint)
 TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, DistanceJoint, *JOINTS, Clamp, Pin, Load, Slider, Spring, Damper,
          Bushing, InitialVelocity, RigidMotion, MovingMesh)
+
+
+# where the line of places begins; no point of a scene belongs to it
+LINE = Ground()
+
+
+class Along(AxisJoint):
+    """What acts along the beam on a contact: on its place s, the distance of a node from the start of the line of places."""
+
+    shapes: ClassVar[tuple[Shape, ...]] = (Shape("place", (Product(0, 0, -1),)),)
+
+    def __init__(self, slider: Slider, place: PointMass) -> None:
+        fill(self, name=along_of(slider), slider=slider, a=LINE.point((0.0, 0.0, 0.0)), b=place.center)
+
+    @property
+    def label(self) -> str:
+        """That of the slider."""
+        return label(self.slider.kind, self.slider.name)
+
+    @property
+    def axes(self) -> tuple[Array, Array]:
+        """As of `OneAxisJoint`."""
+        along = np.array((1.0, 0.0, 0.0))
+        return along, along
+
+    def _acting(self) -> dict[str, tuple[Any, ...]]:
+        slider = self.slider
+        drive, friction = slider.drive, slider.friction
+        out: dict[str, tuple[Any, ...]] = {"stops": (slider.stops,)}
+        if drive is not None and drive.is_prescribed:
+            out |= {"place": (drive.position,), "speed": (drive.speed,)}
+        else:
+            out["drive"] = (drive,)
+        if friction is not None:
+            out |= {"damping": (friction.viscous,), "coefficient": (friction.coefficient,)}
+            out["length"] = (slider.length if isinstance(slider, Sleeve) else None,)
+        return out
 
 
 class Bore(RevoluteJoint):
@@ -33,22 +75,68 @@ class Bore(RevoluteJoint):
     is_pinned: ClassVar[bool] = False
 
 
+class Contact(AxisJoint):
+    """What holds a contact that rubs, by multipliers, whose forces and moments press on the beam."""
+
+    is_pinned: ClassVar[bool] = True
+
+    def __init__(self, slider: Slider, node: Any) -> None:
+        fill(self, kind=slider.kind, name=slider.name, a=node, b=slider.point, axis=slider.beam.reference(slider.at)[1][0, 0])
+
+    @property
+    def axes(self) -> tuple[Array, Array]:
+        """As of `OneAxisJoint`."""
+        return self.axis, self.axis
+
+
+class Sheath(Contact):
+    """As `Contact`, of a sleeve in which the beam may twist."""
+
+    conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_AXIS,)
+
+
+class Socket(Contact):
+    """As `Contact`, of a sleeve that holds the twist."""
+
+    conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_TRIAD,)
+
+
+def along_of(slider: Slider) -> str:
+    """Name of what acts along the beam on a contact; empty where nothing does."""
+    return "" if slider.slides_freely else f"{slider.name} (along {slider.beam.name})"
+
+
 def moment_of(slider: Slider) -> str:
     """Name of the joint that carries the moments of a contact; empty where it carries none."""
     if not isinstance(slider, Sleeve):
         return ""
-    return slider.name if slider.keyed else f"{slider.name} (bore)"
+    return slider.name if slider.keyed or has_coulomb(slider) else f"{slider.name} (bore)"
 
 
 class Moving(NamedTuple):
-    """What a model knows of its moving meshes: the terms, names of contacts, their places (nodes), nodes of the beams there, and
-    names of the joints that carry their moments, empty where there are none."""
+    """What a model knows of its moving meshes.
+
+    Attributes
+    ----------
+    tables : tuple
+        The terms.
+    names : list of str
+        Of contacts.
+    places, contacts : int64 [S]
+        Nodes of their places, and of the beams there.
+    moments, along : list of str
+        Joints that carry their moments, and that act along the beam, empty where there are none.
+    line : int64 [*]
+        The row of the point where the line of places begins, where something acts along a beam.
+    """
 
     tables: tuple[Any, ...]
     names: list[str]
     places: Array
     contacts: Array
     moments: list[str]
+    along: list[str]
+    line: Array
 
     @property
     def size(self) -> int:
@@ -162,13 +250,18 @@ def rewrite(scene: Scene) -> Rewritten | None:
 
 
 def _joints(mesh: Mesh, k: int) -> list[Any]:
-    """What joins the point of contact k to its node of the beam."""
+    """What joins the point of contact k to its node of the beam, and what acts on its place."""
     slider, node = mesh.sliders[k], mesh.contact(k)
-    if isinstance(slider, Sleeve) and slider.keyed:
-        return [RigidConnection(node, slider.point, name=slider.name)]
+    acting = [] if slider.slides_freely else [Along(slider, mesh.places[k])]
+    is_sleeve = isinstance(slider, Sleeve)
+    if has_coulomb(slider):
+        kind = Contact if not is_sleeve else Socket if slider.keyed else Sheath
+        return [*acting, kind(slider, node)]
+    if is_sleeve and slider.keyed:
+        return [*acting, RigidConnection(node, slider.point, name=slider.name)]
     # the position is eliminated: a node of a straight beam that moves with its place, without a mass, has no inertia
-    out: list[Any] = [BallJoint(node, slider.point, name=slider.name)]
-    if isinstance(slider, Sleeve):
+    out: list[Any] = [*acting, BallJoint(node, slider.point, name=slider.name)]
+    if is_sleeve:
         out.append(Bore(node, slider.point, moment_of(slider), axis=mesh.beam.reference(slider.at)[1][0, 0]))
     return out
 
@@ -267,6 +360,8 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
         names += [slider.name for slider in mesh.sliders]
         places += table.places.tolist()
         contacts += [numbers.number(mesh.contact(k)) for k in range(len(mesh.sliders))]
-    moments = [moment_of(slider) for mesh in rewritten.meshes for slider in mesh.sliders]
-    moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), moments)
+    moments, acting = ([of(slider) for mesh in rewritten.meshes for slider in mesh.sliders] for of in (moment_of, along_of))
+    line = [node for (owner, _), node in numbers.arms.items() if owner == id(LINE)]
+    moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), moments, acting,
+                    model.pattern.row_of[np.array(line, np.int64)].astype(np.int64))
     return replace(model, links=(*model.links, *tables), moving=moving)

@@ -6,37 +6,93 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .kernels.joint_coordinates import LOSS, VALUE, WORK
 from .kernels.moving_mesh import momentum_sums, motion_of
 from .kernels.work import State
 from .model import Model
+from .readings import ALONG, EXCHANGED
 
 Array = np.ndarray
 
 
 class MeshRows:
-    """What rows hold of contacts; moving: of the model, or None where none is asked for."""
+    """What rows hold of contacts of a model.
 
-    def __init__(self, moving: Any) -> None:
-        self.moving = moving
+    Parameters
+    ----------
+    model : Model
+    slider, energy : bool
+        Whether rows have sliders, and energies.
+    """
+
+    def __init__(self, model: Model, slider: bool, energy: bool) -> None:
+        self.moving, self.slider = model.moving, slider and model.moving is not None
+        self.motions, self.place = model.motions, model.motion_place
+        # of contacts on which something acts along the beam: their numbers, and those of their coordinates
+        names = [] if model.moving is None else model.moving.along
+        self.some = np.flatnonzero(np.array([name != "" for name in names], bool))
+        self.along = np.array([model.motions.names.index(names[k]) for k in self.some.tolist()], np.int64)
+        self.energy = energy and self.some.size > 0
+
+    @property
+    def acts(self) -> bool:
+        """Whether rows hold forces along beams."""
+        return self.slider and self.some.size > 0
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
-        if self.moving is None:
-            return {}
-        n = len(self.moving.names)
-        return {"s_slide": (n,), "gap": (n,), "slide_rate": (n,), "slider_position": (n, 3)}
+        n = 0 if self.moving is None else len(self.moving.names)
+        out: dict[str, tuple[int, ...]] = {}
+        if self.slider:
+            out |= {"s_slide": (n,), "gap": (n,), "slide_rate": (n,), "slider_position": (n, 3)}
+        if self.acts:
+            out |= dict.fromkeys((x for x in ALONG if x not in EXCHANGED), (n,))
+        return out | (dict.fromkeys(EXCHANGED, (n,)) if self.energy else {})
 
-    def row(self, state: State) -> dict[str, Any]:
-        """Of a state; there is no gap, points are nodes of the beam."""
-        if self.moving is None:
-            return {}
-        q, v, moving = state.q.reshape(-1, 12), state.v.reshape(-1, 12), self.moving
-        return {"s_slide": q[moving.places, 0].copy(), "gap": np.zeros(len(moving.names)),
-                "slide_rate": v[moving.places, 0].copy(), "slider_position": q[moving.contacts, :3].copy()}
+    def row(self, t: float, state: State) -> dict[str, Any]:
+        """Of a state at time t; there is no gap, points are nodes of the beam. Forces that are unknowns come later."""
+        out: dict[str, Any] = {}
+        if self.slider:
+            q, v, moving = state.q.reshape(-1, 12), state.v.reshape(-1, 12), self.moving
+            out |= {"s_slide": q[moving.places, 0].copy(), "gap": np.zeros(len(moving.names)),
+                    "slide_rate": v[moving.places, 0].copy(), "slider_position": q[moving.contacts, :3].copy()}
+        if self.some.size == 0:
+            return out
+        own, holds = self.motions.own(state.history, self.place), self.motions.holds
+        if self.slider:
+            rates = self.motions.rates(state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3))
+            out |= {"friction_force": self._of(-self.motions.every.damping * rates),
+                    "drive_force": self._of(holds.drive_forces(t, own[:, VALUE], rates)),
+                    "stop_force": self._of(holds.stop_forces(own[:, VALUE])), "lock_force": self._of(np.zeros(len(rates)))}
+        if self.energy:
+            rubbed = holds.exchanged(state.history).get("joint_friction", np.zeros(len(own)))
+            out |= {"friction_loss": self._of(own[:, LOSS] + rubbed), "drive_work": self._of(own[:, WORK]),
+                    "stop_energy": self._of(self.motions.energy(own)),
+                    **{name: self._of(np.zeros(len(own))) for name in ("stop_loss", "lock_loss")}}
+        return out
+
+    def add_forces(self, row: dict[str, Any], found: Array) -> None:
+        """Of friction and of what prescribes a motion into a row; found: forces of coordinates that are unknowns [C]."""
+        holds = self.motions.holds
+        given, rubs = np.zeros(found.size), np.zeros(found.size)
+        given[holds.given], rubs[holds.rubs] = found[holds.given], found[holds.rubs]
+        row["drive_force"] = row["drive_force"] + self._of(given)
+        row["friction_force"] = row["friction_force"] + self._of(rubs)
+        row["force_along"] = row["friction_force"] + row["drive_force"] + row["stop_force"]
+
+    def in_stops(self, energies: Array) -> float:
+        """Of energies [C] of coordinates what stops of contacts store, J."""
+        return float(np.sum(energies[self.along]))
+
+    def _of(self, x: Array) -> Array:
+        """Of contacts, from values of all coordinates."""
+        out = np.zeros(len(self.moving.names))
+        out[self.some] = x[self.along]
+        return out
 
     def named(self, names: dict[str, list[Any]]) -> dict[str, list[Any]]:
         """With the sliders."""
-        if self.moving is None:
+        if not self.slider and not self.energy:
             return names
         return {**names, "sliders": list(self.moving.names), "moving_meshes": [1], "moving_moments": list(self.moving.moments)}
 
@@ -66,8 +122,9 @@ def moving_weight(model: Model, q: Array) -> float:
 
 
 def place_rows(model: Model) -> Array:
-    """Rows of the places of contacts, which are no positions in space."""
-    return np.zeros(0, np.int64) if model.moving is None else np.concatenate([table.place_rows for table in model.moving.tables])
+    """Rows of the places of contacts, and of the begin of their line, which are no positions in space."""
+    moving = model.moving
+    return np.zeros(0, np.int64) if moving is None else np.concatenate([moving.line, *(x.place_rows for x in moving.tables)])
 
 
 def refuse_point(model: Model, name: str, owner: Any) -> None:

@@ -64,7 +64,7 @@ class Observer:
         if "inner" in kinds and ropes_of(model) is not None:
             raise SceneError("observe: 'inner' does not know the ropes of winches; leave it out")
         self.slider = "slider" in kinds and model.n_sliders > 0
-        self.meshes = MeshRows(model.moving if "slider" in kinds else None)
+        self.meshes = MeshRows(model, "slider" in kinds, self.energy)
         self.points = points if isinstance(points, PointRows) else PointRows(model, kinds, points)
         self.of_nodes = "velocity" in kinds
         self.reactions = model.reaction_names if "reaction" in kinds else []
@@ -83,8 +83,8 @@ class Observer:
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
-        # energy of ropes of winches in the gravity of the scene
-        self._weight = 0.0
+        # energy of ropes of winches in the gravity of the scene, and of what stops of moving meshes store
+        self._weight, self._in_stops = 0.0, 0.0
         self._directions: list[Section] = []
         self._angles = np.zeros(0)
 
@@ -131,7 +131,7 @@ class Observer:
     @property
     def needs_forces(self) -> bool:
         """Whether rows hold forces that steps tell."""
-        return self.slider or bool(self.reactions) or self.held or self.points.measured > 0
+        return self.slider or bool(self.reactions) or self.held or self.meshes.acts or self.points.measured > 0
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Everything except iterations, step size and contact force, which the run knows."""
@@ -151,13 +151,14 @@ class Observer:
             if model.motions is not None:
                 in_joints = model.motions.exchanged(state, model.motion_place)
                 out |= in_joints
-                out["strain"] += float(np.sum(in_joints["joint_energy"]))
+                self._in_stops = self.meshes.in_stops(in_joints["joint_energy"])
+                out["strain"] += float(np.sum(in_joints["joint_energy"])) - self._in_stops
             phi = state.q.reshape(-1, 12)[:, :3]
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             self._weight = weight_energy(model, state.q)
             out["gravity"] += self._weight + factor * moving_weight(model, state.q)
-            out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
+            out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi)) + self._in_stops
             if model.slider_forces is not None:
                 out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
             out["total"] = out["kinetic"] + out["potential"]
@@ -165,7 +166,7 @@ class Observer:
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
         if self.inner:
             out |= self._inner(state)
-        out |= self.meshes.row(state)
+        out |= self.meshes.row(t, state)
         if self.slider:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
@@ -208,7 +209,7 @@ class Observer:
             if model.moving is not None:
                 out["external_work"] += model.moving.work_of_weight(state.history)
             # their potential is in the total as if they were constant
-            stored = out["kinetic"] + out["strain"] + self._weight - out["external_work"]
+            stored = out["kinetic"] + out["strain"] + self._in_stops + self._weight - out["external_work"]
             sizes.append(abs(out["external_work"]))
         if model.slider_forces is not None:
             history = state.history[:model.work_place].reshape(-1, HISTORY)
@@ -241,10 +242,13 @@ class Observer:
             self.points.add(row, force[own:])
         if self.slider:
             self._add_contact_forces(row, force[:self.model.n_forces], share)
-        if self.held:
+        if self.held or self.meshes.acts:
             model = self.model
             end = 3 * model.n_sliders + sum(link.forces(3) for link in model.kept)
-            row["joint_force"] = model.motions.holds.forces(force[end - model.motions.holds.held.size:end])
+            found = model.motions.holds.forces(force[end - model.motions.holds.held.size:end])
+            row |= {"joint_force": found} if self.held else {}
+            if self.meshes.acts:
+                self.meshes.add_forces(row, found)
 
     def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
         """Contact forces, moments of sleeves and forces along the beam."""

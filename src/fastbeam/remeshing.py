@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from .arguments import Anything, checked, shown
 from .cut_beams import Cut
 from .errors import SceneError
 from .scene import Beam, MovingMesh, Path, Scene, Sleeve, Slider
-from .scene.moving_mesh import check_free
+from .scene.moving_mesh import check_acting, has_coulomb
 
 Array = np.ndarray
 
@@ -20,6 +21,10 @@ class _Remeshed(Cut):
     def __init__(self, scene: Scene, new: dict[int, Beam]) -> None:
         self.given, self.new, self._paths = scene, new, {}
 
+    def _bore(self, sleeve: Sleeve) -> dict[str, Any]:
+        """Its length counts for friction alone."""
+        return {} if has_coulomb(sleeve) else {"length": 0.0}
+
 
 @checked(scene=Anything())
 def with_moving_meshes(scene: Scene) -> Scene:
@@ -27,7 +32,7 @@ def with_moving_meshes(scene: Scene) -> Scene:
 
     Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths, at least one
     each; what refers to their ends, or slides on them, refers to the new beams. Sleeves hold their beam at one point; those with
-    a bore of their own, `length=`, are refused. All else is taken as it is.
+    a bore of their own, `length=`, are refused, but where Coulomb friction needs its length. All else is taken as it is.
 
     Parameters
     ----------
@@ -53,9 +58,10 @@ def with_moving_meshes(scene: Scene) -> Scene:
         if not isinstance(slider.beam, Beam) or isinstance(slider.beam, Path):
             raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; elements of single beams "
                              "move, not those of paths, switches and nets")
-        check_free("with_moving_meshes", slider)
+        check_acting("with_moving_meshes", slider)
         element = slider.beam.length / slider.beam.n_elements
-        if isinstance(slider, Sleeve) and slider.length and abs(slider.length - element) > 1e-12 * element:
+        own = isinstance(slider, Sleeve) and slider.length and not has_coulomb(slider)
+        if own and abs(slider.length - element) > 1e-12 * element:
             raise SceneError(f"with_moving_meshes: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m, and "
                              "elements that move end at one point of it; leave length out, give length=0, or compile the scene "
                              "as it is")

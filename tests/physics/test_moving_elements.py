@@ -199,9 +199,9 @@ def test_what_moving_meshes_refuse() -> None:
         fb.compile_scene(fb.Scene(*scene.parts, fb.Load("push", beam.node(3), force=(0, 1, 0))))
     with pytest.raises(fb.SceneError, match="takes no drag"):
         fb.compile_scene(fb.Scene(*scene.parts, fb.Drag("air", beam, linear=1.0)))
-    rubbing = fb.Slider("rub", scene.masses[0], beam, at=START, friction=0.1)
-    with pytest.raises(fb.SceneError, match="has friction"):
-        fb.MovingMesh(beam, rubbing)
+    held = fb.Slider("held", scene.masses[0], beam, at=START, lock=fb.Lock(until=0.1))
+    with pytest.raises(fb.SceneError, match="has a lock"):
+        fb.MovingMesh(beam, held)
     with pytest.raises(fb.SceneError, match="no element ends"):
         fb.MovingMesh(beam, fb.Slider("off", scene.masses[0], beam, at=0.3))
     other = fb.Beam.straight("other", (0, 1, 0), (1, 1, 0), section=SECTION, elements=2)

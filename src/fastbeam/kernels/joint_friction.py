@@ -18,7 +18,7 @@ import numpy as np
 
 from .._generic import generic
 from .._jit import kernel
-from .algebra import dot
+from .algebra import dot, ld3
 from .along import JUDGED
 from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, sticks_in_doubt
 from .joint_conditions import direction
@@ -46,6 +46,7 @@ class JointFriction(NamedTuple):
     limit: np.ndarray      # float64 [D]: of the largest force what does not depend on the joint's own, N or N m
     share: np.ndarray      # float64 [D, 2]: largest force for each N across the axis, and for each N m, 1, m or 1/m
     press: np.ndarray      # int64 [D, 2]: constraints with these forces and moments of the joint, -1: none
+    across: np.ndarray     # int64 [D]: node with the axis d_1 that counts for the forces, -1: that of the joint
     stops: np.ndarray      # float64 [D, 2]: values at rigid stops, m or rad, infinite where there is none
     place: np.ndarray      # int64 [D]: where their numbers stand in the history
     first: np.ndarray      # int64 [1]: number of the first among all constraints
@@ -75,20 +76,23 @@ def may_stick(term, i):
 
 
 @generic
-def across_axis(dofs, motion, c, system, force):
-    """The part of a force across the axis of coordinate c, an angle."""
+def across_axis(dofs, term, i, system, force):
+    """The part of the force of a joint that holds a point across the axis of coordinate i."""
 
 
 @across_axis.register(Space)
 @kernel
-def across_axis_in_space(dofs, motion, c, system, force):
-    axis = direction.call(dofs, motion, c, 0, 0, system.work.q_mid)
+def across_axis_in_space(dofs, term, i, system, force):
+    if term.across[i] >= 0:
+        axis = ld3(system.work.q_mid, 12 * term.across[i] + 3, 1)
+    else:
+        axis = direction.call(dofs, term.motion, term.which[i], 0, 0, system.work.q_mid)
     return force - (dot(force, axis) / dot(axis, axis)) * axis
 
 
 @across_axis.register(Plane)
 @kernel
-def across_axis_in_plane(dofs, motion, c, system, force):
+def across_axis_in_plane(dofs, term, i, system, force):
     return 1.0 * force
 
 
@@ -100,8 +104,8 @@ def load_pressing(term, i, system, j):
     first = contact.first_force[k]
     # of moments those across the axis come first
     n = contact.forces[k] if j == 0 else min(contact.forces[k], 2)
-    if j == 0 and motion.kind[c] != LINE:
-        put(motion.hold, 0, 1, across_axis.call(system.dofs, motion, c, system, vector(force, first, 1, system.dofs)))
+    if j == 0 and (motion.kind[c] != LINE or term.across[i] >= 0):
+        put(motion.hold, 0, 1, across_axis.call(system.dofs, term, i, system, vector(force, first, 1, system.dofs)))
     else:
         for p in range(n):
             motion.hold[p] = force[first + p]

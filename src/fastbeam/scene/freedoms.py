@@ -30,7 +30,7 @@ class Product(NamedTuple):
 class Shape(NamedTuple):
     """A coordinate as a function of both nodes, without what acts on it."""
 
-    what: str                      # 'angle', 'distance', 'swing', 'twist' or 'cosine'
+    what: str                      # 'angle', 'distance', 'place', 'swing', 'twist' or 'cosine'
     products: tuple[Product, ...]
     axis: int = 0                  # the direction about which it turns or along which it goes
     side: int = 0                  # 0: one of a; 1: of b
@@ -38,7 +38,7 @@ class Shape(NamedTuple):
     @property
     def is_angle(self) -> bool:
         """Whether it is one of directions, not of points."""
-        return self.what != "distance"
+        return self.what not in ("distance", "place")
 
 
 def distance_along(i: int) -> Shape:

@@ -34,16 +34,37 @@ class SomeSliders:
         return some
 
 
-def check_free(who: str, slider: Slider) -> None:
-    """Refuse forces along the beam, and what holds a slider or lets it go.
+def has_coulomb(slider: Slider) -> bool:
+    """Whether a slider has Coulomb friction, which depends on what presses on it."""
+    return slider.friction is not None and slider.friction.coefficient > 0.0
+
+
+def check_acting(who: str, slider: Slider) -> None:
+    """Refuse what acts on a slider and elements that move do not know.
 
     Raises
     ------
     SceneError
     """
-    if not slider.slides_freely:
-        raise SceneError(f"{who}: {slider.kind} {slider.name!r} has friction, a drive, stops, a lock, a release or one-sided "
-                         "contact, which elements that move do not know; leave it out, or the moving mesh")
+    label = f"{who}: {slider.kind} {slider.name!r}"
+    given = {"a lock": slider.lock, "a release": slider.release, "one-sided contact": slider.one_sided}
+    for what, value in given.items():
+        if value is not None:
+            raise SceneError(f"{label} has {what}, which elements that move do not know; leave it out, or the moving mesh")
+    if slider.stops is not None and slider.stops.is_rigid:
+        raise SceneError(f"{label} has rigid stops, whose blows elements that move do not know; give them a stiffness=, or leave "
+                         "the moving mesh out")
+    if slider.friction is not None and slider.friction.smoothing is not None:
+        raise SceneError(f"{label} has friction with smoothing, which elements that move do not know; leave smoothing out (the "
+                         "friction sticks and slips), or the moving mesh")
+    if has_coulomb(slider) and slider.drive is not None and slider.drive.is_prescribed:
+        raise SceneError(f"{label} has Coulomb friction and a drive that prescribes its motion, which elements that move do not "
+                         "know together; give the drive stiffness= and damping=, leave the friction out, or the moving mesh")
+    if isinstance(slider, Sleeve) and has_coulomb(slider):
+        for name in ("radius", "key_radius"):
+            if getattr(slider, name) is not None:
+                raise SceneError(f"{label} has {name}=, friction by moments about the axis, which elements that move do not "
+                                 "know; leave it out, or the moving mesh")
 
 
 @checked(beam=ABeam(), sliders=SomeSliders(), velocity=FIELD, spin=FIELD)
@@ -59,8 +80,9 @@ class MovingMesh:
     beam : Beam
         With Lagrange elements, strain 'simo_reissner', and the same section and curvature everywhere.
     sliders : Slider or list of Slider
-        All that slide on it, without friction, drives, stops, locks, releases and one-sided contact. A `Sleeve` holds the beam at
-        one point, and has `length=0`.
+        All that slide on it, with friction (Coulomb's law, viscous), drives and elastic stops; without rigid stops, smoothed
+        friction, locks, releases and one-sided contact. A `Sleeve` holds the beam at one point, and has `length=0`; only with
+        Coulomb friction it has a length, on whose ends its moments press.
     velocity, spin : array_like (3,) or callable, optional
         Initial velocity (m/s) and angular velocity (rad/s) of the beam as functions of the arc length, as `InitialVelocity` takes
         them; added to what other parts say.
@@ -68,7 +90,8 @@ class MovingMesh:
     Raises
     ------
     SceneError
-        An argument is of the wrong kind, a slider is on another beam or has forces along it, or an element end is missing.
+        An argument is of the wrong kind, a slider is on another beam or has what elements that move do not know, or an element
+        end is missing.
     """
 
     kind: ClassVar[str] = "moving mesh"
@@ -101,11 +124,17 @@ class MovingMesh:
         beam = self.beam
         if slider.beam is not beam:
             raise SceneError(f"{self.label}: slider {slider.name!r} is on {slider.beam.label}; name a slider on {beam.label}")
-        check_free(self.label, slider)
-        if isinstance(slider, Sleeve) and slider.length:
+        check_acting(self.label, slider)
+        if isinstance(slider, Sleeve) and slider.length and not has_coulomb(slider):
             raise SceneError(f"{self.label}: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m (by default an "
                              "element), and elements that move end at one point of it; give length=0, or use "
                              "with_moving_meshes(scene)")
+        if isinstance(slider, Sleeve) and has_coulomb(slider):
+            off = float(np.linalg.norm(slider.place - beam.reference(slider.at)[0][0]))
+            if off > 1e-9 * beam.length:
+                raise SceneError(f"{self.label}: sleeve {slider.name!r} with friction on a curved beam lies {off:.3g} m off it, "
+                                 "on the mean over its bore, and elements that move know no bore; leave the friction out, or "
+                                 "the moving mesh")
         if not isinstance(slider.point.owner, (Beam, PointMass)) and slider.point.owner.kind != "body":
             raise SceneError(f"{self.label}: slider {slider.name!r}: {slider.point} cannot run on elements that move; slide a "
                              "PointMass, a RigidBody or a node of another Beam")

@@ -1,10 +1,8 @@
 """The scene: a list of parts, and every check that concerns more than one of them."""
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -28,6 +26,7 @@ from fastbeam.scene.parts import (
     BallJoint, DistributedLoad, InitialVelocity, Load, Node, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
+from fastbeam.scene.placing import Placing
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.relations import closest, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
@@ -114,7 +113,7 @@ class Scene(notebook.Parts):
                  gravity_time: TimeFactor | None = None, project_velocities: bool = False) -> None:
         self.name, self.gravity, self.gravity_time, self.project_velocities = name, gravity, gravity_time, project_velocities
         self.parts: list[Part] = []
-        self._link_table: tuple[int, tuple[dict[int, list[Slider | Joint]], dict[int, Array]]] = (0, ({}, {}))
+        self._places: Placing | None = None
         self.add(*parts)
 
     @checked(parts=APart())
@@ -246,6 +245,11 @@ class Scene(notebook.Parts):
         """All springs and other links between two points."""
         return self._of(Link)
 
+    @property
+    def pinned(self) -> list[AxisJoint]:
+        """Joints with axes that hold two points together, as ball joints do."""
+        return [link for link in self.links if isinstance(link, AxisJoint) and link.is_pinned]
+
     # --- positions ----------------------------------------------------------------------------------------------------
     @checked(thing=Node(fixed=True))
     def position_of(self, thing: NodeRef | RigidBody | PointMass) -> Array:
@@ -256,89 +260,14 @@ class Scene(notebook.Parts):
         SceneError
             Nothing places the mass.
         """
-        return np.array(self._node_position(thing))
+        return np.array(self._placing.position(thing))
 
-    def _node_position(self, node: NodeRef) -> Array:
-        owner = node.owner
-        if isinstance(owner, Beam):
-            return owner.reference(owner.node_s[node.index])[0][0]
-        if isinstance(owner, RigidBody):
-            return owner.position + node.offset @ owner.directors
-        if isinstance(owner, Ground):
-            return node.offset
-        if owner.position is not None:
-            return owner.position
-        known = self._links()[1]
-        if id(owner) not in known:
-            found = self._reached(owner, None)
-            if found is None:
-                self._no_place(owner)
-            way, position = found
-            # whatever leads there is there
-            known.update((id(mass), position) for mass in way)
-        return known[id(owner)]
-
-    @staticmethod
-    def _no_place(mass: PointMass) -> NoReturn:
-        raise SceneError(f"{mass.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
-                         "RigidConnection")
-
-    def _placements(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Array]]:
-        """(slider or joint, where it places a mass without position); joints may lead through other masses."""
-        for link, place, other in self._leads(mass):
-            if other is None:
-                yield link, place()
-            elif other is not mass:
-                found = self._reached(other, mass)
-                if found is not None:
-                    yield link, found[1]
-
-    def _leads(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Callable[[], Array], PointMass | None]]:
-        """What a mass without position hangs on: (slider or joint, where that is, the mass without position there or None)."""
-        for link in self._links()[0].get(id(mass), []):
-            if isinstance(link, Slider):
-                yield link, partial(self._slider_position, link), None
-                continue
-            other = link.b if link.a.owner is mass else link.a
-            unplaced = isinstance(other.owner, PointMass) and other.owner.position is None
-            yield link, partial(self._node_position, other), other.owner if unplaced else None
-
-    @staticmethod
-    def _slider_position(slider: Slider) -> Array:
-        return slider.place
-
-    def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
-        """The masses that lead from one without position to the first that something else places, not through another, and that
-        place; None where nothing does."""
-        way, open_leads, visited = [mass], [self._leads(mass)], {id(mass), id(avoid)}
-        known = self._links()[1] if avoid is None else {}
-        while way:
-            for _, place, other in open_leads[-1]:
-                if other is None:
-                    return way, place()
-                if id(other) in known:
-                    return way, known[id(other)]
-                if id(other) not in visited:
-                    visited.add(id(other))
-                    way.append(other)
-                    open_leads.append(self._leads(other))
-                    break
-            else:
-                way.pop()
-                open_leads.pop()
-        return None
-
-    def _links(self) -> tuple[dict[int, list[Slider | Joint]], dict[int, Array]]:
-        """Sliders, then ball joints, then rigid connections of every point mass, by id, and the places of masses that were found;
-        rebuilt when parts were added."""
-        if self._link_table[0] != len(self.parts):
-            table: dict[int, list[Slider | Joint]] = {}
-            for link in [*self.sliders, *self.balls, *self.rigid]:
-                for node in held_nodes(link):
-                    if isinstance(node.owner, PointMass):
-                        table.setdefault(id(node.owner), []).append(link)
-            self._link_table = (len(self.parts), (table, {}))
-        return self._link_table[1]
+    @property
+    def _placing(self) -> Placing:
+        """What places masses, made anew when parts were added."""
+        if self._places is None or self._places.count != len(self.parts):
+            self._places = Placing(self)
+        return self._places
 
     def _tolerance(self) -> float:
         """1e-9 of the size of the scene, m."""
@@ -373,13 +302,10 @@ class Scene(notebook.Parts):
                     check_path(one, tolerance)
         for slider in self.sliders:
             self._check_slider(slider)
-        placed_once = self._placed_once()
-        for mass in self.masses:
-            if id(mass) not in placed_once:
-                self._check_place(mass, tolerance)
+        self._placing.check(tolerance)
         for slider in self.sliders:
             self._check_contact(slider, tolerance)
-        for ball in [*self.balls, *(link for link in self.links if isinstance(link, AxisJoint) and link.is_pinned)]:
+        for ball in [*self.balls, *self.pinned]:
             gap = float(np.linalg.norm(self.position_of(ball.a) - self.position_of(ball.b)))
             if gap > tolerance:
                 raise SceneError(f"{who(ball)}: {ball.a} and {ball.b} lie {gap:.6g} m apart at t = 0 (allowed: {tolerance:.2g} "
@@ -433,40 +359,6 @@ class Scene(notebook.Parts):
                              f"{beam.length:.6g} m); leave whole rounds out")
         if not (slider.is_endless or isinstance(beam, Switch)) and not 0.0 <= slider.at <= beam.length:
             raise SceneError(f"{who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
-
-    def _placed_once(self) -> set[int]:
-        """Ids of the masses that joints join to one group in which a single slider or joint says where it is: nothing can
-        disagree. In a long chain of masses the search from each of them would take the square of its length."""
-        out: set[int] = set()
-        seen: set[int] = set()
-        for mass in self.masses:
-            if mass.position is not None or id(mass) in seen:
-                continue
-            group, front, places = {id(mass)}, [mass], 0
-            while front:
-                for _, _, other in self._leads(front.pop()):
-                    places += other is None
-                    if other is not None and id(other) not in group:
-                        group.add(id(other))
-                        front.append(other)
-            seen |= group
-            out |= group if places == 1 else set()
-        return out
-
-    def _check_place(self, mass: PointMass, tolerance: float) -> None:
-        """A mass has a position, and all that place it agree."""
-        if mass.position is not None:
-            return
-        self._node_position(mass.center)
-        (first, place), *others = self._placements(mass)
-        for link, position in others:
-            # once a slider or ball joint says where, a rigid connection keeps the distance that results
-            if isinstance(link, RigidConnection) and not isinstance(first, RigidConnection):
-                continue
-            gap = float(np.linalg.norm(position - place))
-            if gap > tolerance:
-                raise SceneError(f"{mass.label}: {who(first)} and {who(link)} place it {gap:.6g} m apart; make them agree"
-                                 + (", or give its position" if isinstance(link, RigidConnection) else ""))
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
         """A sliding point lies on the curve at t = 0, or on its side of it."""

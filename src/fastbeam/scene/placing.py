@@ -1,0 +1,170 @@
+"""Where masses without a position of their own lie: at sliders and joints, also through other masses."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from fastbeam.errors import SceneError
+from fastbeam.scene.axis_joint import AxisJoint
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.checks import Array
+from fastbeam.scene.fixed import Ground
+from fastbeam.scene.parts import BallJoint, PointMass, RigidBody, RigidConnection
+from fastbeam.scene.relations import held_nodes, who
+from fastbeam.scene.sliders import Slider
+
+if TYPE_CHECKING:
+    from fastbeam.scene.scene import Scene
+
+Joint = RigidConnection | BallJoint | AxisJoint
+
+
+class Placing:
+    """What places the masses of a scene with the parts that it has now.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Attributes
+    ----------
+    count : int
+        Of parts that the scene had.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._masses, self.count = scene.masses, len(scene.parts)
+        # sliders, then joints of points, then rigid connections of every point mass, by id
+        self._table: dict[int, list[Slider | Joint]] = {}
+        # of masses that were found
+        self._known: dict[int, Array] = {}
+        for link in [*scene.sliders, *scene.balls, *scene.pinned, *scene.rigid]:
+            for node in held_nodes(link):
+                if isinstance(node.owner, PointMass):
+                    self._table.setdefault(id(node.owner), []).append(link)
+
+    def position(self, node: NodeRef) -> Array:
+        """Position (3,) m at t = 0 of a node.
+
+        Raises
+        ------
+        SceneError
+            Nothing places the mass.
+        """
+        owner = node.owner
+        if isinstance(owner, Beam):
+            return owner.reference(owner.node_s[node.index])[0][0]
+        if isinstance(owner, RigidBody):
+            return owner.position + node.offset @ owner.directors
+        if isinstance(owner, Ground):
+            return node.offset
+        if owner.position is not None:
+            return owner.position
+        known = self._known
+        if id(owner) not in known:
+            found = self._reached(owner, None)
+            if found is None:
+                self._no_place(owner)
+            way, position = found
+            # whatever leads there is there
+            known.update((id(mass), position) for mass in way)
+        return known[id(owner)]
+
+    @staticmethod
+    def _no_place(mass: PointMass) -> NoReturn:
+        raise SceneError(f"{mass.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
+                         "RigidConnection")
+
+    def _placements(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Array]]:
+        """(slider or joint, where it places a mass without position); joints may lead through other masses."""
+        for link, place, other in self._leads(mass):
+            if other is None:
+                yield link, place()
+            elif other is not mass:
+                found = self._reached(other, mass)
+                if found is not None:
+                    yield link, found[1]
+
+    def _leads(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Callable[[], Array], PointMass | None]]:
+        """What a mass without position hangs on: (slider or joint, where that is, the mass without position there or None)."""
+        for link in self._table.get(id(mass), []):
+            if isinstance(link, Slider):
+                yield link, partial(self._slider_position, link), None
+                continue
+            other = link.b if link.a.owner is mass else link.a
+            unplaced = isinstance(other.owner, PointMass) and other.owner.position is None
+            yield link, partial(self.position, other), other.owner if unplaced else None
+
+    @staticmethod
+    def _slider_position(slider: Slider) -> Array:
+        return slider.place
+
+    def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
+        """The masses that lead from one without position to the first that something else places, not through another, and that
+        place; None where nothing does."""
+        way, open_leads, visited = [mass], [self._leads(mass)], {id(mass), id(avoid)}
+        known = self._known if avoid is None else {}
+        while way:
+            for _, place, other in open_leads[-1]:
+                if other is None:
+                    return way, place()
+                if id(other) in known:
+                    return way, known[id(other)]
+                if id(other) not in visited:
+                    visited.add(id(other))
+                    way.append(other)
+                    open_leads.append(self._leads(other))
+                    break
+            else:
+                way.pop()
+                open_leads.pop()
+        return None
+
+    def check(self, tolerance: float) -> None:
+        """Every mass has a position, and all that place it agree to within a tolerance, m.
+
+        Raises
+        ------
+        SceneError
+        """
+        once = self._placed_once()
+        for mass in self._masses:
+            if id(mass) not in once:
+                self._check_place(mass, tolerance)
+
+    def _placed_once(self) -> set[int]:
+        """Ids of the masses that joints join to one group in which a single slider or joint says where it is: nothing can
+        disagree. In a long chain of masses the search from each of them would take the square of its length."""
+        out: set[int] = set()
+        seen: set[int] = set()
+        for mass in self._masses:
+            if mass.position is not None or id(mass) in seen:
+                continue
+            group, front, places = {id(mass)}, [mass], 0
+            while front:
+                for _, _, other in self._leads(front.pop()):
+                    places += other is None
+                    if other is not None and id(other) not in group:
+                        group.add(id(other))
+                        front.append(other)
+            seen |= group
+            out |= group if places == 1 else set()
+        return out
+
+    def _check_place(self, mass: PointMass, tolerance: float) -> None:
+        """A mass has a position, and all that place it agree."""
+        if mass.position is not None:
+            return
+        self.position(mass.center)
+        (first, place), *others = self._placements(mass)
+        for link, position in others:
+            # once a slider or ball joint says where, a rigid connection keeps the distance that results
+            if isinstance(link, RigidConnection) and not isinstance(first, RigidConnection):
+                continue
+            gap = float(np.linalg.norm(position - place))
+            if gap > tolerance:
+                raise SceneError(f"{mass.label}: {who(first)} and {who(link)} place it {gap:.6g} m apart; make them agree"
+                                 + (", or give its position" if isinstance(link, RigidConnection) else ""))

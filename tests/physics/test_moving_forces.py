@@ -1,0 +1,231 @@
+"""Friction, drives and stops of contacts that elements move with (theory.md 5.12)."""
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "study"))
+
+STIFF = fb.Section(EA=1e9, GA2=1e9, GA3=1e9, GJ=1e7, EI2=1e7, EI3=1e7, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
+MASS, START, RATE, END = 0.5, 0.8, 0.6, 0.5
+
+
+def on_a_rail(gravity: tuple[float, float, float] = (0, 0, 0), axis: tuple[float, float, float] = (1, 0, 0), rate: float = RATE,
+              **acting: Any) -> fb.Model:
+    """A mass on a rail that hardly bends, both ends clamped."""
+    rail = fb.Beam.straight("rail", (0, 0, 0), 2.0 * np.asarray(axis), section=STIFF, elements=4)
+    mass = fb.PointMass("mass", mass=MASS)
+    scene = fb.Scene(rail, mass, fb.Clamp(rail.start), fb.Clamp(rail.end), gravity=gravity)
+    given = acting.get("drive")
+    start = {} if given is not None and given.is_prescribed else {"rate": rate}
+    scene.add(fb.Slider("run", mass, rail, at=START, **start, **acting))
+    return fb.compile_scene(fb.with_moving_meshes(scene))
+
+
+def run_of(model: fb.Model, step: float, t_end: float = END, **options: Any) -> fb.Result:
+    result = fb.simulate(model, t_end=t_end, step=step, progress=False, **options)
+    assert not [x for x in result.events if x["kind"] in ("unresolved", "drift")]
+    return result
+
+
+C, K, D = 1.3, 40.0, 2.0
+DECAY = D / (2.0 * MASS)
+TURNS = np.sqrt(K / MASS - DECAY**2)
+PUSH = 1.7
+
+
+def damped(t: np.ndarray) -> np.ndarray:
+    """About 1 m, from START with RATE."""
+    x0 = START - 1.0
+    return 1.0 + np.exp(-DECAY * t) * (x0 * np.cos(TURNS * t) + (RATE + DECAY * x0) / TURNS * np.sin(TURNS * t))
+
+
+CASES = {
+    "viscous": ({"friction": fb.Friction(viscous=C)}, lambda t: START + RATE * MASS / C * (1.0 - np.exp(-C * t / MASS))),
+    "force": ({"drive": fb.Drive(force=lambda t: PUSH * np.sin(9.0 * t))},
+              lambda t: START + RATE * t + PUSH / MASS * (t / 9.0 - np.sin(9.0 * t) / 81.0)),
+    "law": ({"drive": fb.Drive(force=lambda t, s, rate: -K * (s - 1.0) - D * rate)}, damped),
+    "controller": ({"drive": fb.Drive(position=1.0, speed=0.0, stiffness=K, damping=D)}, damped),
+    "speed": ({"drive": fb.Drive(speed=lambda t: RATE + 2.0 * t)}, lambda t: START + RATE * t + t * t),
+    "place": ({"drive": fb.Drive(position=lambda t: START + 0.2 * np.sin(3.0 * t)**2)},
+              lambda t: START + 0.2 * np.sin(3.0 * t)**2),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_against_motions_of_one_coordinate(case: str) -> None:
+    acting, exact = CASES[case]
+    model = on_a_rail(**acting)
+    off = []
+    for step in (0.01, 0.005):
+        result = run_of(model, step)
+        run = result.slider("run")
+        off.append(np.max(np.abs(run["s"] - exact(result.t))))
+        assert result.drift("balance") < 1e-12
+        # what moves it
+        force = run["force_along"][1:-1]
+        wanted = MASS * (run["s"][2:] - 2.0 * run["s"][1:-1] + run["s"][:-2]) / step**2
+        late = slice(1, -1)
+        assert np.max(np.abs(force - wanted)[late]) < 40.0 * step * max(1.0, np.max(np.abs(wanted)))
+    print(f"{case}: off by {off}")
+    assert off[0] < 2e-3 and (off[1] < 0.3 * off[0] or off[0] < 1e-11)
+
+
+def test_books_of_what_acts() -> None:
+    viscous = run_of(on_a_rail(friction=fb.Friction(viscous=C)), 0.005)
+    run, balance = viscous.slider("run"), viscous.balance()
+    lost = 0.5 * MASS * RATE**2 * (1.0 - np.exp(-2.0 * C * END / MASS))
+    assert run["friction_loss"][-1] == pytest.approx(lost, rel=1e-4)
+    assert "friction of slider 'run'" in balance and not [x for x in balance if "joint" in x]
+    np.testing.assert_allclose(balance["sum"], balance["sum"][0], atol=1e-13)
+    driven = run_of(on_a_rail(drive=fb.Drive(force=PUSH)), 0.005)
+    run, balance = driven.slider("run"), driven.balance()
+    assert run["drive_work"][-1] == pytest.approx(PUSH * (run["s"][-1] - START), rel=1e-12)
+    np.testing.assert_allclose(run["drive_force"], PUSH, rtol=1e-12)
+    np.testing.assert_allclose(balance["drive of slider 'run'"], -run["drive_work"], atol=1e-15)
+    assert "drive of slider 'run'" in driven.table()
+
+
+def test_an_elastic_stop_throws_it_back() -> None:
+    stiffness = 500.0
+    model = on_a_rail(stops=fb.Stops(end=1.0, stiffness=stiffness))
+    contact = np.pi * np.sqrt(MASS / stiffness)
+    reached = (1.0 - START) / RATE
+    off = []
+    for step in (0.004, 0.002):
+        result = run_of(model, step, t_end=0.9)
+        run = result.slider("run")
+        back = result.t > reached + contact + step
+        off.append(np.max(np.abs(run["s"][back] - (1.0 - RATE * (result.t[back] - reached - contact)))))
+        assert result.drift("total") < 1e-12 and "stops" in result.balance()
+        assert np.max(run["stop_energy"]) == pytest.approx(0.5 * MASS * RATE**2, rel=0.02)
+        assert np.min(run["stop_force"]) == pytest.approx(-RATE * np.sqrt(stiffness * MASS), rel=0.02)
+    print(f"off by {off}")
+    assert off[0] < 2e-3 and off[1] < 0.5 * off[0]
+
+
+MU, GRAVITY = 0.3, 9.81
+
+
+def test_friction_stops_it_where_it_should() -> None:
+    off = []
+    for step in (0.01, 0.005, 0.0025):
+        result = run_of(on_a_rail((0, 0, -GRAVITY), friction=MU), step, t_end=0.4)
+        run = result.slider("run")
+        off.append(abs(run["s"][-1] - START - RATE**2 / (2.0 * MU * GRAVITY)))
+        assert result.drift("balance") < 1e-12 and np.ptp(run["s"][-20:]) < 1e-13
+        assert run["friction_loss"][-1] == pytest.approx(0.5 * MASS * RATE**2, rel=1e-3)
+    print(f"where it stops off by {off}")
+    assert off[2] < 1e-4
+
+
+def test_what_sticks_on_an_incline_does_not_creep() -> None:
+    angle = 0.95 * np.arctan(MU)
+    along = np.cos(angle), 0.0, np.sin(angle)
+    result = run_of(on_a_rail((0, 0, -GRAVITY), along, rate=0.0, friction=MU), 0.01, t_end=20.0, every=200)
+    run = result.slider("run")
+    # once the rail, which the weight comes upon at once, has come to rest against the friction
+    assert np.ptp(run["s"]) < 1e-7 and np.ptp(run["s"][-5:]) < 1e-12
+    steeper = np.arctan(2.0 * MU)
+    along = np.cos(steeper), 0.0, np.sin(steeper)
+    result = run_of(on_a_rail((0, 0, -GRAVITY), along, rate=0.0, friction=MU), 0.0025, t_end=0.4)
+    pull = GRAVITY * (np.sin(steeper) - MU * np.cos(steeper))
+    assert result.slider("run")["s"][-1] == pytest.approx(START - 0.5 * pull * 0.16, rel=2e-4)
+
+
+@pytest.mark.parametrize("acting", ["viscous", "coulomb", "stops", "drive", "given"])
+def test_momenta_in_flight(acting: str) -> None:
+    """Nothing from outside: what acts along a beam is between it and what slides on it."""
+    import scenes
+    given = scenes.body_on_beam(elements=6, degree=3).scene
+    slider = given.sliders[0]
+    what = {"viscous": {"friction": fb.Friction(viscous=3.0)}, "coulomb": {"friction": 0.2},
+            "stops": {"stops": fb.Stops(slider.at - 0.2, slider.at + 0.2, stiffness=2e3)},
+            "drive": {"drive": fb.Drive(position=lambda t: slider.at + 0.1 * t, stiffness=300.0, damping=5.0)},
+            "given": {"drive": fb.Drive(speed=lambda t: slider_rate(slider) * (1.0 + np.sin(2.0 * t)))}}[acting]
+    from dataclasses import replace
+    parts = [replace(x, **what) if x is slider else x for x in given.parts]
+    scene = fb.with_moving_meshes(fb.Scene(*parts, name=given.name, project_velocities=given.project_velocities))
+    result = run_of(fb.compile_scene(scene), 0.01)
+    kept = ("total" if acting == "stops" else "balance", "lin_mom", "ang_mom")
+    drift = {x: result.drift(x) for x in kept}
+    print(f"{acting}: {drift}, s from {slider.at} to {result.slider(slider.name)['s'][-1]:.4g}")
+    assert set(kept) <= set(result.info["conserved"]) and max(drift.values()) < 1e-12
+
+
+def slider_rate(slider: fb.Slider) -> float:
+    return 0.4 if slider.rate is None else slider.rate
+
+
+@pytest.mark.parametrize("acting", [{"friction": 0.3}, {"friction": fb.Friction(0.2, viscous=0.5)},
+                                    {"drive": fb.Drive(speed=-0.8, damping=4.0)},
+                                    {"stops": fb.Stops(end=1.05, stiffness=300.0)}])
+def test_meshes_that_stand_come_to_it(acting: dict[str, Any]) -> None:
+    """A bead on a cantilever that bends under it."""
+    section = fb.Section(EA=4e3, GA2=1.5e3, GA3=1.5e3, GJ=4, EI2=4, EI3=4, rhoA=1, rhoI2=0.01, rhoI3=0.01)
+
+    def run(elements: int, moves: bool) -> np.ndarray:
+        beam = fb.Beam.straight("beam", (0, 0, 0), (2, 0, 0), section=section, elements=elements)
+        bead = fb.PointMass("bead", mass=0.3)
+        slider = fb.Slider("run", bead, beam, at=0.8, rate=0.5, **acting)
+        scene = fb.Scene(beam, bead, fb.Clamp(beam.start), slider, gravity=(0, 0, -3.0), gravity_time=lambda t: np.sin(3 * t)**2)
+        result = run_of(fb.compile_scene(fb.with_moving_meshes(scene) if moves else scene), 2e-3)
+        assert result.drift("balance") < 1e-11
+        found = result.slider("run")
+        return np.array((found["s"][-1], *found["position"][-1]))
+
+    wanted = run(16, True)
+    near, off = np.abs(run(8, True) - wanted), np.abs(run(48, False) - wanted)
+    print(f"{list(acting)}: 8 elements that move off by {near.max():.1e}, 48 that stand by {off.max():.1e}")
+    assert abs(wanted[0] - 0.8) > 0.02
+    assert near.max() < 2e-5 and off.max() < 2e-3
+
+
+@pytest.mark.parametrize("keyed", [True, False])
+def test_a_sleeve_that_rubs(keyed: bool) -> None:
+    """Its moments press on the ends of its length; a body that hangs beside the rail."""
+    arm, length = 0.4, 0.1
+
+    def run(friction: float) -> fb.Result:
+        rail = fb.Beam.straight("rail", (0, 0, 0), (2, 0, 0), section=STIFF, elements=4)
+        body = fb.RigidBody("body", mass=MASS, inertia=(0.01, 0.01, 0.01), position=(START + arm, 0, 0),
+                            velocity=(RATE, 0, 0))
+        scene = fb.Scene(rail, body, fb.Clamp(rail.start), fb.Clamp(rail.end), gravity=(0, 0, -GRAVITY))
+        scene.add(fb.Sleeve("run", body.point((-arm, 0, 0)), rail, at=START, rate=RATE, friction=friction, length=length,
+                            keyed=keyed))
+        return run_of(fb.compile_scene(fb.with_moving_meshes(scene)), 0.002, t_end=0.1, observe=("energy", "slider", "reaction"))
+
+    result = run(0.05)
+    s = result.slider("run")
+    # |F_n| = m g + 2 m g arm/length
+    slows = 0.05 * GRAVITY * (1.0 + 2.0 * arm / length)
+    off = np.max(np.abs(s["s"] - START - RATE * result.t + 0.5 * slows * result.t**2))
+    print(f"keyed={keyed}: off by {off:.1e}")
+    assert result.drift("balance") < 1e-12 and off < 1e-6
+    assert np.abs(s["moment"][5:-5, 1]).mean() == pytest.approx(MASS * GRAVITY * arm, rel=1e-2)
+
+
+def test_a_run_goes_on_from_a_checkpoint() -> None:
+    model = on_a_rail((0, 0, -GRAVITY), friction=fb.Friction(0.1, viscous=0.2), stops=fb.Stops(end=0.9, stiffness=200.0))
+    whole = run_of(model, 0.01)
+    half = run_of(model, 0.01, t_end=0.25)
+    rest = fb.simulate(model, start=half.checkpoint, t_end=END, step=0.01, progress=False)
+    for name in ("q", "v", "history"):
+        np.testing.assert_array_equal(getattr(rest.state, name), getattr(whole.state, name))
+
+
+@pytest.mark.parametrize("acting, text", [
+    ({"lock": fb.Lock(until=0.1)}, "has a lock"), ({"release": fb.Release(when=0.2)}, "has a release"),
+    ({"one_sided": (0, 0, 1)}, "has one-sided contact"), ({"stops": fb.Stops(end=1.5)}, "give them a stiffness="),
+    ({"friction": fb.Friction(0.1, smoothing=0.1)}, "leave smoothing out"),
+    ({"friction": 0.1, "drive": fb.Drive(speed=0.1)}, "do not know together")])
+def test_what_elements_that_move_do_not_know(acting: dict[str, Any], text: str) -> None:
+    with pytest.raises(fb.SceneError, match=text):
+        on_a_rail(rate=None if "drive" in acting else 0.0, **acting)
