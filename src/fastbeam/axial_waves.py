@@ -16,11 +16,15 @@ Array = np.ndarray
 
 
 def braking_time(model: Model, state: State, k: int) -> float:
-    """Time in which a wave along the beam takes the momentum of the body that slider k carries, m / sqrt(EA rhoA), s; infinite
-    for what is no body, on no beam, or where supports hold either."""
+    """Time in which a wave along the beam takes the momentum of the body that slider k, or contact k of moving meshes, carries,
+    m / sqrt(EA rhoA), s; infinite for what is no body, on no beam, or where supports hold either."""
+    is_free = model.held_in(state) & 7 != 7
+    if model.moving is not None:
+        table = model.moving.table_of(k)
+        mass = _mass(model, int(model.moving.points[k]), is_free)
+        return mass / math.sqrt(table.stiffness[0, 0] * table.rho[0]) if mass > 0.0 and table.rho[0] > 0.0 else math.inf
     if model.sliders is None:
         return math.inf
-    is_free = model.held_in(state) & 7 != 7
     nodes = shapes_at(model, k, float(state.s[k]))[0]
     nodes = nodes[is_free[nodes]]
     mass = _mass(model, int(model.sliders.point[k]), is_free)

@@ -191,9 +191,10 @@ class Encounters:
         end = "end" if abs(s - high) <= abs(s - low) else "start"
         is_impact = self.impacts.is_rigid(self.stepper.state, slider, end == "end")
         slides = slider < self.model.n_sliders
+        of_joint = slider >= self.impacts.first
         found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact) if slides else []
         arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(ways.scales[slider])
-        if not slides and arrives and 0.0 < last < SAME_TIME * self.step:
+        if of_joint and arrives and 0.0 < last < SAME_TIME * self.step:
             # joints that meet their stops one after the other at almost the same time: velocities of such a step are round-off
             self.stepper.load(start)
             last, final = 0.0, replace(final, steps=0)
@@ -231,15 +232,15 @@ class Encounters:
     def impact(self, slider: int, t: float, end: str, last: float) -> None:
         """A slider, or behind these a coordinate of a joint, has met a rigid stop: go on with the velocities behind that."""
         self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step, last))
-        if slider < self.model.n_sliders and self.control is None:
-            self.watch.blow(slider, t, self.step)
+        if slider >= self.impacts.first:
+            kind, name = self.model.motions.holds.named(slider - self.impacts.first)
+        else:
+            kind, name = "slider", self.model.names["sliders"][slider]
+        if kind == "slider" and self.control is None:
+            self.watch.blow(slider if self.model.moving is None else self.model.moving.names.index(name), name, t, self.step)
         if self.impacts.number <= MOST_NAMED:
-            kind, names, k = "slider", self.model.names["sliders"], slider
-            if slider >= self.model.n_sliders:
-                kind, names = "joint", self.model.motions.names
-                k = int(self.model.motions.holds.rubs[slider - self.model.n_sliders])
-            self.event({"kind": "impact", "time": t, kind: names[k], "end": end,
-                        "text": f"{kind} {names[k]!r} met its stop at the {end} at t = {t:.6g} s"})
+            self.event({"kind": "impact", "time": t, kind: name, "end": end,
+                        "text": f"{kind} {name!r} met its stop at the {end} at t = {t:.6g} s"})
 
     def count_from(self, t: float) -> None:
         """Count steps from a time within one; forces of rows look ahead there."""

@@ -46,8 +46,8 @@ class Impacts:
     Attributes
     ----------
     times : float64 [S + R, 2] or None
-        Of the last impact of every slider, and every coordinate of a joint that may stick, at the start and the end, s; NEVER
-        where there was none. None where nothing has rigid stops.
+        Of the last impact of every slider, or way between contacts of moving meshes, and every coordinate of a joint that may
+        stick, at the start and the end, s; NEVER where there was none. None where nothing has rigid stops.
     number : int
         Of impacts in this run.
     in_a_row : int
@@ -65,7 +65,8 @@ class Impacts:
         # coordinates of joints that have met stops at this instant, one after the other, and on which side
         self.together: dict[int, float] = {}
         forces, motions = model.slider_forces, model.motions
-        self.count = model.n_sliders + (0 if motions is None else motions.holds.rubs.size)
+        self.first = before_joints(model)
+        self.count = self.first + (0 if motions is None else motions.holds.rubs.size)
         of_sliders = forces is not None and bool(np.any(forces.restitutions >= 0.0))
         if not of_sliders and (motions is None or not motions.holds.has_rigid_stops):
             return
@@ -79,8 +80,8 @@ class Impacts:
         return self.times is not None and self._restitution(state, k, at_end) is not None
 
     def _restitution(self, state: State, k: int, at_end: bool) -> float | None:
-        if k >= self.model.n_sliders:
-            return self.model.motions.holds.restitution(k - self.model.n_sliders, at_end)
+        if k >= self.first:
+            return self.model.motions.holds.restitution(k - self.first, at_end)
         if self.model.slider_forces is None:
             return None
         return self.model.slider_forces.restitution(k, at_end, float(state.s[k]), self.model.along_of(state.history)[k])
@@ -101,10 +102,15 @@ class Impacts:
         self.number += 1
         if last > 0.0:
             self.together.clear()
-        if k >= self.model.n_sliders:
-            self.together[k - self.model.n_sliders] = 1.0 if at_end else -1.0
-            return strike_joint(self.model, state, k - self.model.n_sliders, at_end, restitution, self.together)
+        if k >= self.first:
+            self.together[k - self.first] = 1.0 if at_end else -1.0
+            return strike_joint(self.model, state, k - self.first, at_end, restitution, self.together)
         return strike(self.model, state, k, at_end, restitution)
+
+
+def before_joints(model: Model) -> int:
+    """Number of sliders, or of ways between contacts of moving meshes: what ends bound before coordinates of joints (ways.py)."""
+    return model.n_sliders if model.moving is None else int(model.moving.gaps(model.q0.reshape(-1))[0].size)
 
 
 def values_of(model: Model, state: State) -> Array:
@@ -216,6 +222,8 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     free = free_unknowns(model, state)
     lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
     inertia = mass_map(model)
+    if model.moving is not None:
+        inertia = inertia + model.moving.inertia(state.q)
     mass = (lift.T @ inertia @ lift).tocsr()
 
     def least(more: list[Any], goals: list[float]) -> Array:
@@ -233,8 +241,11 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
             moves[k] = False
         own[moves, SIGN] = np.sign(after[moves])
         own[moves, STICKS] = 0.0
-    return (State(state.q.copy(), found, state.s.copy(), state.force.copy(), history),
-            -float(by @ (inertia @ (state.v + 0.5 * by))))
+    lost = -float(by @ (inertia @ (state.v + 0.5 * by)))
+    if model.moving is not None:
+        # what a step goes on with are their momenta, of which velocities differ to second order
+        lost -= model.moving.put_blow(history, state.q, state.v, by)
+    return State(state.q.copy(), found, state.s.copy(), state.force.copy(), history), lost
 
 
 def _against_gaps(model: Model, rows: Any, state: State) -> Array:

@@ -160,6 +160,11 @@ class Holds:
         found = [[self.restitution(i, at_end) for at_end in (False, True)] for i in range(self.rubs.size)]
         return np.array([[-1.0 if x is None else x for x in both] for both in found]).reshape(-1, 2)
 
+    def named(self, i: int) -> tuple[str, str]:
+        """'slider' or 'joint', and the name of that, to which coordinate `rubs[i]` belongs."""
+        part = self.parts[self.rubs[i]]
+        return ("slider", part.joint.slider.name) if part.shape.what == "place" else ("joint", part.name)
+
     def loose(self, history: Array) -> Array:
         """Which of `rubs` are free for small motions about a state at rest: without friction and off stops; bool [R]."""
         rubs = np.array([self.parts[k].has_friction for k in self.rubs], bool)

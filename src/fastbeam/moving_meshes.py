@@ -13,7 +13,7 @@ import numpy as np
 from .errors import SceneError
 from .kernels.work import State
 from .initial import tied_velocities
-from .moving_tables import Mesh, element_lengths, momenta
+from .moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta
 from .numbered import Numbered, number
 from .scene import (BallJoint, Beam, Bushing, Clamp, CylindricalJoint, Damper, DistanceJoint, InitialVelocity, Load, MovingMesh,
                     Pin, PlanarJoint, PointMass, PrismaticJoint, RevoluteJoint, RigidBody, RigidConnection, RigidMotion, Scene,
@@ -122,8 +122,8 @@ class Moving(NamedTuple):
         The terms.
     names : list of str
         Of contacts.
-    places, contacts : int64 [S]
-        Nodes of their places, and of the beams there.
+    places, contacts, points : int64 [S]
+        Nodes of their places, of the beams there, and of what slides.
     moments, along : list of str
         Joints that carry their moments, and that act along the beam, empty where there are none.
     line : int64 [*]
@@ -134,6 +134,7 @@ class Moving(NamedTuple):
     names: list[str]
     places: Array
     contacts: Array
+    points: Array
     moments: list[str]
     along: list[str]
     line: Array
@@ -147,6 +148,10 @@ class Moving(NamedTuple):
     def mass(self) -> float:
         """Of all beams, kg."""
         return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
+
+    def table_of(self, k: int) -> Any:
+        """The term of the beam of contact k."""
+        return next(table for table in self.tables if self.places[k] in table.places)
 
     def gaps(self, q: Array) -> tuple[Array, Array, Array]:
         """Ways between neighbouring contacts and ends of beams, at coordinates [12 N]; the least; lengths of the beams, m."""
@@ -204,6 +209,23 @@ class Moving(NamedTuple):
             off /= element_lengths(table, q)[:, None, None, None]
             worst = max(worst, float(np.max(np.linalg.norm(off, axis=3))))
         return worst
+
+    def inertia(self, q: Array) -> Any:
+        """Mass matrix of all of them at coordinates [12 N], sparse [12 N, 12 N]."""
+        return sum(mass_matrix(table, q.reshape(-1, 4, 3)) for table in self.tables)
+
+    def put_blow(self, history: Array, q: Array, v: Array, by: Array) -> float:
+        """Momenta in a history after a jump of the rates v by `by`, all [12 N]; what their energy gains beyond that of `inertia`,
+        J."""
+        more = 0.0
+        q, v, by = (x.reshape(-1, 4, 3) for x in (q, v, by))
+        for table in self.tables:
+            jump, rates, first = momenta(table, q, by), momenta(table, q, v), int(table.place[0])
+            own = history[first:first + jump.size].reshape(jump.shape)
+            weight = masses(table) / element_lengths(table, q)[:, None, None]
+            more += float(np.sum(weight[..., None] * (own - rates) * jump))
+            own += jump
+        return more
 
     def work_of_weight(self, history: Array) -> float:
         """That of gravity on all moving beams since the start, J."""
@@ -292,9 +314,6 @@ def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
         if isinstance(x, Pin | Clamp) and (x.until is not None or x.since is not None):
             raise SceneError(f"{who}: {x.name!r} lets go or takes hold, which scenes with moving meshes do not know; leave until "
                              "and since out")
-        if isinstance(x, JOINTS) and any(freedom.stops is not None and freedom.stops.is_rigid for freedom in x.freedoms):
-            raise SceneError(f"{who}: {x.label} has rigid stops, whose blows scenes with moving meshes do not know; give them a "
-                             "stiffness=")
         for node in _inner(x, beams):
             raise SceneError(f"{who}: {x.kind} {getattr(x, 'name', '')!r} is at {node}, which moves over the beam; only its ends "
                              "can be held, joined and loaded")
@@ -361,7 +380,8 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
         places += table.places.tolist()
         contacts += [numbers.number(mesh.contact(k)) for k in range(len(mesh.sliders))]
     moments, acting = ([of(slider) for mesh in rewritten.meshes for slider in mesh.sliders] for of in (moment_of, along_of))
+    points = [numbers.number(slider.point) for mesh in rewritten.meshes for slider in mesh.sliders]
     line = [node for (owner, _), node in numbers.arms.items() if owner == id(LINE)]
-    moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), moments, acting,
+    moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), np.array(points), moments, acting,
                     model.pattern.row_of[np.array(line, np.int64)].astype(np.int64))
     return replace(model, links=(*model.links, *tables), moving=moving)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .kernels.joint_friction import AGAINST
 from .kernels.joint_coordinates import LOSS, VALUE, WORK
 from .kernels.moving_mesh import momentum_sums, motion_of
 from .kernels.work import State
@@ -33,6 +34,8 @@ class MeshRows:
         self.some = np.flatnonzero(np.array([name != "" for name in names], bool))
         self.along = np.array([model.motions.names.index(names[k]) for k in self.some.tolist()], np.int64)
         self.energy = energy and self.some.size > 0
+        # coordinates that rest against rigid stops at the newest row
+        self._rests = np.zeros(0, bool)
 
     @property
     def acts(self) -> bool:
@@ -64,20 +67,25 @@ class MeshRows:
             out |= {"friction_force": self._of(-self.motions.every.damping * rates),
                     "drive_force": self._of(holds.drive_forces(t, own[:, VALUE], rates)),
                     "stop_force": self._of(holds.stop_forces(own[:, VALUE])), "lock_force": self._of(np.zeros(len(rates)))}
+            self._rests = np.zeros(len(rates), bool)
+            self._rests[holds.rubs] = holds.numbers(state.history)[:, AGAINST] != 0.0
         if self.energy:
-            rubbed = holds.exchanged(state.history).get("joint_friction", np.zeros(len(own)))
-            out |= {"friction_loss": self._of(own[:, LOSS] + rubbed), "drive_work": self._of(own[:, WORK]),
-                    "stop_energy": self._of(self.motions.energy(own)),
-                    **{name: self._of(np.zeros(len(own))) for name in ("stop_loss", "lock_loss")}}
+            none = np.zeros(len(own))
+            found = holds.exchanged(state.history)
+            out |= {"friction_loss": self._of(own[:, LOSS] + found.get("joint_friction", none)),
+                    "drive_work": self._of(own[:, WORK]), "stop_energy": self._of(self.motions.energy(own)),
+                    "stop_loss": self._of(found.get("joint_stop_loss", none)), "lock_loss": self._of(none)}
         return out
 
     def add_forces(self, row: dict[str, Any], found: Array) -> None:
-        """Of friction and of what prescribes a motion into a row; found: forces of coordinates that are unknowns [C]."""
+        """Of friction, of what prescribes a motion and of rigid stops into the newest row; found: forces of coordinates that are
+        unknowns [C]. Against a stop friction counts as a part of its force."""
         holds = self.motions.holds
         given, rubs = np.zeros(found.size), np.zeros(found.size)
         given[holds.given], rubs[holds.rubs] = found[holds.given], found[holds.rubs]
         row["drive_force"] = row["drive_force"] + self._of(given)
-        row["friction_force"] = row["friction_force"] + self._of(rubs)
+        row["friction_force"] = row["friction_force"] + self._of(np.where(self._rests, 0.0, rubs))
+        row["stop_force"] = row["stop_force"] + self._of(np.where(self._rests, rubs, 0.0))
         row["force_along"] = row["friction_force"] + row["drive_force"] + row["stop_force"]
 
     def in_stops(self, energies: Array) -> float:

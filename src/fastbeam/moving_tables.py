@@ -1,7 +1,8 @@
 """Tables of beams whose elements move with contacts (kernels/moving_beam.py), and their momenta at the start."""
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -129,21 +130,61 @@ def element_lengths(table: MovingBeam, q: Array) -> Array:
     return np.asarray((table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0]))
 
 
+class OfRates(NamedTuple):
+    """Momenta of the points of an element, by mass, as linear functions of some rates.
+
+    Attributes
+    ----------
+    columns : int64 [m]
+        The rates, of those of all coordinates [12 N].
+    matrix : float64 [points, 4, 3, m]
+        Zero for fields without inertia.
+    length : float
+        Of the element, m.
+    """
+
+    columns: Array
+    matrix: Array
+    length: float
+
+
+def of_rates(table: MovingBeam, q: Array) -> Iterator[OfRates]:
+    """Of all elements at coordinates [N, 4, 3], theory.md (5.19): h a less x_t g."""
+    values, slopes = table.mass_shape
+    x, n = table.mass_point[0], table.node.shape[1]
+    vector, component = np.divmod(np.arange(12), 3)
+    for nodes, slots, (begin, end), h in zip(table.node, table.slot, table.share, element_lengths(table, q)):
+        live = slots >= 0
+        columns = np.concatenate(((12 * nodes[:, None] + np.arange(12)).reshape(-1), 12 * table.places[slots[live]]))
+        matrix = np.zeros((x.size, 4, 3, columns.size))
+        for i in range(n):
+            matrix[:, vector, component, 12 * i + np.arange(12)] = h * values[:, i, None]
+        f = begin + x * (end - begin)
+        slope = np.einsum("gn,nkc->gkc", slopes, q[nodes])
+        matrix[..., 12 * n:] = -slope[..., None] * np.stack((1.0 - f, f), axis=1)[:, live][:, None, None]
+        yield OfRates(columns, matrix * (table.rho != 0.0)[:, None, None], float(h))
+
+
 def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
     """Of points of the elements, by mass, as the history has them [E, points, 4, 3], at coordinates and rates [N, 4, 3]; 0 for
     fields without inertia."""
-    values, slopes = table.mass_shape
-    x, _ = table.mass_point
-    out = np.zeros((len(table.node), x.size, 4, 3))
-    for e, nodes in enumerate(table.node):
-        s = [0.0, float(table.length[0])]
-        rate = [0.0, 0.0]
-        for side, k in enumerate(table.slot[e]):
-            if k >= 0:
-                s[side], rate[side] = float(q[table.places[k], 0, 0]), float(v[table.places[k], 0, 0])
-        begin, end = table.share[e]
-        h, f = (end - begin) * (s[1] - s[0]), begin + x * (end - begin)
-        along = (1.0 - f) * rate[0] + f * rate[1]
-        out[e] = (h * np.einsum("gn,nkc->gkc", values, v[nodes])
-                  - along[:, None, None] * np.einsum("gn,nkc->gkc", slopes, q[nodes]))
-    return out * (table.rho != 0.0)[:, None]
+    return np.array([one.matrix @ v.reshape(-1)[one.columns] for one in of_rates(table, q)])
+
+
+def masses(table: MovingBeam) -> Array:
+    """Of the points of an element for its length 1, by fields, [points, 4], kg/m."""
+    return np.outer(table.mass_point[1], table.rho)
+
+
+def mass_matrix(table: MovingBeam, q: Array) -> Any:
+    """Of the rates of all coordinates at coordinates [N, 4, 3], (5.20): sparse [12 N, 12 N]."""
+    from scipy import sparse
+    c, rows, columns, entries = masses(table), [], [], []
+    for one in of_rates(table, q):
+        block = np.einsum("gk,gkci,gkcj->ij", c / one.length, one.matrix, one.matrix, optimize=True)
+        i, j = np.broadcast_arrays(one.columns[:, None], one.columns)
+        rows.append(i.reshape(-1))
+        columns.append(j.reshape(-1))
+        entries.append(block.reshape(-1))
+    at = np.concatenate(rows), np.concatenate(columns)
+    return sparse.csr_matrix((np.concatenate(entries), at), shape=(q.size, q.size))

@@ -89,9 +89,9 @@ class Watch:
                                         "Coulomb's law was found: its friction there is another, and how far it moves depends "
                                         "on the step; use a smaller step"})
 
-    def blow(self, k: int, t: float, h: float) -> None:
-        """An event where steps of size h do not resolve what the impact of slider k on a rigid stop sends along the beam, once a
-        run and slider."""
+    def blow(self, k: int, name: str, t: float, h: float) -> None:
+        """An event where steps of size h do not resolve what the impact of slider k, or contact k of moving meshes, on a rigid
+        stop sends along the beam, once a run and slider."""
         looks = self._struck.get(k, 0)
         if looks >= MOST_BLOWS or len(self._struck) >= MOST_NAMED:
             return
@@ -100,7 +100,7 @@ class Watch:
         if h > time:
             self._struck[k] = MOST_BLOWS
             self.event({"kind": "unresolved", "time": t,
-                        "text": f"slider {self.model.names['sliders'][k]!r} meets a rigid stop at t = {t:.6g} s: the wave that "
+                        "text": f"slider {name!r} meets a rigid stop at t = {t:.6g} s: the wave that "
                                 f"this sends along the beam takes its momentum within m/sqrt(EA rhoA) = {time:.2g} s, which "
                                 f"steps of {h:.3g} s do not resolve. How fast it bounces back depends on the step, up to as if "
                                 f"there were no wave; use steps below {0.3 * time:.1g} s, or an elastic stop, stiffness="})

@@ -1,12 +1,12 @@
-"""What ends of beams and rigid stops bound in a run: arc lengths of sliders, then coordinates of joints that may stick; in scenes
-with moving meshes the ways between their contacts."""
+"""What ends of beams and rigid stops bound in a run: arc lengths of sliders, or in scenes with moving meshes the ways between
+their contacts, then coordinates of joints that may stick."""
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
 
-from .impacts import values_of
+from .impacts import before_joints, values_of
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .newton import Stepper
@@ -15,7 +15,7 @@ Array = np.ndarray
 
 
 class Ways:
-    """Of S sliders and R coordinates of joints, or R ways between contacts.
+    """Of S sliders, or ways between contacts, and R coordinates of joints.
 
     Parameters
     ----------
@@ -39,28 +39,26 @@ class Ways:
         """Between which each may go, float64 [S + R, 2]."""
         if self.moving is not None:
             least = self.moving.gaps(state.q)[1]
-            return np.stack((least, np.full(least.size, np.inf)), axis=1)
-        limits = self.model.limits_at(state.s, state.history)
+            limits = np.stack((least, np.full(least.size, np.inf)), axis=1)
+        else:
+            limits = self.model.limits_at(state.s, state.history)
         return limits if self.holds is None else np.concatenate((limits, self.holds.ends))
 
     def slack(self, limits: Array) -> Array:
         """By how much it may be beyond, [S + R]."""
-        if self.moving is not None:
-            return np.zeros(len(limits))
-        slack = self.model.slack_at(limits[:self.model.n_sliders])
+        first = before_joints(self.model)
+        slack = np.zeros(first) if self.moving is not None else self.model.slack_at(limits[:first])
         return slack if self.holds is None else np.concatenate((slack, END_SLACK * self.holds.scales))
 
     def at(self, state: State) -> Array:
         """Where they are, [S + R]."""
-        if self.moving is not None:
-            return self.moving.gaps(state.q)[0]
-        return state.s if self.holds is None else np.concatenate((state.s, values_of(self.model, state)))
+        s = state.s if self.moving is None else self.moving.gaps(state.q)[0]
+        return s if self.holds is None else np.concatenate((s, values_of(self.model, state)))
 
     def tried(self) -> Array:
         """Where the last step that was solved for led, [S + R]."""
-        if self.moving is not None:
-            return self.moving.gaps(self.stepper.work.q_end)[0]
-        s = self.stepper.work.s_end
+        work = self.stepper.work
+        s = work.s_end if self.moving is None else self.moving.gaps(work.q_end)[0]
         if self.holds is None:
             return s
         values, core = values_of(self.model, self.stepper.core_state), self.stepper.core

@@ -51,9 +51,6 @@ def check_acting(who: str, slider: Slider) -> None:
     for what, value in given.items():
         if value is not None:
             raise SceneError(f"{label} has {what}, which elements that move do not know; leave it out, or the moving mesh")
-    if slider.stops is not None and slider.stops.is_rigid:
-        raise SceneError(f"{label} has rigid stops, whose blows elements that move do not know; give them a stiffness=, or leave "
-                         "the moving mesh out")
     if slider.friction is not None and slider.friction.smoothing is not None:
         raise SceneError(f"{label} has friction with smoothing, which elements that move do not know; leave smoothing out (the "
                          "friction sticks and slips), or the moving mesh")
@@ -80,8 +77,8 @@ class MovingMesh:
     beam : Beam
         With Lagrange elements, strain 'simo_reissner', and the same section and curvature everywhere.
     sliders : Slider or list of Slider
-        All that slide on it, with friction (Coulomb's law, viscous), drives and elastic stops; without rigid stops, smoothed
-        friction, locks, releases and one-sided contact. A `Sleeve` holds the beam at one point, and has `length=0`; only with
+        All that slide on it, with friction (Coulomb's law, viscous), drives and stops; without smoothed friction, locks, releases
+        and one-sided contact. A `Sleeve` holds the beam at one point, and has `length=0`; only with
         Coulomb friction it has a length, on whose ends its moments press.
     velocity, spin : array_like (3,) or callable, optional
         Initial velocity (m/s) and angular velocity (rad/s) of the beam as functions of the arc length, as `InitialVelocity` takes
