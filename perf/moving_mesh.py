@@ -6,6 +6,7 @@ along a bent rod, in time, at 20 places inside an element of a mesh of 10 cubic 
     python perf/moving_mesh.py [scene ...] [--half]
     python perf/moving_mesh.py mass_on_cable --quick      without costs and sudden starts
     python perf/moving_mesh.py driven
+    python perf/moving_mesh.py --friction         with Coulomb friction at every contact, from smooth starts
 
 Exits with 1 where from a smooth start the order of position or s, from the first mesh to the third, is less than 3.8, or that of
 the force less than 2, or where the driving force is off by more than 1e-5 of it. Sudden starts have no bar.
@@ -18,6 +19,7 @@ velocity along a rail at rest that a force on its end, which grows in the same w
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -44,6 +46,8 @@ PUSH, GROWN = (0.0, 20.0, -15.0), 0.8
 MESHES = (6, 12, 24, 48)
 # a sleeve makes shear that dies away within sqrt(EI/GA), a quarter of an element of 12
 FINER = {"body_in_sleeve": (6, 12, 36, 72)}
+# coefficient of friction, and the length of a sleeve on whose ends its moments press, m
+RUBS, BORE = 0.2, 0.2
 OBSERVE = ("energy", "momentum", "slider", "reaction")
 # of the driving force of a sleeve: elements, places inside one, bar of the relative error; moment (N m) and force (N) on the end
 # of the rod, the time in which they grow and that after it, s, and the step
@@ -103,9 +107,18 @@ def places() -> list[Bar]:
     return out
 
 
+def rubbing(scene: fb.Scene) -> fb.Scene:
+    """The scene with friction at every contact."""
+    parts: list[Any] = [replace(x, friction=RUBS) if isinstance(x, fb.Slider) and not isinstance(x, fb.Sleeve) else
+                        replace(x, friction=RUBS, length=BORE) if isinstance(x, fb.Sleeve) else x for x in scene.parts]
+    return fb.Scene(*parts, name=scene.name, gravity=scene.gravity, project_velocities=scene.project_velocities)
+
+
 def scene_of(name: str, elements: int, smooth: bool) -> fb.Scene:
     """A scene of the study with cubic elements that move, from its own start or from a smooth one."""
     scene = given(name, elements)
+    if "--friction" in sys.argv:
+        scene = rubbing(scene)
     if not smooth:
         return fb.with_moving_meshes(scene)
     parts: list[Any] = [part for part in scene.parts if not isinstance(part, (fb.RigidMotion, fb.InitialVelocity))]
@@ -177,8 +190,8 @@ def cost(name: str, elements: int, step: float) -> None:
 
 def main() -> int:
     """Print all."""
-    names = [x for x in sys.argv[1:] if not x.startswith("-")] or [*RUNS, "driven"]
-    quick, found = "--quick" in sys.argv, list[Bar]()
+    names = [x for x in sys.argv[1:] if not x.startswith("-")] or [*RUNS, *(["driven"] if "--friction" not in sys.argv else [])]
+    quick, found = "--quick" in sys.argv or "--friction" in sys.argv, list[Bar]()
     for name in names:
         if name == "driven":
             found += places()

@@ -12,6 +12,7 @@ from .kernels.moving_beam import MovingBeam
 from .numbering import NodeList
 from .scene import Beam, PointMass, Slider
 from .tables import strains_of
+from .scene.moving_mesh import has_coulomb
 from .workspace import scratch_of_moving
 
 Array = np.ndarray
@@ -77,12 +78,20 @@ class Mesh:
         places = np.array([*(numbers.start(x) for x in self.places), -1])
         return np.concatenate((numbers.start(self.beam) + self.beam.basis.element_nodes, places[slot]), axis=1)
 
+    def held(self, numbers: NodeList) -> Array:
+        """Nodes of contacts with Coulomb friction and of their points, which multipliers hold there, int64 [H, 2]."""
+        found = [(numbers.number(self.contact(k)), numbers.number(slider.point)) for k, slider in enumerate(self.sliders)
+                 if has_coulomb(slider)]
+        return np.array(found, np.int64).reshape(-1, 2)
+
     def pairs(self, numbers: NodeList, root: Array) -> Array:
         """Coupled nodes as i N + j."""
         at, n = self.nodes(numbers), len(numbers)
         a, b = (x.reshape(-1) for x in np.broadcast_arrays(at[:, :, None], at[:, None, :]))
         live = (a >= 0) & (b >= 0)
-        return np.asarray(root[a[live]] * n + root[b[live]])
+        x, y = self.held(numbers).T
+        a, b = np.concatenate((a[live], x, y)), np.concatenate((b[live], y, x))
+        return np.asarray(root[a] * n + root[b])
 
     def table(self, numbers: NodeList, blocks: Any, row_of: Array, gravity: Array) -> MovingBeam:
         """Constants; the place in the history is not known yet."""
@@ -96,6 +105,7 @@ class Mesh:
         places = np.array([numbers.start(x) for x in self.places], np.int64)
         slot, share = self.slots()
         first, values, slopes = unit.curve("own").evaluate(unit.mass_point_s[0])
+        held = self.held(numbers)
         section = beam.section
         rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
         return MovingBeam(
@@ -104,7 +114,9 @@ class Mesh:
             np.array((beam.length, SHORTEST * beam.length)), np.ascontiguousarray(np.stack((values, slopes))),
             np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
             unit.weight[0].copy(), np.array(section.C, dtype=float), self.reference - beam.start_strain, rho,
-            rho[0] * np.asarray(gravity, dtype=float), scratch_of_moving(n))
+            rho[0] * np.asarray(gravity, dtype=float), held, row_of[held[:, 0]].astype(np.int64),
+            np.stack((blocks.between(held[:, 0], held[:, 0]), blocks.between(*held.T)), axis=1).astype(np.int64).reshape(-1, 2),
+            scratch_of_moving(n))
 
 
 def _reference(beam: Beam) -> Array:

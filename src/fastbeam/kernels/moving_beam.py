@@ -62,6 +62,9 @@ class MovingBeam(NamedTuple):
     reference: np.ndarray  # float64 [6]
     rho: np.ndarray      # float64 [4]: inertia of position and directors
     weighs: np.ndarray   # float64 [3]: rhoA times gravity
+    held: np.ndarray     # int64 [H, 2]: nodes of contacts, and of points that multipliers hold there
+    held_row: np.ndarray  # int64 [H]: of the former
+    held_block: np.ndarray  # int64 [H, 2]: blocks contact-contact, contact-point
     scratch: Scratch
 
 

@@ -237,6 +237,24 @@ def scatter(beam, e, work):
                 work.blocks[48 * beam.block[e, n + side, n + other]] += w.corner[side, other]
 
 
+@kernel
+def stiffen_contacts(beam, work):
+    """Make the tangent of nodes regular that multipliers join to points. Where a node of a straight beam moves along it with its
+    place nothing changes, and only the joint says where both are: a spring between them, as stiff as the beam there, to the end
+    of the step, where the gap vanishes. A term of the conditions, it changes no solution of the equations."""
+    for j in range(beam.held.shape[0]):
+        o = 48 * beam.held_block[j, 0]
+        other = 48 * beam.held_block[j, 1]
+        stiff = 0.0
+        for c in range(3):
+            stiff = max(stiff, abs(work.blocks[o + 9 * c]))
+        for c in range(3):
+            gap = work.q_end[12 * beam.held[j, 0] + c] - work.q_end[12 * beam.held[j, 1] + c]
+            work.r[8 * beam.held_row[j] + c] += stiff * gap
+            work.blocks[o + 9 * c] += stiff
+            work.blocks[other + 9 * c] -= stiff
+
+
 @assemble.register(MovingBeam, Conserving)
 @kernel
 def assemble_moving(beam, method, system, h):
@@ -256,6 +274,7 @@ def assemble_moving(beam, method, system, h):
         add_weight(beam, e, state, work)
         add_iso(beam, e, work)
         scatter(beam, e, work)
+    stiffen_contacts(beam, work)
 
 
 @account.register(MovingBeam)
