@@ -27,6 +27,8 @@ class Drawn:
     rest: dict[str, Any]
     planar: bool
     held: bool
+    # elements of beams with sliders move with them
+    moves: bool = False
 
 
 def number(low: float, high: float) -> Any:
@@ -213,6 +215,28 @@ def sliding_scenes(draw: Draw, planar: bool = False, held: bool = False, kinds: 
     return Drawn(drawn.beams, drawn.rest | {"sliding": ways}, planar, held)
 
 
+@st.composite
+def moving_scenes(draw: Draw, held: bool = False) -> Drawn:
+    """Scenes whose beams with sliders have elements that move, with what these know: straight beams and arcs, no bores but for
+    friction, which a straight beam has."""
+    drawn = draw(sliding_scenes(held=held))
+    made, ways = list(drawn.beams), [dict(of) for of in drawn.rest["sliding"]]
+    for (on, *_), of in zip(drawn.rest["sliders"], ways):
+        kind, shape, section, common = made[on]
+        is_bore = of["kind"] == "sleeve" and of["friction"] == "coulomb"
+        if kind == "points" or is_bore and kind == "arc":
+            start, end = (shape["points"][0], shape["points"][-1]) if kind == "points" else (
+                shape["start"], shape["start"] + shape["radius"] * shape["tangent"])
+            kind, shape = "straight", {"start": start, "end": end, "d2": shape.get("d2", shape.get("normal"))}
+            shape["d2"] = np.cross(np.cross(end - start, shape["d2"]), end - start)
+        made[on] = kind, shape, section, common | {"strain": "simo_reissner"}
+        if of["kind"] == "sleeve" and not is_bore:
+            of["bore"] = 0.0
+        if of["friction"] == "coulomb" and of["drive"] in ("position", "speed"):
+            of["drive"] = "controller"
+    return Drawn(made, drawn.rest | {"sliding": ways}, False, held, True)
+
+
 def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None, shift: Array = np.zeros(3)) -> fb.Scene:
     """The scene, turned by a rotation matrix, then shifted; order: a function that permutes a list in place."""
     rest = drawn.rest
@@ -249,14 +273,15 @@ def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None, shift: A
     options: dict[str, Any] = {}
     if drawn.held:
         parts += [fb.Clamp(made[0].start), fb.Load("load", made[1].end, force=rest["force"] @ rotation.T),
-                  fb.Load("beat", made[1].end, force=rest["force"] @ rotation.T, time=_beat),
-                  fb.DistributedLoad("wind", made[0], force=rest["wind"] @ rotation.T)]
+                  fb.Load("beat", made[1].end, force=rest["force"] @ rotation.T, time=_beat)]
+        parts += [] if drawn.moves else [fb.DistributedLoad("wind", made[0], force=rest["wind"] @ rotation.T)]
         options["gravity"] = rest["gravity"] @ rotation.T
     else:
         parts.append(fb.RigidMotion(velocity=rest["velocity"] @ rotation.T, spin=rest["spin"] @ rotation.T, about=shift))
     if order is not None:
         order(parts)
-    return fb.Scene(*parts, project_velocities=True, **options)
+    scene = fb.Scene(*parts, project_velocities=True, **options)
+    return fb.with_moving_meshes(scene) if drawn.moves else scene
 
 
 def _beat(t: float) -> float:

@@ -16,7 +16,7 @@ import fastbeam as fb
 sys.path.insert(0, str(Path(__file__).parent / "physics"))
 from exchange import balanced, exchanged, largest  # noqa: E402
 from restarts import assert_goes_on  # noqa: E402
-from scene_strategies import Drawn, DrawnPath, build, build_path, sliding_scenes  # noqa: E402
+from scene_strategies import Drawn, DrawnPath, build, build_path, moving_scenes, sliding_scenes  # noqa: E402
 from test_scene_properties import SAME, STEPS  # noqa: E402
 
 Array = np.ndarray
@@ -51,7 +51,7 @@ def of_both(one: fb.Result, other: fb.Result) -> None:
     assert [e["kind"] for e in one.events] == [e["kind"] for e in other.events]
     for name in ("q", "s"):
         x, y = getattr(one.state, name), getattr(other.state, name)
-        np.testing.assert_allclose(x, y, rtol=0.0, atol=SAME * max(1.0, float(np.abs(x).max())))
+        np.testing.assert_allclose(x, y, rtol=0.0, atol=SAME * float(np.abs(x).max(initial=1.0)))
 
 
 def check_balance(drawn: Drawn | DrawnPath) -> None:
@@ -92,7 +92,8 @@ def check_turned(drawn: Drawn) -> None:
     model, moved = compiled(drawn), fb.compile_scene(build(drawn, ROTATION, shift=SHIFT))
     one, other = run(model, drawn), run(moved, drawn)
     assert [e["kind"] for e in one.events] == [e["kind"] for e in other.events]
-    x, y = (result.state.q.reshape(-1, 4, 3)[:, 0] for result in (one, other))
+    in_space = np.arange(model.n_nodes) if model.moving is None else model.moving.in_space(model.n_nodes)
+    x, y = (result.state.q.reshape(-1, 4, 3)[in_space, 0] for result in (one, other))
     size = max(1.0, float(np.abs(x).max()))
     np.testing.assert_allclose((y - SHIFT) @ ROTATION, x, rtol=0.0, atol=SAME * size)
     np.testing.assert_allclose(other.state.s, one.state.s, rtol=0.0, atol=SAME * size)
@@ -102,6 +103,8 @@ CHECKS = {"balance": check_balance, "restart": check_restart, "solvers": check_s
           "turned": check_turned}
 
 
-def drawn_by(name: str, held: bool = False, kinds: Any = ("sleeve", "point")) -> Any:
-    """Scenes for one of the checks."""
+def drawn_by(name: str, held: bool = False, kinds: Any = ("sleeve", "point"), moves: bool = False) -> Any:
+    """Scenes for one of the checks; moves: with elements that move with the sliders."""
+    if moves:
+        return moving_scenes(held=held)
     return sliding_scenes(planar=name == "plane", held=held, kinds=kinds)

@@ -45,5 +45,8 @@ def rows(quick: bool = False) -> Iterator[Row]:
     for name, check in sliding.CHECKS.items():
         for held in (False, True):
             yield tried(f"{name}, sleeves and forces along beams {where[held]}", sliding.drawn_by(name, held), check, examples)
+            if name != "plane":
+                what = f"{name}, elements that move {where[held]}"
+                yield tried(what, sliding.drawn_by(name, held, moves=True), check, examples)
         if name != "turned":
             yield tried(f"{name}, forces along paths", sliding_paths(planar=name == "plane"), check, examples)

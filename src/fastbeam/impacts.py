@@ -222,8 +222,10 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     free = free_unknowns(model, state)
     lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
     inertia = mass_map(model)
+    momentum = inertia @ state.v
     if model.moving is not None:
         inertia = inertia + model.moving.inertia(state.q)
+        momentum += model.moving.momentum(history, state.q)
     mass = (lift.T @ inertia @ lift).tocsr()
 
     def least(more: list[Any], goals: list[float]) -> Array:
@@ -232,6 +234,11 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
         goal = np.concatenate([*right, goals])
         return np.asarray(lift @ nearest(mass, every, goal, np.zeros(free.size), free % 6 >= 3))
 
+    if bounces >= 0 and model.moving is not None:
+        # energy is that of the momenta, of which velocities differ to second order: so is the impulse
+        every, right = right, [np.ones(1), *(np.zeros(x.size) for x in right[1:])]
+        unit = least([], [])
+        right = [change * float(unit @ momentum) / float(unit @ (inertia @ unit)) / float((lead @ state.v)[0]), *every[1:]]
     by = _with_stops(model, state, history, bounces, rest or {}, least)
     found = state.v + by
     if model.slider_forces is not None:
@@ -241,11 +248,9 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
             moves[k] = False
         own[moves, SIGN] = np.sign(after[moves])
         own[moves, STICKS] = 0.0
-    lost = -float(by @ (inertia @ (state.v + 0.5 * by)))
     if model.moving is not None:
-        # what a step goes on with are their momenta, of which velocities differ to second order
-        lost -= model.moving.put_blow(history, state.q, state.v, by)
-    return State(state.q.copy(), found, state.s.copy(), state.force.copy(), history), lost
+        model.moving.put_blow(history, state.q, by)
+    return State(state.q.copy(), found, state.s.copy(), state.force.copy(), history), -float(by @ (momentum + 0.5 * inertia @ by))
 
 
 def _against_gaps(model: Model, rows: Any, state: State) -> Array:

@@ -203,7 +203,9 @@ class Holds:
             # a point that runs along a line is held by the force of another joint, across an axis of its own
             across = np.array([kept[j - n_sliders].node[0] if j >= 0 and kept[j - n_sliders].law.is_vector
                                and not self.is_angle[k] else -1 for k, (j, _) in zip(self.rubs[rubs], press.tolist())])
-            friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, across, self.ends[rubs],
+            friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, across,
+                                     np.array([self.parts[k].smoothing for k in self.rubs[rubs]]),
+                                     np.isin(self.rubs[rubs], self.given).astype(np.int64), self.ends[rubs],
                                      self.place + RUB * rubs, np.array([self.first + m]), *np.zeros((5, n)),
                                      *np.zeros((3, n), np.int64), no_doubt(n), np.zeros(n, np.int64), np.zeros(1), ties)
         if at_stop.size:
@@ -403,7 +405,7 @@ class Holds:
     def forces(self, force: Array) -> Array:
         """Forces on all coordinates [C], N or N m, zero where there is none of its own; force: of all of these."""
         out = np.zeros(len(self.parts))
-        out[self.held] = force
+        np.add.at(out, self.held, force)
         return out
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from .errors import SceneError
 from .kernels.work import State
 from .initial import tied_velocities
-from .moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta
+from .moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
 from .numbered import Numbered, number
 from .scene import (BallJoint, Beam, Bushing, Clamp, CylindricalJoint, Damper, DistanceJoint, InitialVelocity, Load, MovingMesh,
                     Pin, PlanarJoint, PointMass, PrismaticJoint, RevoluteJoint, RigidBody, RigidConnection, RigidMotion, Scene,
@@ -63,8 +63,9 @@ class Along(AxisJoint):
         else:
             out["drive"] = (drive,)
         if friction is not None:
-            out |= {"damping": (friction.viscous,), "coefficient": (friction.coefficient,)}
-            out["length"] = (slider.length if isinstance(slider, Sleeve) else None,)
+            out |= {"damping": (friction.viscous,), "coefficient": (friction.coefficient,),
+                    "smoothing": (friction.smoothing,)}
+            out["length"] = (slider.length or None if isinstance(slider, Sleeve) else None,)
         return out
 
 
@@ -75,7 +76,7 @@ class Bore(RevoluteJoint):
     is_pinned: ClassVar[bool] = False
 
 
-class Contact(AxisJoint):
+class HeldPoint(AxisJoint):
     """What holds a contact that rubs, by multipliers, whose forces and moments press on the beam."""
 
     is_pinned: ClassVar[bool] = True
@@ -89,14 +90,14 @@ class Contact(AxisJoint):
         return self.axis, self.axis
 
 
-class Sheath(Contact):
-    """As `Contact`, of a sleeve in which the beam may twist."""
+class HeldAxis(HeldPoint):
+    """As `HeldPoint`, of a sleeve in which the beam may twist."""
 
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_AXIS,)
 
 
-class Socket(Contact):
-    """As `Contact`, of a sleeve that holds the twist."""
+class HeldTriad(HeldPoint):
+    """As `HeldPoint`, of a sleeve that holds the twist."""
 
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_TRIAD,)
 
@@ -127,7 +128,7 @@ class Moving(NamedTuple):
     moments, along : list of str
         Joints that carry their moments, and that act along the beam, empty where there are none.
     line : int64 [*]
-        The row of the point where the line of places begins, where something acts along a beam.
+        The point where the line of places begins, where something acts along a beam.
     """
 
     tables: tuple[Any, ...]
@@ -210,22 +211,29 @@ class Moving(NamedTuple):
             worst = max(worst, float(np.max(np.linalg.norm(off, axis=3))))
         return worst
 
+    def in_space(self, n: int) -> Array:
+        """Which of n nodes have a position in space, int64 [*]."""
+        return np.setdiff1d(np.arange(n), np.concatenate((self.places, self.line)))
+
     def inertia(self, q: Array) -> Any:
         """Mass matrix of all of them at coordinates [12 N], sparse [12 N, 12 N]."""
         return sum(mass_matrix(table, q.reshape(-1, 4, 3)) for table in self.tables)
 
-    def put_blow(self, history: Array, q: Array, v: Array, by: Array) -> float:
-        """Momenta in a history after a jump of the rates v by `by`, all [12 N]; what their energy gains beyond that of `inertia`,
-        J."""
-        more = 0.0
-        q, v, by = (x.reshape(-1, 4, 3) for x in (q, v, by))
+    def momentum(self, history: Array, q: Array) -> Array:
+        """What the momenta in a history are on the rates of all coordinates, with which they have their energy (5.20), [12 N]."""
+        out = np.zeros(q.size)
         for table in self.tables:
-            jump, rates, first = momenta(table, q, by), momenta(table, q, v), int(table.place[0])
-            own = history[first:first + jump.size].reshape(jump.shape)
-            weight = masses(table) / element_lengths(table, q)[:, None, None]
-            more += float(np.sum(weight[..., None] * (own - rates) * jump))
-            own += jump
-        return more
+            first, of = int(table.place[0]), list(of_rates(table, q.reshape(-1, 4, 3)))
+            own = history[first:first + _size(table) - 1].reshape(len(of), -1, 4, 3)
+            for one, m in zip(of, own):
+                np.add.at(out, one.columns, np.einsum("gk,gkc,gkci->i", masses(table) / one.length, m, one.matrix))
+        return out
+
+    def put_blow(self, history: Array, q: Array, by: Array) -> None:
+        """Momenta in a history after a jump of the rates by `by`, both [12 N]."""
+        for table in self.tables:
+            first, jump = int(table.place[0]), momenta(table, q.reshape(-1, 4, 3), by.reshape(-1, 4, 3))
+            history[first:first + jump.size] += jump.reshape(-1)
 
     def work_of_weight(self, history: Array) -> float:
         """That of gravity on all moving beams since the start, J."""
@@ -277,7 +285,7 @@ def _joints(mesh: Mesh, k: int) -> list[Any]:
     acting = [] if slider.slides_freely else [Along(slider, mesh.places[k])]
     is_sleeve = isinstance(slider, Sleeve)
     if has_coulomb(slider):
-        kind = Contact if not is_sleeve else Socket if slider.keyed else Sheath
+        kind = HeldPoint if not is_sleeve else HeldTriad if slider.keyed else HeldAxis
         return [*acting, kind(slider, node)]
     if is_sleeve and slider.keyed:
         return [*acting, RigidConnection(node, slider.point, name=slider.name)]
@@ -383,5 +391,5 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
     points = [numbers.number(slider.point) for mesh in rewritten.meshes for slider in mesh.sliders]
     line = [node for (owner, _), node in numbers.arms.items() if owner == id(LINE)]
     moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), np.array(points), moments, acting,
-                    model.pattern.row_of[np.array(line, np.int64)].astype(np.int64))
+                    np.array(line, np.int64))
     return replace(model, links=(*model.links, *tables), moving=moving)

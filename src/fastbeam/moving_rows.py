@@ -79,10 +79,10 @@ class MeshRows:
 
     def add_forces(self, row: dict[str, Any], found: Array) -> None:
         """Of friction, of what prescribes a motion and of rigid stops into the newest row; found: forces of coordinates that are
-        unknowns [C]. Against a stop friction counts as a part of its force."""
+        unknowns, in the order of `Holds.held`. Against a stop friction counts as a part of its force."""
         holds = self.motions.holds
-        given, rubs = np.zeros(found.size), np.zeros(found.size)
-        given[holds.given], rubs[holds.rubs] = found[holds.given], found[holds.rubs]
+        given, rubs = np.zeros(len(holds.parts)), np.zeros(len(holds.parts))
+        given[holds.given], rubs[holds.rubs] = np.split(found, [holds.given.size])
         row["drive_force"] = row["drive_force"] + self._of(given)
         row["friction_force"] = row["friction_force"] + self._of(np.where(self._rests, 0.0, rubs))
         row["stop_force"] = row["stop_force"] + self._of(np.where(self._rests, rubs, 0.0))
@@ -132,7 +132,7 @@ def moving_weight(model: Model, q: Array) -> float:
 def place_rows(model: Model) -> Array:
     """Rows of the places of contacts, and of the begin of their line, which are no positions in space."""
     moving = model.moving
-    return np.zeros(0, np.int64) if moving is None else np.concatenate([moving.line, *(x.place_rows for x in moving.tables)])
+    return model.pattern.row_of[np.zeros(0, np.int64) if moving is None else np.concatenate((moving.line, moving.places))]
 
 
 def refuse_point(model: Model, name: str, owner: Any) -> None:

@@ -245,8 +245,8 @@ class Observer:
         if self.held or self.meshes.acts:
             model = self.model
             end = 3 * model.n_sliders + sum(link.forces(3) for link in model.kept)
-            found = model.motions.holds.forces(force[end - model.motions.holds.held.size:end])
-            row |= {"joint_force": found} if self.held else {}
+            found = force[end - model.motions.holds.held.size:end]
+            row |= {"joint_force": model.motions.holds.forces(found)} if self.held else {}
             if self.meshes.acts:
                 self.meshes.add_forces(row, found)
 

@@ -47,6 +47,8 @@ class JointFriction(NamedTuple):
     share: np.ndarray      # float64 [D, 2]: largest force for each N across the axis, and for each N m, 1, m or 1/m
     press: np.ndarray      # int64 [D, 2]: constraints with these forces and moments of the joint, -1: none
     across: np.ndarray     # int64 [D]: node with the axis d_1 that counts for the forces, -1: that of the joint
+    smoothing: np.ndarray  # float64 [D]: m/s or rad/s, above 0: tanh(rate/smoothing) in place of the sign; 0: Coulomb's law
+    given: np.ndarray      # int64 [D]: 1 where its motion is given, whatever that takes
     stops: np.ndarray      # float64 [D, 2]: values at rigid stops, m or rad, infinite where there is none
     place: np.ndarray      # int64 [D]: where their numbers stand in the history
     first: np.ndarray      # int64 [1]: number of the first among all constraints
@@ -71,8 +73,25 @@ def has_friction(term, i):
 
 @kernel
 def may_stick(term, i):
-    """Whether a sign decides: with friction, and at rest against a stop. Else the coordinate moves freely between its stops."""
-    return has_friction(term, i) or term.against[i] != 0
+    """Whether a sign has to be found: with friction, and at rest against a stop. Else the coordinate moves freely between its
+    stops, or its increment says what friction is."""
+    return has_friction(term, i) and not follows_motion(term, i) or term.against[i] != 0
+
+
+@kernel
+def follows_motion(term, i):
+    """Whether friction is a function of the increment."""
+    return term.smoothing[i] > 0.0 or term.given[i] != 0
+
+
+@kernel
+def rub_with_motion(term, i, way):
+    """Friction as a share of the largest where it is a function of the increment, and its derivative by that."""
+    if term.smoothing[i] > 0.0:
+        unit = term.clock[0] * term.smoothing[i]
+        factor = np.tanh(way / unit)
+        return -factor, (factor * factor - 1.0) / unit
+    return -1.0 * np.sign(way * term.clock[0]), 0.0
 
 
 @generic
@@ -216,8 +235,13 @@ def assemble_friction(term, method, system, h):
         if term.sign[i] == 0 and term.judged[i] > 0:
             term.soft[i] = contact.compliance[k]
         begin_joint(contact, k, 1)
-        most, factor, slope, sticks = 0.0, 0.0, 0.0, False
-        if may_stick(term, i):
+        most, factor, slope, by_load, sticks = 0.0, 0.0, 0.0, 0.0, False
+        if follows_motion(term, i):
+            most = most_of_friction(term, i, system)
+            factor, slope = rub_with_motion(term, i, way)
+            slope *= most
+            by_load = factor
+        elif may_stick(term, i):
             most = most_of_friction(term, i, system)
             if not is_in_doubt(term.flips, term.judged, i, system.work.increment):
                 sign = judge(term, i, force[f], way, most)
@@ -230,6 +254,8 @@ def assemble_friction(term, method, system, h):
             else:
                 factor, slope = rub_in_doubt(term, i, way, most, force[f])
             sticks = term.sign[i] == 0
+            # friction below the bound does not change with it
+            by_load = factor if slope == 0.0 else 0.0
         term.factor[i] = factor
         if not sticks:
             force[f] = factor * most
@@ -241,8 +267,7 @@ def assemble_friction(term, method, system, h):
             # the force is known and stays
             contact.residual[k, 0] = 0.0
             contact.corner[k, 0] = 1.0
-            # friction below the bound does not change with it
-            put_pressing(term, i, system, factor if slope == 0.0 else 0.0)
+            put_pressing(term, i, system, by_load)
 
 
 @is_settled.register(JointFriction)
@@ -282,17 +307,23 @@ def account_friction(term, system, h):
     history = system.state.history
     for i in range(term.which.shape[0]):
         o = term.motion.place[term.which[i]]
+        f = system.contact.first_force[term.first[0] + i]
+        if term.smoothing[i] > 0.0:
+            # the last increment has changed it
+            factor = rub_with_motion(term, i, history[o + VALUE] - term.start[i])[0]
+            system.state.force[f] = factor * most_of_friction(term, i, system)
+        force = system.state.force[f]
         if may_stick(term, i):
             sticks = term.sign[i] == 0
             if sticks:
                 history[o + VALUE] = term.start[i] + term.rest[i]
             else:
                 history[term.place[i] + AGAINST] = 0.0
-            force = system.state.force[system.contact.first_force[term.first[0] + i]]
             count_missed(term.doubt, term.flips, i)
             history[term.place[i] + SIGN] = term.sign[i]
             held = 1.0 if history[term.place[i] + STICKS] == 0.0 else 2.0
             history[term.place[i] + STICKS] = held if sticks and term.against[i] == 0 else 0.0
+        if has_friction(term, i) or term.against[i] != 0:
             history[term.place[i] + RUBBED] -= force * (history[o + VALUE] - term.start[i])
         term.reached[i] = history[o + VALUE]
 

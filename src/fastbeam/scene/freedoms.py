@@ -69,8 +69,8 @@ class Freedom:
         To tell it from others of its kind in messages: 'first ', 'second ' or ''.
     alone : bool
         Whether the joint has no other.
-    stiffness, damping, rest, motor, place, speed, friction, coefficient, radius, length, drive, stops
-        As the arguments of joints; motor is the torque or force, place the angle or distance that is given.
+    stiffness, damping, rest, motor, place, speed, friction, coefficient, radius, length, drive, stops, smoothing
+        As the arguments of joints, and of `Friction`; motor is the torque or force, place the angle or distance that is given.
     """
 
     joint: AxisJoint
@@ -90,6 +90,7 @@ class Freedom:
     length: float | None = None
     drive: Drive | None = None
     stops: Stops | None = None
+    smoothing: float = 0.0
 
     @property
     def name(self) -> str:

@@ -51,12 +51,6 @@ def check_acting(who: str, slider: Slider) -> None:
     for what, value in given.items():
         if value is not None:
             raise SceneError(f"{label} has {what}, which elements that move do not know; leave it out, or the moving mesh")
-    if slider.friction is not None and slider.friction.smoothing is not None:
-        raise SceneError(f"{label} has friction with smoothing, which elements that move do not know; leave smoothing out (the "
-                         "friction sticks and slips), or the moving mesh")
-    if has_coulomb(slider) and slider.drive is not None and slider.drive.is_prescribed:
-        raise SceneError(f"{label} has Coulomb friction and a drive that prescribes its motion, which elements that move do not "
-                         "know together; give the drive stiffness= and damping=, leave the friction out, or the moving mesh")
     if isinstance(slider, Sleeve) and has_coulomb(slider):
         for name in ("radius", "key_radius"):
             if getattr(slider, name) is not None:
@@ -77,8 +71,8 @@ class MovingMesh:
     beam : Beam
         With Lagrange elements, strain 'simo_reissner', and the same section and curvature everywhere.
     sliders : Slider or list of Slider
-        All that slide on it, with friction (Coulomb's law, viscous), drives and stops; without smoothed friction, locks, releases
-        and one-sided contact. A `Sleeve` holds the beam at one point, and has `length=0`; only with
+        All that slide on it, with friction, drives and stops; without locks, releases and one-sided
+        contact. A `Sleeve` holds the beam at one point, and has `length=0`; only with
         Coulomb friction it has a length, on whose ends its moments press.
     velocity, spin : array_like (3,) or callable, optional
         Initial velocity (m/s) and angular velocity (rad/s) of the beam as functions of the arc length, as `InitialVelocity` takes
