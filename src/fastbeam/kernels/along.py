@@ -76,6 +76,9 @@ class Along(NamedTuple):
     shapes: np.ndarray      # float64 [S, MOST_KEPT, 4]: of these nodes mean and mean slope over the step, their derivatives by s
 
 
+Along.stays_in_memory = True  # type: ignore[attr-defined]
+
+
 class DriveSchedule(NamedTuple):
     """What drives are given in every substep, in the tuple of terms ahead of the sliders."""
 

@@ -49,6 +49,9 @@ class Sleeves(NamedTuple):
     twist: Any             # twist.Twist or NoTwist
 
 
+Sleeves.stays_in_memory = True  # type: ignore[attr-defined]
+
+
 class NoTwist(NamedTuple):
     """Of sleeves in which beams turn without friction."""
 

@@ -55,6 +55,9 @@ class Sliding(NamedTuple):
     sleeves: Any            # sleeve.Sleeves or NoSleeves
 
 
+Sliding.stays_in_memory = True  # type: ignore[attr-defined]
+
+
 class NoForceAlong(NamedTuple):
     """Of sliders without friction, drives and stops."""
 
