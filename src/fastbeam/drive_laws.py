@@ -74,6 +74,20 @@ def given_to(drive: Any, who: str, t: float, h: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 
+def given_over(drive: Any, kind: int, who: str, starts: Array, lengths: Array) -> Array:
+    """As `given_to`, for substeps from times `starts` on, of these lengths [n]: [n, 2]; kind: `kind_of` the drive."""
+    out = np.zeros((len(starts), 2))
+    if kind in (NO_DRIVE, LAW):
+        return out
+    if kind == FORCE and not callable(drive.force):
+        out[:, 0] = float(drive.force)
+    elif kind == INCREMENT and not callable(drive.speed):
+        out[:, 0] = lengths * float(drive.speed)
+    else:
+        out[:] = [given_to(drive, who, t, h) for t, h in zip(starts.tolist(), lengths.tolist())]
+    return out
+
+
 def value_at(drive: Any, who: str, what: str, t: float) -> float:
     """Of position, speed or force at time t.
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .drive_laws import force_at, gains_of, given_to, kind_of, law_of
+from .drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_of
 from .errors import SceneError
 from .kernels.along import CONTROL, LAW
 from .kernels.doubt import no_doubt
@@ -287,7 +287,8 @@ class Holds:
         out = np.zeros((len(starts), len(mine), 2))
         for column, k in enumerate(mine):
             part = self.parts[k]
-            out[:, column] = [given_to(part.drive, part.label, t, h) for t, h in zip(starts.tolist(), lengths.tolist())]
+            kind = LAW if k in self.laws else kind_of(part.drive)
+            out[:, column] = given_over(part.drive, kind, part.label, starts, lengths)
         return ControlTimes(control, out, starts + 0.5 * lengths)
 
     # --- where a run starts -------------------------------------------------------------------------------------------

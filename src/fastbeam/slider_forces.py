@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .drive_laws import force_at, gains_of, given_to, kind_of, law_of, slope_at_rest, value_at
+from .drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_of, slope_at_rest, value_at
 from .errors import SceneError
 from .kernels.along import (AGAINST, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, MOST_KEPT, NO_DRIVE, OFF,
                             OFFSET, POSITION, SIGN, TURNS, Along)
@@ -235,9 +235,9 @@ class SliderForces:
         """What every drive is given in substeps from times `starts` on, of these lengths [n]: (float64 [n, S, 2], times of their
         middle [n])."""
         out = np.zeros((len(starts), len(self.sliders), 2))
-        for k, drive in enumerate(self._drives):
-            if drive is not None:
-                out[:, k] = [self._given(k, t, h) for t, h in zip(starts.tolist(), lengths.tolist())]
+        for k, (drive, kind) in enumerate(zip(self._drives, self.tables.drive.tolist())):
+            if kind != NO_DRIVE:
+                out[:, k] = given_over(drive, kind, f"slider {self.sliders[k].name!r}", starts, lengths)
         return out, starts + 0.5 * lengths
 
     def _given(self, k: int, t: float, h: float) -> tuple[float, float]:
