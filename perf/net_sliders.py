@@ -2,9 +2,10 @@
 one and on two threads in turn, and the memory that sliders take.
 
     python perf/net_sliders.py [--cells 70] [--elements 10] [--degree 1] [--joints rigid] [--sliders 1000] [--a-beam 1] [--bodies]
-                               [--curve own] [--threads 1 2] [--repeats 5]
+                               [--curve own] [--friction 0.2] [--sleeves 2] [--threads 1 2] [--repeats 5]
 
-A net of (cells + 1)^2 nodes has 2 cells (cells + 1) beams; --a-beam: sliders on every beam that has some. The memory of as many
+A net of (cells + 1)^2 nodes has 2 cells (cells + 1) beams; --a-beam: sliders on every beam that has some; --friction: of each of
+them; --sleeves: so many bodies in sleeves on other beams, which are a dense border. The memory of as many
 sliders, one and four on a beam, tells what belongs to a slider and what to a beam that has some: tables of its elements, their
 blocks that the substitution needs; in nets of few beams with sliders the work of a thread hides both. Exits with 1 where that of
 a slider misses the bar of perf/sliders.py.
@@ -34,8 +35,9 @@ import fastbeam as fb  # noqa: E402
 from fastbeam.newton import Stepper  # noqa: E402
 
 
-def sliding(scene: fb.Scene, count: int, a_beam: int, bodies: bool, curve: str) -> list[Any]:
+def sliding(scene: fb.Scene, count: int, a_beam: int, options: argparse.Namespace) -> list[Any]:
     """So many masses or bodies and their sliders, on beams all over the net."""
+    more = {"curve": options.curve, "friction": options.friction}
     net = scene.nets[0]
     some = np.linspace(0, len(net.edges) - 1, count // a_beam).astype(int).tolist()
     parts: list[Any] = []
@@ -44,13 +46,17 @@ def sliding(scene: fb.Scene, count: int, a_beam: int, bodies: bool, curve: str) 
         at = (0.1 + 0.8 * (k % a_beam + 0.41) / a_beam) * float(net.lengths[beam])
         start = net.nodes[net.edges[beam, 0]]
         place = start + at / float(net.lengths[beam]) * (net.nodes[net.edges[beam, 1]] - start)
-        if bodies:
+        if options.bodies:
             body = fb.RigidBody(f"body {k}", mass=0.05, inertia=1e-4 * np.eye(3), position=tuple(place - (0.0, 0.0, 0.1)))
-            parts += [body, fb.Slider(f"slider {k}", body.point((0.0, 0.0, 0.1)), net.beam(beam), at=at, rate=None,
-                                         curve=curve)]
+            parts += [body, fb.Slider(f"slider {k}", body.point((0.0, 0.0, 0.1)), net.beam(beam), at=at, rate=None, **more)]
         else:
             mass = fb.PointMass(f"mass {k}", mass=0.05)
-            parts += [mass, fb.Slider(f"slider {k}", mass, net.beam(beam), at=at, rate=0.5, curve=curve)]
+            parts += [mass, fb.Slider(f"slider {k}", mass, net.beam(beam), at=at, rate=0.5, **more)]
+    free = np.setdiff1d(np.arange(len(net.edges)), some)
+    for k in free[np.linspace(0, free.size - 1, options.sleeves).astype(int)].tolist() if count == options.sliders else ():
+        place = net.nodes[net.edges[k]].mean(axis=0)
+        body = fb.RigidBody(f"in sleeve {k}", mass=0.05, inertia=1e-4 * np.eye(3), position=tuple(place))
+        parts += [body, fb.Sleeve(f"sleeve {k}", body, net.beam(k), at=0.5 * float(net.lengths[k]))]
     return parts
 
 
@@ -82,7 +88,7 @@ def memory_of_sliders(scene: fb.Scene, options: argparse.Namespace, one: int) ->
     """Bytes that belong to a slider and to a beam with sliders; one: bytes of a run with a single slider."""
     beams, taken = [], []
     for a_beam in (1, 4):
-        more = sliding(scene, options.sliders, a_beam, options.bodies, options.curve)
+        more = sliding(scene, options.sliders, a_beam, options)
         whole = fb.Scene(*scene.parts, *more, gravity=(0, 0, -9.81), project_velocities=not options.bodies)
         stepper = Stepper(fb.compile_scene(whole, planar=False, condense=True), np.ones(1), threads=options.threads[0])
         if stepper.advance(0.0, STEP, 1).status:
@@ -100,10 +106,12 @@ def main() -> int:
     parser.add_argument("--joints", choices=("rigid", "ball"), default="rigid")
     parser.add_argument("--curve", choices=("c1", "own"), default="c1")
     parser.add_argument("--bodies", action="store_true")
+    parser.add_argument("--friction", type=float)
+    parser.add_argument("--sleeves", type=int, default=0)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     options = parser.parse_args()
     scene = square_net(options.cells, options.elements, options.degree, options.joints)
-    more = sliding(scene, options.sliders, options.a_beam, options.bodies, options.curve)
+    more = sliding(scene, options.sliders, options.a_beam, options)
     models = {}
     # the state before a step and coordinates of all nodes, which one slider asks for, are no memory of a slider
     for name, parts in (("without sliders", []), ("with sliders", more), ("with one", more[:2])):

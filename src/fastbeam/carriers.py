@@ -10,7 +10,7 @@ import numpy as np
 from .connections import HOLD_TRIAD, Connections
 from .kernels.carriers import Carriers
 from .numbering import NodeList
-from .scene import Beam, Path, Scene
+from .scene import Beam, Path, Scene, Sleeve
 
 Array = np.ndarray
 # groups of carriers, each work for one thread at a time: at most so many, of so many carriers at least
@@ -35,9 +35,9 @@ class Found:
 
 
 def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Found | None:
-    """All beams with sliders as carriers; None where one of the sliders does not allow it. Between the ends of its beam nothing
-    but elements, loads and sliders may touch a node, and its point has to be a mass, or belong to a body, that is held by
-    nothing, joined to nothing else, and slides on this beam alone, without friction, drives, stops, locks and release.
+    """All beams that may be carriers; None where none may. Between the ends of such a beam nothing but elements, loads and
+    sliders touches a node, and the point of each of its sliders is a mass, or belongs to a body, that is held by nothing, joined
+    to nothing else, and slides on this beam alone, not as a sleeve and not on one side only.
 
     Parameters
     ----------
@@ -47,40 +47,45 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     sliders: dict[int, list[int]] = {}
     beams: dict[int, Any] = {}
     beam_of: dict[int, int] = {}
+    refused: set[int] = set()
+    points: list[int] = []
     for k, slider in enumerate(scene.sliders):
-        if isinstance(slider.beam, Path):
-            return None
-        first = nodes.start(slider.beam)
-        own = slider.slides_freely and not isinstance(slider.point.owner, Beam)
-        if not own or beam_of.setdefault(nodes.start(slider.point.owner), first) != first:
-            return None
+        under = [nodes.start(beam) for beam in slider.beams]
+        refused.update(under if isinstance(slider.beam, Path) or isinstance(slider, Sleeve) or slider.one_sided is not None
+                       or isinstance(slider.point.owner, Beam) else ())
+        if isinstance(slider.point.owner, Beam):
+            points.append(nodes.number(slider.point))
+        first = under[0]
+        before = beam_of.setdefault(nodes.start(slider.point.owner), first)
+        refused.update((first, before) if before != first else ())
         beams[first] = slider.beam
         sliders.setdefault(first, []).append(k)
-    if not beams:
-        return None
     arms: dict[int, list[int]] = {body: [] for body in beam_of}
     for body, arm in nodes.arm_owner:
         if body in arms:
             arms[body].append(arm)
     own = np.arange(len(nodes))
     body_of = np.full(len(nodes), -1)
-    for body, points in arms.items():
-        body_of[[body, *points]] = body
+    for body, some in arms.items():
+        body_of[[body, *some]] = body
     follows = joints.target != joints.owner
     # what a body takes along besides its own points, and what its points hang on
     across = body_of[joints.target[follows]] != body_of[joints.owner[follows]]
     joined = joints.row_root != own
     joined[joints.row_root[joined]] = True
     joined[joints.target[follows][across]] = joined[joints.owner[follows][across]] = True
-    joined[linked] = joined[joints.row_root[linked]] = True
-    bodies = np.array(list(arms))
-    if joined[body_of >= 0].any() or (joints.held[bodies] & ~HOLD_TRIAD).any():
-        return None
+    for touched in (linked, points):
+        joined[touched] = joined[joints.row_root[touched]] = True
+    for body, some in arms.items():
+        if joined[[body, *some]].any() or joints.held[body] & ~HOLD_TRIAD:
+            refused.add(beam_of[body])
     free = ~joined & (joints.held == 0)
-    for first, beam in beams.items():
-        if not free[first + 1:first + beam.n_nodes - 1].all():
-            return None
-    return _packed(nodes, beams, sliders, beam_of, arms)
+    refused.update(first for first, beam in beams.items() if first not in refused
+                   and not free[first + 1:first + beam.n_nodes - 1].all())
+    beams = {first: beam for first, beam in beams.items() if first not in refused}
+    if not beams:
+        return None
+    return _packed(nodes, beams, sliders, {body: first for body, first in beam_of.items() if first in beams}, arms)
 
 
 def _packed(nodes: NodeList, beams: dict[int, Any], sliders: dict[int, list[int]], beam_of: dict[int, int],

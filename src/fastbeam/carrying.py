@@ -10,20 +10,25 @@ from .assembly import strain_sets
 from .constraints import couplings_of, with_capacity
 from .iteration import Owner
 from .kernels import carriers as kernels
+from .kernels.along import Along
 from .kernels.beam import ElementTables
 from .kernels.beams import Beams
 from .kernels.carriers import GroupRows
 from .kernels.constraints import Constraints
 from .kernels.contact_entries import ContactInRows
+from .kernels.doubt import Doubt
 from .kernels.nodes import Held
 from .kernels.inner import NoInner
-from .kernels.slider import NoForceAlong, NoSleeves, Sliders, Sliding
+from .kernels.slider import NoSleeves, Sliders, Sliding
 from .kernels.terms import Equilibrium, NoTies, System
 from .kernels.work import aligned
 from .model import Model
 from .pattern import Pattern, ascending
 
 Array = np.ndarray
+# fields of `Along` that the start of a step and the end of an iteration set, and those that an iteration sets, besides its doubts
+BEFORE = "given", "sign", "rest", "flips", "judged", "against", "held", "offset"
+BEHIND = "sign", "rest", "flips", "judged", "needed", "under", "taken", "shapes"
 
 
 def local_elements(tables: ElementTables, first: int, count: int, row_of: Array, idle: int) -> tuple[ElementTables, Array]:
@@ -71,6 +76,36 @@ class Shared:
             of_entry["target_row"] = self.row_of[of_entry["target"]]
             self.ties = t._replace(start=np.concatenate(([0], np.cumsum(np.where(mine, count, 0)))),
                                    moves=np.zeros((0, 4), np.int64), **of_entry)
+
+
+class AlongGroup:
+    """Forces along the beams on the sliders of one group: copies of their rows of those of the scene.
+
+    Parameters
+    ----------
+    whole : Along
+    sliders : int64 [*]
+    """
+
+    def __init__(self, whole: Along, sliders: Array) -> None:
+        self.whole, self.sliders = whole, sliders
+        # the clock is that of the scene
+        rows = {name: getattr(whole, name)[sliders] for name in Along._fields if name not in ("clock", "doubt")}
+        self.part = whole._replace(doubt=Doubt(*(x[sliders] for x in whole.doubt)), **rows)
+
+    def take(self) -> None:
+        """Rows of the scene as they are at the start of an iteration."""
+        for name in BEFORE:
+            getattr(self.part, name)[:] = getattr(self.whole, name)[self.sliders]
+        for own, all_of in zip(self.part.doubt, self.whole.doubt):
+            own[:] = all_of[self.sliders]
+
+    def give(self) -> None:
+        """What an iteration has changed, to the scene."""
+        for name in BEHIND:
+            getattr(self.whole, name)[self.sliders] = getattr(self.part, name)
+        for own, all_of in zip(self.part.doubt, self.whole.doubt):
+            all_of[self.sliders] = own
 
 
 class Workspace:
@@ -169,8 +204,11 @@ class Group:
             first_force=self.couplings.first_force, compliance=np.zeros(s), softness=np.ones(s), remaining=np.zeros(s),
             full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=np.zeros((0, 2), np.int64), cross=np.zeros((0, 2, 8)))
         known = model.sliders
+        along = next(term.along for term in owner.terms if isinstance(term, Sliding))
+        self.along = AlongGroup(along, self.sliders) if isinstance(along, Along) else None
+        limits = model.put_limits(np.zeros((model.n_sliders, 3)), model.s0)[self.sliders]
         sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
-                          model.put_limits(np.zeros((model.n_sliders, 3)), model.s0)[self.sliders], NoForceAlong(), NoSleeves())
+                          limits, along if self.along is None else self.along.part, NoSleeves())
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
         self.terms = Record((sliding, *elements, self.bodies, *ties, self.held))
         self._allocate()
@@ -226,9 +264,13 @@ class Group:
         while True:
             own["augmented"][:3] = system.contact.augmented[:3]
             own["full"][0] = 0
+            if self.along is not None:
+                self.along.take()
             good = bool(kernels.condense_carriers(self.terms, self._system(system, space), self.short, self.held, self.group_rows,
                                                   h, system.work.increment.x, ends))
             if not self.rows.factors.failed[0]:
+                if self.along is not None:
+                    self.along.give()
                 return good
             if self.group_rows.end[0] > self.group_rows.kept.size:
                 self.group_rows = self.group_rows._replace(kept=aligned(int(self.group_rows.end[0])))

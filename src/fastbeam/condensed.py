@@ -129,15 +129,25 @@ class CondensedIteration(Iteration):
     threads : int
     """
 
-    def _held_by_solver(self) -> Record:
-        """What is held in rows that the solver sees. Reactions are what stands in rows before."""
-        n = self.owner.core.pattern.n if self._carriers else None
-        return Record(tuple(_held_of_solver(x, n) if isinstance(x, Held) and n is not None else x
-                            for x in self.owner.terms if isinstance(x, (MovedRows, Held))))
-
     def hold(self) -> None:
         if self._carriers:
-            self._held = self._held_by_solver()
+            self._take_terms()
+
+    def _take_terms(self) -> None:
+        """What is held in rows that the solver sees (reactions are what stands in rows before), and all terms without the held
+        rows and tied points of carriers, which the panel does not have."""
+        own: list[Any] = list(self.owner.terms)
+        if self._carriers:
+            n = self.owner.core.pattern.n
+            own = [_held_of_solver(x, n) if isinstance(x, Held) else self._ties if isinstance(x, (Ties, PlanarTies)) else x
+                   for x in own]
+            self._panel = Record(tuple(own))
+        self._held = Record(tuple(x for x in own if isinstance(x, (MovedRows, Held))))
+
+    @property
+    def records(self) -> tuple[Record, Record]:
+        terms, system = self.owner.records
+        return self._panel if self._carriers else terms, system
 
     def __init__(self, owner: Owner, threads: int) -> None:
         super().__init__(owner)
@@ -161,7 +171,7 @@ class CondensedIteration(Iteration):
             self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), least, done, MOST_CHUNKS)]
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
-        before = Inner if model.carriers is not None else (Sliding, Inner)
+        before = (Sliding, Inner) if model.n_bordered else Inner
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
         # links, drag, user forces, what joints leave free: all that has no pass of its own
         own_passes = Beams, Inner, Sliding, Bodies, PlanarBodies, Ties, PlanarTies, MovedRows, Held
@@ -175,7 +185,7 @@ class CondensedIteration(Iteration):
             self._spaces = [Workspace(scratch) for scratch in self._scratch]
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
-        self._held = self._held_by_solver()
+        self._take_terms()
         self._rest = Record((*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies, *others))
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
@@ -316,11 +326,12 @@ class CondensedIteration(Iteration):
             work.dphi[:] = 0.0
         if not self._good:
             return -1.0 - self._singular
-        singular, slide = step.close_right(*s.records)
+        singular, slide = step.close_right(*self.records)
         if singular < 0.0:
             return float(singular)
         if self._carriers:
-            slide = float(np.max(self.team.each(lambda thread, x: x.recover(system, self._spaces[thread]), self._carriers)))
+            slides = self.team.each(lambda thread, x: x.recover(system, self._spaces[thread]), self._carriers)
+            slide = float(np.max([slide, *slides]))
             s.contact.augmented[2] = 0.0
         # interior of the beams, and the increments of all nodes
         factor = -0.5 if self._at_rest else -1.0

@@ -43,7 +43,7 @@ def condense(scene: Scene, unpacked: Unpacked, condense: bool | str) -> Condense
     numbered = unpacked.numbered
     nodes, joints, touched = numbered.nodes, numbered.joints, numbered.touched
     packers = {"simo_reissner": ElementPacker(), "green_lagrange": ElementPacker()}
-    carried = None if unpacked.kept or scene.sleeves or not condense else carriers_of(scene, nodes, joints, touched)
+    carried = None if not condense else carriers_of(scene, nodes, joints, touched)
     beams, carried = substructures_of(scene, nodes, joints, touched, condense, carried)
     for source, part in zip([*scene.beams, *scene.nets], unpacked.elements):
         some, found = beams.get(source.name, (None, []))

@@ -105,8 +105,13 @@ class Iteration:
 
     def solve(self) -> bool:
         """Solve for the nodes that the solver sees; False where no acceptable solution was found."""
-        kernels.fill_right(*self.owner.records)
+        kernels.fill_right(*self.records)
         return self.is_regular and self.solve_panel()
+
+    @property
+    def records(self) -> tuple[Record, Record]:
+        """Terms and system, as they have to do with the panel of right-hand sides."""
+        return self.owner.records
 
     @property
     def is_regular(self) -> bool:

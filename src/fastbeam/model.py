@@ -4,7 +4,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from . import notebook
 from .arguments import Count, checked, shown
 from .errors import SceneError
+from .fingerprint import fingerprint_of
 from .history import HistoryLayout
 from .holding import Holding
 from .kernels.along import HISTORY
@@ -239,6 +239,19 @@ class Model(HistoryLayout):
         return self.n_sliders + len(self.kept) + len(self.sleeve_pairs)
 
     @cached_property
+    def carried(self) -> Array:
+        """Whether a constraint is that of a slider that is eliminated with its beam (carriers.py), bool [C]."""
+        out = np.zeros(self.n_constraints, bool)
+        if self.carriers is not None:
+            out[self.carriers.slider] = True
+        return out
+
+    @property
+    def n_bordered(self) -> int:
+        """Number of the other constraints: rows of the block matrix or a dense border."""
+        return int(np.sum(~self.carried))
+
+    @cached_property
     def sleeve_pairs(self) -> Array:
         """Of every sleeve its slider and the constraint of its moments, int64 [O, 2]."""
         if self.sleeves is None:
@@ -291,13 +304,12 @@ class Model(HistoryLayout):
     @property
     def columns(self) -> int:
         """Right-hand sides of a solve: residual and borders."""
-        return 1 if self.carriers is not None else 1 + self.border * self.n_constraints
+        return 1 + self.border * self.n_bordered
 
     @property
     def border_size(self) -> int:
         """Doubles of a dense border of all constraints; 0 without any."""
-        columns = 1 + self.border * self.n_constraints if self.n_constraints else 0
-        return columns * (columns + len(self.dofs) * self.n_nodes)
+        return self.columns * (self.columns + len(self.dofs) * self.n_nodes) if self.n_bordered else 0
 
     @property
     def width(self) -> int:
@@ -337,37 +349,7 @@ class Model(HistoryLayout):
     @cached_property
     def fingerprint(self) -> str:
         """Hash of all tables and the initial state, the same in every process of a machine; functions of time count by being."""
-        digest = sha256()
-        tables = (self.simo, self.green, self.bodies, *self.links, self.ties, self.held, self.curves, self.sliders)
-        # the ties of a joint are those of the model
-        parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
-        parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
-                  self.v0, self.s0, self.slider_lengths, *(self.sleeves or ())[:5]]
-        parts += [] if self.sleeves is None or not self.twisting.size else [*self.sleeves.twist[:3]]
-        if self.slider_forces is not None:
-            t = self.slider_forces.tables
-            parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.limits_at(self.s0),
-                      self.slider_forces.restitutions, self.slider_forces.plan]
-        parts += [] if self.prescribed is None else [self.prescribed.own]
-        parts += [] if self.released is None else self.released.arrays
-        parts += [np.array([one.period, one.start, *one.memory]) for one in self.controllers]
-        if self.motions is not None:
-            holds = self.motions.holds
-            parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops, holds.shares,
-                      holds.ends, holds.restitutions, holds.driven, holds.gains]
-        if self.dragged is not None:
-            parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
-            parts += [np.array([time is None for time in self.dragged.times])] if self.dragged.timed else []
-            parts += [self.dragged.wind.first, self.dragged.wind.parameters] if self.dragged.windy else []
-        parts += [] if self.added is None else [self.added.node, self.added.normal, self.added.along]
-        for x in parts:
-            digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
-            if x is not None:
-                digest.update(np.ascontiguousarray(x).reshape(-1).view(np.uint8))
-        if self.spans:
-            digest.update(self.slider_forces.choices.encode())
-        digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
-        return digest.hexdigest()
+        return fingerprint_of(self)
 
     @checked(node=Count(0))
     def node_label(self, node: int) -> str:

@@ -46,7 +46,7 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     """
     joints, links, n = numbered.joints, numbered.links, len(numbered.nodes)
     used, carriers, ends = condensed.used, condensed.carriers, condensed.ends
-    size, columns = 0, constraints > 0 and carriers is None
+    size, columns = 0, constraints > (0 if carriers is None else carriers.slider.size)
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
         eligible[numbered.touched] = False

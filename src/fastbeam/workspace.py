@@ -34,9 +34,9 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     moved = q * (rates or bool(model.links) or any(
         x is not None for x in (model.sliders, model.ties, model.bodies, model.drag, model.added)))
     second = model.bodies is not None or model.moving is not None
-    border = model.border * model.n_constraints
+    border = model.border * (model.n_constraints if model.by_rows else model.n_bordered)
     # what only a dense border needs
-    dense = 0 if model.by_rows or model.carriers is not None else border
+    dense = 0 if model.by_rows else border
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
     theta = _padded((size - model.dim) * n)
     return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
@@ -63,7 +63,7 @@ def check_border(model: Model) -> None:
     SceneError
         Names the number of constraints and what to do.
     """
-    if not model.n_constraints or model.by_rows or model.carriers is not None:
+    if not model.n_bordered or model.by_rows:
         return
     # the panel and its Schur complement, and what PARDISO solves with: right-hand sides, solutions, residuals and corrections
     needed = 8 * (model.border_size + 4 * model.columns * len(model.dofs) * model.pattern.n)
@@ -177,9 +177,10 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
     if not n:
         return None
     shape = np.zeros((1, 3), np.int64) if model.curves is None else model.curves.shape
-    entries = entries or (0 if model.carriers is not None else entries_of(model))
-    first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else model.border * np.arange(n)
-    kind = ContactInRows if model.by_rows else Contact if model.carriers is None else ContactOfCarriers
+    entries = entries or (entries_of(model) if model.n_bordered else 0)
+    first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else np.where(
+        model.carried, -1, model.border * (np.cumsum(~model.carried) - 1))
+    kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
     columns, lines = (aligned(n * row * entries).reshape(n, row * entries) for _ in range(2))
     # behind the forces of joints those of the identity
     corner = aligned(64 * n).reshape(n, 64)

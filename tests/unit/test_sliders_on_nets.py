@@ -19,14 +19,17 @@ PLACES = ((1, 0.4), (1, 0.7), (5, 0.3), (8, 0.0), (11, 0.52))
 
 
 def scene(bodies: bool = True, curve: str = "c1", rate: float = 0.3, hook: str = "", twice: bool = False, free: bool = False,
-          gravity: bool = True, places: Any = PLACES, mass: float = 0.3, **net_options: Any) -> fb.Scene:
-    """Masses on beams of a net, one at an end, and bodies that slide with one point and with two."""
+          gravity: bool = True, places: Any = PLACES, mass: float = 0.3, along: Any = (), border: Any = (),
+          **net_options: Any) -> fb.Scene:
+    """Masses on beams of a net, one at an end, and bodies that slide with one point and with two; along: what sliders have along
+    their beams, one after the other; border: what cannot be carried, of `bordered`."""
     net = grid(3, **({"elements": 4} | net_options | ({"clamps": np.zeros(0, int)} if free else {})))
     flat = bool(net_options.get("flat"))
     parts: list[Any] = [net]
     for k, (beam, at) in enumerate(places):
         bead = fb.PointMass(f"m{k}", mass=mass)
-        parts += [bead, fb.Slider(f"s{k}", bead, net.beam(beam), at=at, rate=rate, curve=curve)]
+        forces = along[k % len(along)] if along else {}
+        parts += [bead, fb.Slider(f"s{k}", bead, net.beam(beam), at=at, **({"rate": rate} | forces), curve=curve)]
         if twice:
             parts.append(fb.Slider(f"again{k}", bead, net.beam(beam), at=at, rate=rate, curve=curve))
     for k, (beam, places_of_body) in enumerate(((2, (0.3,)), (5, (0.2, 0.8))) if bodies else ()):
@@ -45,10 +48,46 @@ def scene(bodies: bool = True, curve: str = "c1", rate: float = 0.3, hook: str =
         bead = fb.PointMass("bead", mass=mass)
         parts += [block, joint(block.point((-0.3, 0.0, 0.0)), net.node(15)), bead,
                   fb.Slider("near", bead, net.beam(len(net.edges) - 1), at=0.9, curve=curve)]
+    for kind in border:
+        parts += bordered(net, kind)
     pull = (0.5, -9.81, 0.0) if flat else (0.5, 0.3, -9.81)
     return fb.Scene(*parts, gravity=pull if gravity else (0, 0, 0), project_velocities=True)
 
 
+def bordered(net: fb.Net, kind: str) -> list[Any]:
+    """What slides on other beams of the net and is no business of one beam alone."""
+    beam = {"wire": 13, "sleeve": 17, "two beams": 20, "pushed": 22, "loop": 0, "path": 18}[kind]
+    start, end = net.nodes[net.edges[beam]]
+    place = 0.5 * (start + end)
+    at = 0.5 * float(net.lengths[beam])
+    if kind == "wire":
+        wire = fb.Beam.straight("wire", place, place + (0.0, 0.0, 1.0), section=ROD, elements=2, degree=1)
+        return [wire, fb.Slider("of wire", wire.start, net.beam(beam), at=at, friction=0.1)]
+    if kind == "pushed":
+        bead = fb.PointMass("pushed", mass=0.2)
+        return [bead, fb.Slider("lies on", bead, net.beam(beam), at=at, one_sided=(0, 0, 1))]
+    if kind == "path":
+        # two beams along one line of the net
+        bead = fb.PointMass("on path", mass=0.2)
+        return [bead, fb.Slider("runs", bead, fb.Path("way", (net.beam(beam), net.beam(beam + 1))), at=at, rate=0.3)]
+    if kind == "loop":
+        blocks = [fb.RigidBody(f"block{k}", mass=1.0, inertia=0.1 * np.eye(3), position=(20.0 + k, 0.0, 0.0)) for k in range(2)]
+        return [*blocks, *(fb.BallJoint(blocks[0].point((0.5, y, 0.0)), blocks[1].point((-0.5, y, 0.0)), f"ball {y}")
+                           for y in (0.0, 0.2))]
+    body = fb.RigidBody(kind, mass=0.4, inertia=0.004 * np.eye(3), position=tuple(place))
+    if kind == "sleeve":
+        return [body, fb.Sleeve("around", body, net.beam(beam), at=at)]
+    other = 21
+    there = net.nodes[net.edges[other]].mean(axis=0)
+    return [body, fb.Slider("a", body, net.beam(beam), at=at),
+            fb.Slider("b", body.point(tuple(there - place)), net.beam(other), at=0.5 * float(net.lengths[other]))]
+
+
+BORDERED = {"wire", "sleeve", "two beams", "pushed", "block0", "on path"}
+FORCES: tuple[dict[str, Any], ...] = (
+    {"friction": 0.2}, {"friction": fb.Friction(viscous=3.0), "stops": fb.Stops(0.2, 0.75, stiffness=1e3)},
+    {"friction": fb.Friction(0.1, smoothing=0.05)}, {"drive": fb.Drive(force=2.0)}, {"drive": fb.Drive(speed=0.4), "rate": 0.4},
+    {})
 CASES: dict[str, dict[str, Any]] = {
     "linear": {"degree": 1},
     "quadratic": {"degree": 2},
@@ -61,6 +100,11 @@ CASES: dict[str, dict[str, Any]] = {
     "end on a body by a ball": {"hook": "ball", "joints": "ball"},
     "light": {"mass": 4e-7, "bodies": False},
     "heavy": {"mass": 4e5, "bodies": False},
+    "forces along the beams": {"along": FORCES, "degree": 2},
+    "forces along the beams in a plane": {"along": FORCES, "flat": True},
+    "a border, too": {"border": ("wire", "sleeve", "two beams", "pushed"), "degree": 2},
+    "a path, too": {"border": ("path",), "degree": 2},
+    "forces and a border": {"along": FORCES, "border": ("wire", "two beams"), "degree": 3},
     "in a plane": {"flat": True, "degree": 2},
     "in a plane, ball joints": {"flat": True, "joints": "ball"},
 }
@@ -68,7 +112,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 def model_of(some: fb.Scene, **options: Any) -> Any:
     model = fb.compile_scene(some, condense=True, **options)
-    assert model.carriers is not None and model.columns == 1
+    assert model.carriers is not None and (model.columns > 1) is any(x.name in BORDERED for x in some.parts)
     return model
 
 
@@ -106,17 +150,22 @@ def run(model: Any, n: int, **options: Any) -> Stepper:
     return stepper
 
 
-def test_steps_are_those_of_the_dense_border() -> None:
-    model = model_of(scene(rate=2.0))
+OTHERS: dict[str, Any] = {"along": FORCES, "border": ("wire", "sleeve", "two beams", "pushed", "loop")}
+
+
+@pytest.mark.parametrize("others", [{}, OTHERS], ids=["carried", "with others"])
+def test_steps_are_those_of_the_dense_border(others: dict[str, Any]) -> None:
+    model = model_of(scene(rate=2.0, **others), planar=False)
     one, other = run(model, 20, threads=1), run(model.uneliminated(planar=False), 20, backend="superlu")
     for name, tolerance in (("q", 1e-10), ("v", 1e-8), ("s", 1e-10), ("force", 1e-6)):
         a, b = getattr(one.state, name), getattr(other.state, name)
         assert np.max(np.abs(a - b)) < tolerance * max(1.0, np.max(np.abs(b))), name
 
 
-def test_threads_and_pauses_do_not_change_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("others", [{}, OTHERS], ids=["carried", "with others"])
+def test_threads_and_pauses_do_not_change_bits(others: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(carriers, "LEAST_CARRIERS", 1)
-    model = model_of(scene(rate=2.0))
+    model = model_of(scene(rate=2.0, **others), planar=False)
     assert model.carriers.group[-1] > 0
     one, two, pausing = run(model, 10, threads=1), run(model, 10, threads=2), run(model, 4, threads=2)
     again = Stepper(model, np.ones(1), pausing.copy_state(), memory=pausing.memory, threads=1)
@@ -125,13 +174,20 @@ def test_threads_and_pauses_do_not_change_bits(monkeypatch: pytest.MonkeyPatch) 
         assert all(np.array_equal(a, b) for a, b in zip(one.state, other.state))
 
 
-def test_balances() -> None:
-    model = model_of(scene(rate=2.0, free=True, gravity=False))
-    result = fb.simulate(model, t_end=0.1, step=STEP, observe=("energy", "momentum"), progress=False, threads=1)
+@pytest.mark.parametrize("others", [{}, {"along": FORCES, "border": ("wire", "sleeve", "two beams", "loop")}],
+                         ids=["carried", "with others"])
+def test_balances(others: dict[str, Any]) -> None:
+    model = model_of(scene(rate=2.0, free=True, gravity=False, **others), planar=False)
+    result = fb.simulate(model, t_end=0.1, step=STEP, observe=("energy", "momentum", "slider"), progress=False, threads=1)
     assert result.info.get("fallbacks", 0) == 0
-    for name in ("total", "lin_mom", "ang_mom"):
+    for name in ("balance" if others else "total", "lin_mom", "ang_mom"):
         x = np.asarray(result.series[name]).reshape(len(result.t), -1)
         assert np.max(np.abs(x - x[0])) < 1e-10 * max(1.0, np.max(np.abs(x))), name
+    if others:
+        free = fb.simulate(model.uneliminated(planar=False), t_end=0.1, step=STEP, progress=False)
+        for name in ("friction_loss", "drive_work", "friction_force", "drive_force", "stop_force"):
+            a, b = np.asarray(result.series[name]), np.asarray(free.series[name])
+            assert np.max(np.abs(a - b)) < 1e-6 * np.max(np.abs(b)) and np.max(np.abs(b)) > 0.0, name
 
 
 def test_dependent_sliders_move_as_with_the_dense_border_and_are_named_without_the_augmented_lagrangian() -> None:
@@ -150,35 +206,23 @@ def test_a_slider_at_the_end_of_its_beam_ends_the_run() -> None:
     assert one["time"] == pytest.approx(other["time"], rel=1e-8) and one["slider"] == "s0"
 
 
-def other_scenes() -> dict[str, list[Any]]:
-    """Parts besides a net, with sliders that are no business of one beam alone."""
-    out = {}
-    for kind in ("beam", "two beams", "spring", "pinned"):
-        net = grid(3, elements=4)
-        bead = fb.PointMass("m", mass=0.3)
-        parts = [net, bead, fb.Slider("s", bead, net.beam(1), at=0.4)]
-        if kind == "beam":
-            start = net.nodes[net.edges[5, 0]]
-            place = start + 0.3 * (net.nodes[net.edges[5, 1]] - start)
-            wire = fb.Beam.straight("wire", place, place + (0.0, 0.0, 1.0), section=ROD, elements=2, degree=1)
-            parts += [wire, fb.Slider("on wire", wire.start, net.beam(5), at=0.3 * float(net.lengths[5]))]
-        elif kind == "two beams":
-            places = [net.nodes[net.edges[k]].mean(axis=0) for k in (2, 6)]
-            body = fb.RigidBody("g", mass=0.4, inertia=0.004 * np.eye(3), position=tuple(places[0]))
-            parts += [body, fb.Slider("a", body, net.beam(2), at=0.5 * float(net.lengths[2])),
-                      fb.Slider("b", body.point(tuple(places[1] - places[0])), net.beam(6), at=0.5 * float(net.lengths[6]))]
-        elif kind == "spring":
-            parts.append(fb.Spring(bead, net.node(15), stiffness=10.0))
-        else:
-            parts.append(fb.Pin(net.beam(1).node(2)))
-        out[kind] = parts
-    return out
+def test_what_concerns_more_than_one_beam_is_a_border_and_other_sliders_are_not() -> None:
+    for kinds, constraints in ((("wire",), 1), (("path",), 1), (("sleeve",), 2), (("two beams",), 2), (("pushed",), 1),
+                               (("loop",), 1), (("wire", "sleeve", "two beams", "pushed", "loop"), 7)):
+        model = model_of(scene(border=kinds), planar=False)
+        assert model.n_bordered == constraints and model.columns == 1 + 7 * constraints, kinds
+        # five masses and bodies with three points
+        assert model.carried.sum() == 8, kinds
 
 
-@pytest.mark.parametrize("kind", ["beam", "two beams", "spring", "pinned"])
-def test_what_concerns_more_than_one_beam_keeps_the_dense_border(kind: str) -> None:
-    model = fb.compile_scene(fb.Scene(*other_scenes()[kind], gravity=(0, 0, -9.81), project_velocities=True), condense=True)
-    assert model.carriers is None and model.columns > 1
+@pytest.mark.parametrize("kind", ["spring", "pinned"])
+def test_a_beam_that_more_than_elements_touch_is_not_condensed(kind: str) -> None:
+    net = grid(3, elements=4)
+    bead, other = fb.PointMass("m", mass=0.3), fb.PointMass("n", mass=0.3)
+    parts = [net, bead, fb.Slider("s", bead, net.beam(1), at=0.4), other, fb.Slider("free", other, net.beam(5), at=0.4)]
+    parts.append(fb.Spring(bead, net.node(15), stiffness=10.0) if kind == "spring" else fb.Pin(net.beam(1).node(2)))
+    model = fb.compile_scene(fb.Scene(*parts, gravity=(0, 0, -9.81), project_velocities=True), condense=True)
+    assert model.carried.tolist() == [False, True]
 
 
 def test_the_report_and_the_supports_know_carriers() -> None:
@@ -195,7 +239,7 @@ def test_a_border_that_the_memory_does_not_hold_is_refused(monkeypatch: pytest.M
         fb.simulate(model, t_end=0.01, step=0.01)
     assert "condense=True" in str(caught.value) and "GB" in str(caught.value)
     # carriers have no border
-    assert model_of(scene(), planar=False).border_size > 0
+    assert model_of(scene(), planar=False).border_size == 0
     Stepper(model_of(scene(), planar=False), np.ones(1))
 
 

@@ -1,7 +1,10 @@
 """The border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian.
 
+Constraints of sliders that are eliminated with their beams (carriers.py) have no unknowns in it: their `Contact.first` is -1.
+
 Arrays: r, x_out [8 (rows + 1)]; panel, panel_out [rows, n, width] flat, n unknowns a node; force [*], forces of all constraints;
-of the border of m = 7 S unknowns, 5 in a plane, border_rows [m + 1, width] flat, schur, a [m, m], y, y_out [m].
+of the border of m = 7 B unknowns, B constraints in it, 5 B in a plane, border_rows [m + 1, width] flat, schur, a [m, m], y,
+y_out [m].
 """
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ def fill_panel(contact, r, width, panel_out, dofs):
     for k in range(contact.entries.shape[0]):
         for m in range(contact.entries[k]):
             for c in range(n):
-                o = (n * contact.row[k, m] + c) * width + 1 + border * k
+                o = (n * contact.row[k, m] + c) * width + 1 + contact.first[k]
                 for j in range(border):
                     panel_out[o + j] += contact.column[k, 8 * (n * m + c) + j]
 
@@ -55,10 +58,11 @@ def take_solution(panel, width, factor, x_out, dofs):
 def augment(contact, force, schur, y, dofs):
     """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance; in the
     first iteration the whole force answers the gap. Returns -1, or a slider whose force moves nothing."""
-    border = 2 * dim(dofs) + 1
-    n = border * contact.entries.shape[0]
+    n = schur.shape[0]
     for k in range(contact.entries.shape[0]):
-        o = border * k
+        o = contact.first[k]
+        if o < 0:
+            continue
         largest = 0.0
         for j in range(o, o + contact.forces[k]):
             largest = max(largest, abs(schur[j, j]))
@@ -80,8 +84,8 @@ def augment(contact, force, schur, y, dofs):
 def couple_sleeves(contact, width, border, border_rows, dofs):
     """Of sleeves: the sliding equation has the moments, their equations have s."""
     for o in range(contact.pair.shape[0]):
-        slide = border * contact.pair[o, 0] + dim(dofs)
-        moments = border * contact.pair[o, 1]
+        slide = contact.first[contact.pair[o, 0]] + dim(dofs)
+        moments = contact.first[contact.pair[o, 1]]
         for a in range(border):
             border_rows[slide * width + 1 + moments + a] += contact.cross[o, 0, a]
             border_rows[(moments + a) * width + 1 + slide] += contact.cross[o, 1, a]
@@ -94,16 +98,18 @@ def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out,
     panel more than the border has unknowns."""
     nu = len(dofs)
     border = 2 * dim(dofs) + 1
-    n = border * contact.entries.shape[0]
+    n = schur.shape[0]
     for i in range((n + 1) * width):
         border_rows[i] = 0.0
     # a row of the complement is stored like one of the panel: minus the right-hand side, then the entries
     for k in range(contact.entries.shape[0]):
-        first = border * k * width
+        if contact.first[k] < 0:
+            continue
+        first = contact.first[k] * width
         for i in range(border):
             border_rows[first + i * width] = contact.residual[k, i]
             for j in range(border):
-                border_rows[first + i * width + 1 + border * k + j] = contact.corner[k, 8 * i + j]
+                border_rows[first + i * width + 1 + contact.first[k] + j] = contact.corner[k, 8 * i + j]
         for m in range(contact.entries[k]):
             for c in range(nu):
                 o = (nu * contact.row[k, m] + c) * width
@@ -123,9 +129,13 @@ def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out,
         return singular
     singular = solve_dense(schur, y_out, n, LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_UNAUGMENTED)
     if singular >= 0:
-        return singular // border
+        for k in range(contact.entries.shape[0]):
+            if contact.first[k] == singular // border * border:
+                return k
     for k in range(contact.entries.shape[0]):
-        o = border * k
+        o = contact.first[k]
+        if o < 0:
+            continue
         contact.remaining[k] = 0.0
         for i in range(contact.forces[k]):
             y_out[o + i] /= contact.compliance[k]

@@ -339,7 +339,9 @@ def predict_sliding(term, system, h, c):
 @kernel
 def assemble_sliding(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
-        add_contact.call(term.along, term, system, k)
+        # not those that are eliminated with their beams
+        if system.contact.first[k] >= 0:
+            add_contact.call(term.along, term, system, k)
 
 
 @take_unknowns.register(Sliding)
@@ -348,6 +350,8 @@ def move_sliders(term, system):
     """Add the solved unknowns of all sliders to forces and positions."""
     state, work, contact, d = system.state, system.work, system.contact, dim(system.dofs)
     for k in range(state.s.shape[0]):
+        if contact.first[k] < 0:
+            continue
         for c in range(d):
             state.force[contact.first_force[k] + c] += work.y[contact.first[k] + c]
         z = work.y[contact.first[k] + d]
