@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,8 +21,9 @@ def braking_time(model: Model, state: State, k: int) -> float:
     m / sqrt(EA rhoA), s; infinite for what is no body, on no beam, or where supports hold either."""
     is_free = model.held_in(state) & 7 != 7
     if model.moving is not None:
-        table = model.moving.table_of(k)
-        mass = _mass(model, int(model.moving.points[k]), is_free)
+        table, point = model.moving.table_of(k), int(model.moving.points[k])
+        # the point may be tied to the beam, instead of the beam to it: the body is that which the point belongs to
+        mass = _mass(model, point, is_free, [point, *(body for body, arm in model.numbers.arm_owner if arm == point)])
         return mass / math.sqrt(table.stiffness[0, 0] * table.rho[0]) if mass > 0.0 and table.rho[0] > 0.0 else math.inf
     if model.sliders is None:
         return math.inf
@@ -32,12 +34,12 @@ def braking_time(model: Model, state: State, k: int) -> float:
     return mass / resistance if resistance > 0.0 else math.inf
 
 
-def _mass(model: Model, node: int, is_free: Array) -> float:
-    """Of the bodies that carry a node, kg; 0 without, or where a support holds one."""
+def _mass(model: Model, node: int, is_free: Array, bodies: Sequence[int] = ()) -> float:
+    """Of the bodies that carry a node, and of those at other nodes, kg; 0 without, or where a support holds it."""
     carriers = np.unique(tie_map(model)[12 * node].indices // 12)
     if model.bodies is None or not is_free[carriers].all():
         return 0.0
-    of = np.isin(model.bodies.node, carriers)
+    of = np.isin(model.bodies.node, [*carriers, *bodies])
     return float(np.sum(model.bodies.inertia.reshape(-1, 16)[of, 0]))
 
 

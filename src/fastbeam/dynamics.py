@@ -76,6 +76,10 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
     spent = used_up(stepper.model, stepper.state, h) if outcome.status == SINGULAR else ""
     if spent:
         return spent, "End the run before, give more rope, or brake the drum (tension=, inertia=)"
+    vanishing = Ways(stepper).runs_out(h)
+    if vanishing.size and outcome.status != OK:
+        found = stepper.model.moving.at_end(int(vanishing[0]), stepper.state.q)
+        return f"in this step {found['text'].replace('came', 'comes')}", "Use steps that are shorter than its way there"
     names, contact = stepper.model.constraint_names, stepper.contact
     others, smaller = "supports, connections or other sliders hold", "Try a smaller step, or step control with tolerance=..."
     if outcome.status == BORDER_SINGULAR:
@@ -95,11 +99,12 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
     return MEANING.get(outcome.status, "failed"), smaller
 
 
-def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = END_TOLERANCE) -> tuple[float, Outcome, int]:
+def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = END_TOLERANCE,
+                       failed: bool = False) -> tuple[float, Outcome, int]:
     """Shorten a step in which sliders leave their beams, or they or joints pass rigid stops, so that it ends where the first of
     them meets its end. The step size is free, so the invariants stay exact. Returns (size of the step, its outcome, the number of
     that slider or, behind all of these, coordinate of a joint); size 0 where it stands at the end already. tolerance: way that
-    may be left, as a share of the length."""
+    may be left, as a share of the length; failed: the whole step has not converged, as contacts meet in it (`Ways.runs_out`)."""
     start = stepper.save()
     ways = Ways(stepper)
     limits, lengths = ways.limits(stepper.state), ways.scales
@@ -117,7 +122,9 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
     def way(s: Array) -> tuple[float, int]:
         return min((float((high_end[k] - s[k] if end else s[k] - low_end[k]) / lengths[k]), k) for k, end in leaving.items())
 
-    high, f_high = 1.0, way_left()
+    if failed:
+        leaving.update(dict.fromkeys(ways.runs_out(h).tolist(), 0.0))
+    high, f_high = 1.0, -way(ways.at(stepper.state))[0] if failed else way_left()
     low, reached = 0.0, start
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.recorded)))
     halved, before = True, (np.inf, -np.inf)

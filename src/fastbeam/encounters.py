@@ -10,7 +10,7 @@ from .corners import TOO_SHORT, Corners, Passed
 from .dynamics import END_TOLERANCE, TRANSFER_TOLERANCE, StepControl, failure, run_to_condition, run_to_end_of_beam
 from .impacts import SAME_TIME, Impacts
 from .interrupt import Calls
-from .kernels.step import NOT_CONVERGED, OK
+from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
 from .locking import TRANSFER, Locking
 from .model import Model
@@ -182,7 +182,8 @@ class Encounters:
         start = self.stepper.save()
         watched = self.locking.is_present and self.locking.watch(self.stepper.state, t)
         way = TRANSFER_TOLERANCE if self.model.spans else END_TOLERANCE
-        last, final, slider = run_to_end_of_beam(self.stepper, t, h, way)
+        failed = outcome.status not in (OK, SLIDER_END)
+        last, final, slider = run_to_end_of_beam(self.stepper, t, h, way, failed)
         if watched and last > 0.0 and self.locking.reached(self.stepper.state, t + last)[0] >= 0.0:
             self.stepper.load(start)
             return (yield from self.to_condition(t, replace(outcome, steps=0), last))
@@ -194,6 +195,10 @@ class Encounters:
         of_joint = slider >= self.impacts.first
         found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact) if slides else []
         arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(ways.scales[slider])
+        if self.model.moving is not None and not arrives and not is_impact:
+            # in steps that are long against an element that vanishes no motion is right
+            self.stepper.load(start)
+            raise failure(self.stepper, replace(outcome, status=NOT_CONVERGED, steps=0), t, self.steps, h)
         if of_joint and arrives and 0.0 < last < SAME_TIME * self.step:
             # joints that meet their stops one after the other at almost the same time: velocities of such a step are round-off
             self.stepper.load(start)

@@ -183,7 +183,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if side is not None and start is None:
         raise SceneError("side: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
                          "load_factor=")
-    check_at_rest("solve_path", model.motions)
+    check_at_rest("solve_path", model)
     solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor, laws, strains)
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)

@@ -41,6 +41,9 @@ def check_filtered(order: int, model: Model, observe: Any) -> None:
     if model.damped is not None:
         raise SceneError(f"rho_inf: {model.damped.labels[0]} has damping of its own, which grows with the frequency; leave "
                          "rho_inf out, or the damping of sections")
+    if model.moving is not None:
+        raise SceneError(f"rho_inf: moving mesh with slider {model.moving.names[0]!r}: strains of elements that move are not "
+                         "filtered; leave rho_inf out, or compile the scene without MovingMesh")
     if model.simo is None and model.green is None:
         raise SceneError("rho_inf: the scene has no beams, whose strains it is that are filtered; leave it out")
     if "reaction" in observe:

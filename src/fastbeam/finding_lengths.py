@@ -216,7 +216,7 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
     stays = held_sliders(model, held)
     check_slider_forces("find_lengths", model, stays)
     refuse_winches("find_lengths", model)
-    check_at_rest("find_lengths", model.motions)
+    check_at_rest("find_lengths", model)
     check_backend(backend)
     step = min(step, largest_step)
     if not smallest_step <= step:

@@ -111,7 +111,8 @@ class HistoryLayout:
     @property
     def balances(self) -> bool:
         """Whether the energy has a balance: something takes energy away or puts some in."""
-        return self.release_place > 0 or (self.motions is not None and self.motions.exchanges)
+        return (self.release_place > 0 or (self.motions is not None and self.motions.exchanges)
+                or (self.moving is not None and any(self.moving.along)))
 
     @property
     def work_place(self) -> int:

@@ -310,9 +310,10 @@ class Holds:
                 off -= 2.0 * np.pi * np.round(off / (2.0 * np.pi))
             if not abs(off) <= JUMP * (1.0 if self.is_angle[k] else self.length):
                 name, _, unit = part.words
+                statics = "" if name == "position" else ", or from the equilibrium of solve_static, which goes there"
                 raise SceneError(f"{part.label}: it stands at {found[k]:.6g} {unit}, its given {name} at t = {t:.6g} s is "
                                  f"{value:.6g} {unit}; let it begin with {found[k]:.6g} there, start at the time of the state "
-                                 "(t_start=...), or from the equilibrium of solve_static, which goes there")
+                                 f"(t_start=...){statics}")
             own[k] = value
 
     def check_stays(self, who: str, t: float, found: Array) -> None:

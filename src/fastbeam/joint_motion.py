@@ -302,14 +302,17 @@ def check_motions(motions: Motions | None, compared: str | None, substeps: int) 
         raise SceneError(f"order=4 has a step backward in time, in which {holds.backward} would put energy in; use order=2")
 
 
-def check_at_rest(who: str, motions: Motions | None, drives: bool = False) -> None:
-    """Refuse motors, drives, friction and rigid stops of joints, which equilibria of `who` do not know; drives: whether they know
-    motors and drives.
+def check_at_rest(who: str, model: Any, drives: bool = False) -> None:
+    """Refuse motors, drives, friction and rigid stops of joints, which equilibria of `who` do not know, and elements that move;
+    drives: whether they know motors and drives.
 
     Raises
     ------
     SceneError
     """
+    if model.moving is not None:
+        model.moving.check(None, True)
+    motions = model.motions
     if motions is None:
         return
     holds = motions.holds

@@ -98,7 +98,7 @@ class StaticTask:
         if self.contacts == "exact" and model.n_sliders:
             if self.steady is not None:
                 raise SceneError("solve_static: contacts='exact' knows no steady motion; leave contacts out, or steady")
-            check_at_rest("solve_static(contacts='exact')", model.motions, drives=True)
+            check_at_rest("solve_static(contacts='exact')", model, drives=True)
             check_twist("solve_static(contacts='exact')", model)
             out = ExactSolver(model, self.start, self.max_iterations, self.stays, self.backend, t)
         elif model.n_constraints or self.steady is not None:

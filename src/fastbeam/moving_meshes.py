@@ -85,7 +85,9 @@ class Moving(NamedTuple):
         name, s = self.names[first + k], float(q[12 * table.places[k]])
         if gap in (0, n):
             end = "start" if gap == 0 else "end"
-            return {"slider": name, "end": end, "s": s, "text": f"slider {name!r} reached the {end} of its beam"}
+            near = float(table.length[1])
+            return {"slider": name, "end": end, "s": s, "text": f"slider {name!r} came nearer than {near:.3g} m to the {end} of "
+                    "its beam, where elements of its moving mesh vanish"}
         other = self.names[first + gap - 1]
         return {"slider": name, "end": other, "s": s, "text": f"sliders {other!r} and {name!r} met, between which elements of "
                 "their moving mesh vanish"}

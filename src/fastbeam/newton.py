@@ -138,9 +138,9 @@ class Stepper:
             self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
-        check_motions(model.motions, method.name if compared else None, self.weights.size)
         if model.moving is not None:
             model.moving.check(method.name if compared else None, static)
+        check_motions(model.motions, method.name if compared else None, self.weights.size)
         if core.motions is not None and core.motions.rows.size:
             self.motion = core.motions.work(core)
             if memory is None:

@@ -56,8 +56,10 @@ class Reactions:
         self.ties = None if core.ties is None else Record((core.ties,))
         self._system: Record | None = None
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
-        # joints with multipliers, and which of them every link belongs to
-        self.links = [(link, names[link.joint]) for link in stepper.model.kept]
+        # joints with multipliers, and which of them every link belongs to; -1: what acts on the places of contacts on moving
+        # meshes is no force in space
+        line = set() if stepper.model.moving is None else set(stepper.model.moving.line.tolist())
+        self.links = [(link, -1 if line.intersection(link.node) else names[link.joint]) for link in stepper.model.kept]
         self.rows = core.pattern.row_of
         self.count = len(stepper.model.reaction_names)
         n = len(holding.parent)
@@ -147,6 +149,9 @@ class Reactions:
         kept[:] = 0.0
         for link, k in self.links:
             m = link.forces(3)
+            if k < 0:
+                at += m
+                continue
             _, (b, by_velocity, by_spin) = link.by_motion(q[list(link.node)])
             push = by_velocity.T @ multipliers[at:at + m]
             if isinstance(link.law, Distance):

@@ -113,7 +113,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     refuse_winches("relax", model)
     refuse_added("relax", model, "no equilibrium depends on it; leave it out")
     check_backend(backend)
-    check_at_rest("relax", model.motions)
+    check_at_rest("relax", model)
     if model.released is not None:
         raise SceneError("relax: a support lets go or takes hold (until=, since=); leave that out for the equilibrium, or run in "
                          "time")

@@ -10,7 +10,7 @@ from .arguments import Anything, checked, shown
 from .cut_beams import Cut
 from .errors import SceneError
 from .scene import Beam, MovingMesh, Path, Scene, Sleeve, Slider
-from .scene.moving_mesh import check_acting, has_coulomb
+from .scene.moving_mesh import check_acting, check_places, has_coulomb
 
 Array = np.ndarray
 
@@ -66,6 +66,8 @@ def with_moving_meshes(scene: Scene) -> Scene:
                              "elements that move end at one point of it; leave length out, give length=0, or compile the scene "
                              "as it is")
         on.setdefault(id(slider.beam), []).append(slider)
+    for some in on.values():
+        check_places("with_moving_meshes", some[0].beam, some)
     new = {i: _cut(some[0].beam, sorted(slider.at for slider in some)) for i, some in on.items()}
     swap = _Remeshed(scene, new)
     parts = [swap._swapped(part) for part in scene.parts]
@@ -80,7 +82,4 @@ def _cut(beam: Beam, at: list[float]) -> Beam:
     fixed = np.array([0.0, *at, beam.length])
     parts = np.maximum(1, np.round(beam.n_elements * np.diff(fixed) / beam.length)).astype(int)
     ends = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(fixed[:-1], fixed[1:], parts)]
-    if np.any(np.diff(fixed) <= 0.0):
-        raise SceneError(f"with_moving_meshes: contacts on {beam.label} stand at {', '.join(f'{x:.6g}' for x in at)} m: no "
-                         "element fits between contacts, or a contact and an end; start further apart")
     return replace(beam, elements=np.concatenate((*ends, [beam.length])))

@@ -41,6 +41,7 @@ from .scene.checks import Place
 from .starting import check_start, moved_supports
 from .step_means import forces_of, measuring
 from .watching import Watch
+from .ways import Ways
 
 Array = np.ndarray
 TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
@@ -431,10 +432,11 @@ class _Run(Encounters):
             if not whole:
                 reached = reached if outcome.status == OK else t
                 clock.leave_grid(reached)
-            if outcome.status in (SLIDER_END, CONDITION):
+            vanishes = outcome.status not in (OK, SLIDER_END, CONDITION) and Ways(self.stepper).runs_out(size).size > 0
+            if outcome.status in (SLIDER_END, CONDITION) or vanishes:
                 self.progress.update(reached - t)
                 clock.size = h
-                ends = self.end_of_beam if outcome.status == SLIDER_END else self.to_condition
+                ends = self.to_condition if outcome.status == CONDITION else self.end_of_beam
                 goes_on = yield from ends(reached, outcome, size)
                 if not goes_on:
                     return

@@ -351,7 +351,7 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     if model.user_forces:
         raise SceneError(f"{who}: user force {model.user_forces[0]!r} is a function whose derivatives are not known; use loads, "
                          "or differences of equilibria")
-    check_at_rest(who, model.motions)
+    check_at_rest(who, model)
     if model.motions is not None and model.motions.holds.given.size:
         raise SceneError(f"{who}: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on them, "
                          "which is not known; use differences of equilibria")

@@ -347,9 +347,9 @@ class SliderForces:
         for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
             drive[k] = self._drive_at(k, t, s[k], rate[k], offset[k]) if share is None else self.at_rest(
                 k, t, s[k], share, offset[k])
-        direction = np.where(prescribed, np.sign(rate), sign)
         smooth = table.smoothing > 0.0
-        direction = np.where(smooth, np.tanh(rate / np.where(smooth, table.smoothing, 1.0)), direction)
+        # of a prescribed motion that of the last step: what is left of its velocity where it has come to rest alternates
+        direction = np.where(smooth, np.tanh(rate / np.where(smooth, table.smoothing, 1.0)), sign)
         friction = -table.friction * across * direction - table.viscous * rate
         sticks = (table.friction > 0.0) & ~smooth & ~prescribed & (sign == 0.0)
         friction = np.where(sticks, along - stop - drive, friction)

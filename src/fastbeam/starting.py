@@ -33,6 +33,8 @@ SIDEWAYS, UNTRUE = 0.01, 0.5
 # velocity of a state against that of its momenta, relative to the largest velocity, from which the state is refused: in runs they
 # differ by the square of the step, by 0.05 with steps of a tenth of a swing
 EDITED = 0.1
+# and in the size of the scene a step: what is left of a motion that has come to rest
+AT_REST = 1e-6
 TURNS_AROUND = "contact forces alternate from step to step by as much as it takes to turn that around; use a smaller step"
 JUMPS = ("the support takes its node along at once, a blow that makes forces alternate from step to step; let the motion begin "
          "with the velocity of the state")
@@ -231,8 +233,9 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         out[-1].told = SIDEWAYS * speed + noise
     of_momenta = model.momenta_misfit(state)
     if of_momenta > 0.0:
-        out.append(Misfit("velocities differ from those of the momenta of moving meshes and added mass by", of_momenta,
-                          "m/s", EDITED * speed + noise, np.inf, SIDEWAYS * speed + noise,
+        rest = AT_REST * length / step
+        out.append(Misfit("velocities against those of the momenta of moving meshes and added mass are", of_momenta,
+                          "m/s", EDITED * speed + rest, np.inf, SIDEWAYS * speed + rest,
                           "the momenta count; give velocities to the parts of the scene"))
     return out
 

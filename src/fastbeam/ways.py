@@ -55,6 +55,15 @@ class Ways:
         s = state.s if self.moving is None else self.moving.gaps(state.q)[0]
         return s if self.holds is None else np.concatenate((s, values_of(self.model, state)))
 
+    def runs_out(self, h: float) -> Array:
+        """Ways between contacts that would vanish within a step of size h at the velocities of the state, int64 [*]: where
+        elements do, no step converges."""
+        if self.moving is None:
+            return np.zeros(0, np.int64)
+        state = self.stepper.state
+        ahead, least, _ = self.moving.gaps(state.q + h * state.v)
+        return np.flatnonzero(ahead < least)
+
     def tried(self) -> Array:
         """Where the last step that was solved for led, [S + R]."""
         work = self.stepper.work

@@ -383,6 +383,12 @@ def friction_takes_energy(along, term, system):
     return settled
 
 
+@inlined
+def sign_of_given(ds, system):
+    """Sign of a given increment of s; 0 where that is round-off, as where a prescribed motion rests."""
+    return np.sign(ds) if abs(ds) > LEFT * system.length else 0.0
+
+
 @account_along.register(Along)
 @kernel
 def account_forces(along, term, system, h):
@@ -391,7 +397,10 @@ def account_forces(along, term, system, h):
     for k in range(state.s.shape[0]):
         if system.work.s_end[k] != state.s[k]:
             account_work(along, term, system, k)
-        if has_signs(along, k) and not is_prescribed(along, k):
+        if is_prescribed(along, k):
+            if along.friction[k] > 0.0:
+                state.history[HISTORY * k + SIGN] = sign_of_given(system.work.s_end[k] - state.s[k], system)
+        elif has_signs(along, k):
             count_missed(along.doubt, along.flips, k)
             place = HISTORY * k
             state.history[place + SIGN] = along.sign[k]
@@ -479,7 +488,7 @@ def account_work(along, term, system, k):
     total = dot(force, tangent) - push
     stop = stop_force(along, k, s0, s1).value
     if is_prescribed(along, k):
-        sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)
+        sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else sign_of_given(ds, system)
         most = most_of_friction(along, k, pressing(force, tangent, force_of_edges.call(term.sleeves, system, k)))
         friction = -along.viscous[k] / h * ds - most * sign
         drive = total - stop - friction

@@ -85,13 +85,22 @@ def follows_motion(term, i):
 
 
 @kernel
-def rub_with_motion(term, i, way):
-    """Friction as a share of the largest where it is a function of the increment, and its derivative by that."""
+def rub_with_motion(term, i, way, system):
+    """Friction as a share of the largest where it is a function of the increment, and its derivative by that. A given motion
+    rests where its increment is round-off."""
     if term.smoothing[i] > 0.0:
         unit = term.clock[0] * term.smoothing[i]
         factor = np.tanh(way / unit)
         return -factor, (factor * factor - 1.0) / unit
+    if abs(way) <= least_increment(term, i, system):
+        return 0.0, 0.0
     return -1.0 * np.sign(way * term.clock[0]), 0.0
+
+
+@kernel
+def least_increment(term, i, system):
+    """Increment of coordinate i below which it is at rest, m or rad."""
+    return LEFT * (system.length if term.motion.kind[term.which[i]] == LINE else 1.0)
 
 
 @generic
@@ -177,8 +186,7 @@ def begin_friction(term, system, h, c):
         term.soft[i] = 0.0
         clear_doubt(term.doubt, i)
         rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
-        left = LEFT * (system.length if motion.kind[term.which[i]] == LINE else 1.0)
-        if term.sign[i] == 0 and (not stopped or abs(rest) <= left or term.against[i] != 0):
+        if term.sign[i] == 0 and (not stopped or abs(rest) <= least_increment(term, i, system) or term.against[i] != 0):
             rest = 0.0
         term.rest[i] = rest
 
@@ -238,7 +246,7 @@ def assemble_friction(term, method, system, h):
         most, factor, slope, by_load, sticks = 0.0, 0.0, 0.0, 0.0, False
         if follows_motion(term, i):
             most = most_of_friction(term, i, system)
-            factor, slope = rub_with_motion(term, i, way)
+            factor, slope = rub_with_motion(term, i, way, system)
             slope *= most
             by_load = factor
         elif may_stick(term, i):
@@ -310,7 +318,7 @@ def account_friction(term, system, h):
         f = system.contact.first_force[term.first[0] + i]
         if term.smoothing[i] > 0.0:
             # the last increment has changed it
-            factor = rub_with_motion(term, i, history[o + VALUE] - term.start[i])[0]
+            factor = rub_with_motion(term, i, history[o + VALUE] - term.start[i], system)[0]
             system.state.force[f] = factor * most_of_friction(term, i, system)
         force = system.state.force[f]
         if may_stick(term, i):

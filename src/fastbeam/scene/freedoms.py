@@ -114,7 +114,10 @@ class Freedom:
     @property
     def words(self) -> tuple[str, str, str]:
         """Names of the arguments for its value and its motor, and the unit of the value."""
-        return ("angle", "torque", "rad") if self.shape.is_angle else ("distance", "force", "m")
+        if self.shape.is_angle:
+            return "angle", "torque", "rad"
+        # of the contact of a moving mesh `Drive(position=)`
+        return "position" if self.shape.what == "place" else "distance", "force", "m"
 
     @property
     def has_friction(self) -> bool:

@@ -58,6 +58,31 @@ def check_acting(who: str, slider: Slider) -> None:
                                  "know; leave it out, or the moving mesh")
 
 
+def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
+    """Refuse contacts too near to each other or to an end of their beam, and stops that they cannot reach.
+
+    Raises
+    ------
+    SceneError
+        Names the slider, and says where it may be.
+    """
+    near, length = NEAREST * beam.length, beam.length
+    allowed = f"elements that move need contacts between {near:.4g} and {length - near:.4g} m of {beam.label}"
+    for slider in sliders:
+        if not near <= slider.at <= length - near:
+            raise SceneError(f"{who}: {slider.kind} {slider.name!r} stands at={slider.at:.6g} m: {allowed}; start it there")
+        stops = () if slider.stops is None else (slider.stops.start, slider.stops.end)
+        for stop in stops:
+            if stop is not None and not near <= stop <= length - near:
+                raise SceneError(f"{who}: {slider.kind} {slider.name!r} has a stop at {stop:.6g} m, which it does not reach: "
+                                 f"{allowed}; put the stop there, or leave it out")
+    row = sorted(sliders, key=lambda slider: slider.at)
+    for one, other in zip(row[:-1], row[1:]):
+        if other.at - one.at < near:
+            raise SceneError(f"{who}: sliders {one.name!r} and {other.name!r} at {one.at:.6g} and {other.at:.6g} m of "
+                             f"{beam.label} are nearer than {near:.3g} m: no element fits between them; start them further apart")
+
+
 @checked(beam=ABeam(), sliders=SomeSliders(), velocity=FIELD, spin=FIELD)
 @noun
 class MovingMesh:
@@ -102,11 +127,7 @@ class MovingMesh:
                              "moving mesh")
         for slider in self.sliders:
             self._check(slider)
-        at = np.sort([0.0, *(x.at for x in self.sliders), beam.length])
-        if np.min(np.diff(at)) < NEAREST * beam.length:
-            k = int(np.argmin(np.diff(at)))
-            raise SceneError(f"{self.label}: {at[k]:.6g} and {at[k + 1]:.6g} m are nearer than {NEAREST * beam.length:.3g} m: no "
-                             "element fits between contacts, or a contact and an end; start further apart")
+        check_places(self.label, beam, self.sliders)
         for key in ("velocity", "spin"):
             if getattr(self, key) is not None:
                 checks.try_field(self.label, key, getattr(self, key), beam.length)
