@@ -433,3 +433,17 @@ def test_steps_too_long_for_the_last_element_are_told_of(rate: float, step: floa
     with pytest.raises(fb.ConvergenceError, match=message) as failed:
         fb.simulate(on_a_rail(rate=rate), t_end=3.0, step=step, progress=False)
     assert failed.value.result is not None and failed.value.result.drift("total") < 1e-12
+
+
+def test_a_run_from_an_equilibrium_on_a_mesh_that_stands_stays_at_rest() -> None:
+    section = fb.Section.circle(radius=0.01, E=1e8, rho=2000.0)
+    cable = fb.Beam.straight("cable", (0, 0, 0), (2, 0, 0), section=section, elements=np.array([0.0, 0.4, 0.8, 1.2, 1.6, 2.0]))
+    ring = fb.PointMass("ring", mass=0.2)
+    slider = fb.Slider("run", ring, cable, at=0.8, friction=0.8)
+    parts = [cable, ring, fb.Clamp(cable.start), fb.Clamp(cable.end), slider]
+    rest = fb.solve_static(fb.compile_scene(fb.Scene(*parts, gravity=(0, 0, -9.81))), held=True)
+    model = fb.compile_scene(fb.Scene(*parts, fb.MovingMesh(cable, slider), gravity=(0, 0, -9.81)))
+    result = fb.simulate(model, t_end=0.2, step=0.002, start=rest.state_for(model), progress=False)
+    run = result.slider("run")
+    print(f"rate {np.max(np.abs(run['slide_rate'])):.1e} m/s, kinetic {np.max(result.series['kinetic']):.1e} J")
+    assert np.ptp(run["s"]) < 1e-9 and np.max(result.series["kinetic"]) < 1e-15 and not result.events
