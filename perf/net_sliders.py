@@ -2,10 +2,12 @@
 one and on two threads in turn, and the memory that sliders take.
 
     python perf/net_sliders.py [--cells 70] [--elements 10] [--degree 1] [--joints rigid] [--sliders 1000] [--a-beam 1] [--bodies]
-                               [--curve own] [--friction 0.2] [--sleeves 2] [--threads 1 2] [--repeats 5]
+                               [--curve own] [--friction 0.2] [--sleeves 2] [--hangers 2]
+                               [--threads 1 2] [--repeats 5]
 
 A net of (cells + 1)^2 nodes has 2 cells (cells + 1) beams; --a-beam: sliders on every beam that has some; --friction: of each of
-them; --sleeves: so many bodies in sleeves on other beams, which are a dense border. The memory of as many
+them; --sleeves: so many bodies in sleeves on other beams; --hangers: so many beams that hang on sliders at other beams, which are
+a dense border. The memory of as many
 sliders, one and four on a beam, tells what belongs to a slider and what to a beam that has some: tables of its elements, their
 blocks that the substitution needs; in nets of few beams with sliders the work of a thread hides both. Exits with 1 where that of
 a slider misses the bar of perf/sliders.py.
@@ -53,10 +55,15 @@ def sliding(scene: fb.Scene, count: int, a_beam: int, options: argparse.Namespac
             mass = fb.PointMass(f"mass {k}", mass=0.05)
             parts += [mass, fb.Slider(f"slider {k}", mass, net.beam(beam), at=at, rate=0.5, **more)]
     free = np.setdiff1d(np.arange(len(net.edges)), some)
-    for k in free[np.linspace(0, free.size - 1, options.sleeves).astype(int)].tolist() if count == options.sliders else ():
-        place = net.nodes[net.edges[k]].mean(axis=0)
-        body = fb.RigidBody(f"in sleeve {k}", mass=0.05, inertia=1e-4 * np.eye(3), position=tuple(place))
-        parts += [body, fb.Sleeve(f"sleeve {k}", body, net.beam(k), at=0.5 * float(net.lengths[k]))]
+    others = free[np.linspace(0, free.size - 1, options.sleeves + options.hangers).astype(int)].tolist()
+    for n, k in enumerate(others):
+        place, at = net.nodes[net.edges[k]].mean(axis=0), 0.5 * float(net.lengths[k])
+        if n < options.sleeves:
+            body = fb.RigidBody(f"in sleeve {k}", mass=0.05, inertia=1e-4 * np.eye(3), position=tuple(place))
+            parts += [body, fb.Sleeve(f"sleeve {k}", body, net.beam(k), at=at)]
+        else:
+            wire = fb.Beam.straight(f"wire {k}", place, place - (0.0, 0.0, 1.0), section=net.sections[0], elements=2, degree=1)
+            parts += [wire, fb.Slider(f"of wire {k}", wire.start, net.beam(k), at=at)]
     return parts
 
 
@@ -108,6 +115,7 @@ def main() -> int:
     parser.add_argument("--bodies", action="store_true")
     parser.add_argument("--friction", type=float)
     parser.add_argument("--sleeves", type=int, default=0)
+    parser.add_argument("--hangers", type=int, default=0)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     options = parser.parse_args()
     scene = square_net(options.cells, options.elements, options.degree, options.joints)

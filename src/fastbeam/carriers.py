@@ -37,7 +37,7 @@ class Found:
 def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Found | None:
     """All beams that may be carriers; None where none may. Between the ends of such a beam nothing but elements, loads and
     sliders touches a node, and the point of each of its sliders is a mass, or belongs to a body, that is held by nothing, joined
-    to nothing else, and slides on this beam alone, not as a sleeve and not on one side only.
+    to nothing else, and slides on this beam alone, not on one side only; of a sleeve the twist does not rub.
 
     Parameters
     ----------
@@ -51,8 +51,9 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     points: list[int] = []
     for k, slider in enumerate(scene.sliders):
         under = [nodes.start(beam) for beam in slider.beams]
-        refused.update(under if isinstance(slider.beam, Path) or isinstance(slider, Sleeve) or slider.one_sided is not None
-                       or isinstance(slider.point.owner, Beam) else ())
+        turns = isinstance(slider, Sleeve) and slider.radius is not None
+        refused.update(under if isinstance(slider.beam, Path) or isinstance(slider.point.owner, Beam) or turns
+                       or slider.one_sided is not None else ())
         if isinstance(slider.point.owner, Beam):
             points.append(nodes.number(slider.point))
         first = under[0]

@@ -19,6 +19,7 @@ from .kernels.contact_entries import ContactInRows
 from .kernels.doubt import Doubt
 from .kernels.nodes import Held
 from .kernels.inner import NoInner
+from .kernels.sleeve import NoTwist, Sleeves
 from .kernels.slider import NoSleeves, Sliders, Sliding
 from .kernels.terms import Equilibrium, NoTies, System
 from .kernels.work import aligned
@@ -63,7 +64,9 @@ class Shared:
             nodes = np.concatenate((points, *inside, c.ends[some].reshape(-1)))
             self.row_of[nodes] = np.arange(nodes.size)
             self.groups.append((some, nodes))
-        self.every = np.arange(model.n_nodes)
+        # moments act on nodes of beams themselves; what slides turns with its body
+        self.spin_root = np.arange(model.n_nodes)
+        self.spin_root[c.point] = model.spin_root[c.point]
         self.ties: Any = None
         if model.ties is not None:
             t = model.ties
@@ -76,6 +79,19 @@ class Shared:
             of_entry["target_row"] = self.row_of[of_entry["target"]]
             self.ties = t._replace(start=np.concatenate(([0], np.cumsum(np.where(mine, count, 0)))),
                                    moves=np.zeros((0, 4), np.int64), **of_entry)
+
+
+def _sleeves_on(every: Any, sliders: Array) -> tuple[Any, Array, Array]:
+    """The table of the sleeves among some sliders, which of these they are, and their constraints of moments, int64 [*]; every:
+    the sleeves of the scene."""
+    of = every.of_slider[sliders] if isinstance(every, Sleeves) else np.full(sliders.size, -1)
+    on = np.flatnonzero(of >= 0)
+    if not on.size:
+        return NoSleeves(), on, on
+    rows = {name: getattr(every, name).reshape(every.keyed.size, -1)[of[on]].reshape(-1) for name in ("keyed", "axes", "edges")}
+    of_slider = np.where(of >= 0, np.cumsum(of >= 0) - 1, -1)
+    own = every._replace(of_slider=of_slider, first=np.array([sliders.size]), twist=NoTwist(), **rows)
+    return own, on, every.first[0] + of[on]
 
 
 class AlongGroup:
@@ -150,6 +166,9 @@ class Group:
         n = nodes.size
         self.sliders = c.slider[c.slider_start[some[0]]:c.slider_start[some[-1] + 1]]
         beam_of = np.repeat(np.arange(some.size), np.diff(c.slider_start)[some])
+        sliding = next(term for term in owner.terms if isinstance(term, Sliding))
+        sleeves, on, moments = _sleeves_on(sliding.sleeves, self.sliders)
+        self.constraints = np.concatenate((self.sliders, moments))
         self.group_rows = GroupRows(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some, np.zeros(0),
                                     np.zeros(0, np.int32), np.zeros(1, np.int64))
 
@@ -186,31 +205,35 @@ class Group:
             slave = model.ties.slave[mine[model.ties.slave]]
             self.ties = t._replace(slave=slave, row=row_of[slave], diagonal=block[np.minimum(t.target_row, n)])
 
-        # rows of the sliders, which wait for all but the ends
+        # rows of the constraints, which wait for all but the ends; moments of sleeves are those of their sliders
         ends = n - 2 * some.size + 2 * beam_of[:, None] + np.arange(2)
-        unknowns, forces = model.unknowns[self.sliders], model.forces[self.sliders]
+        unknowns, forces = model.unknowns[self.constraints], model.forces[self.constraints]
+        pairs = np.stack((on, self.sliders.size + np.arange(on.size)), axis=1)
         pattern = Pattern(np.arange(n), keys, None, n, np.stack((keys // n, keys % n), axis=1)[keys // n < keys % n])
-        self.couplings = couplings_of(pattern, size, 8 * size * (keys.size + 1), mask, np.full(n, -1), list(ends), unknowns,
-                                      forces, np.ones(unknowns.size, np.int64))
+        self.couplings = couplings_of(pattern, size, 8 * size * (keys.size + 1), mask, np.full(n, -1),
+                                      [*ends, *ends[on]], unknowns, forces,
+                                      (np.arange(unknowns.size) < self.sliders.size).astype(np.int64), pairs)
         assert model.curves is not None
         self.capacity = 1.0
         # a point of a body is passed on twice
         self.entries = int(model.curves.count.max()) + (1 if model.ties is None else 2)
-        s = self.sliders.size
-        self.s, self.s_end, self.force = np.zeros(s), np.zeros(s), np.zeros(model.dim * s)
+        s = self.constraints.size
+        first = np.cumsum(model.forces) - model.forces
+        self.forces = np.concatenate([first[k] + np.arange(model.forces[k]) for k in self.constraints])
+        self.s, self.s_end, self.force = np.zeros(beam_of.size), np.zeros(beam_of.size), np.zeros(self.forces.size)
         integers = {name: np.zeros(s, np.int64) for name in ("entries", "element")}
         self.own: dict[str, Array] = dict(
             integers, residual=np.zeros((s, 8)), forces=forces, first=self.couplings.first,
             first_force=self.couplings.first_force, compliance=np.zeros(s), softness=np.ones(s), remaining=np.zeros(s),
-            full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=np.zeros((0, 2), np.int64), cross=np.zeros((0, 2, 8)))
-        known = model.sliders
-        along = next(term.along for term in owner.terms if isinstance(term, Sliding))
+            full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=pairs, cross=np.zeros((on.size, 2, 8)))
+        known, along = model.sliders, sliding.along
         self.along = AlongGroup(along, self.sliders) if isinstance(along, Along) else None
         limits = model.put_limits(np.zeros((model.n_sliders, 3)), model.s0)[self.sliders]
-        sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
-                          limits, along if self.along is None else self.along.part, NoSleeves())
+        sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.spin_root),
+                          self.ties, limits, along if self.along is None else self.along.part, sleeves)
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
-        self.terms = Record((sliding, *elements, self.bodies, *ties, self.held))
+        held = (sleeves,) if on.size else ()
+        self.terms = Record((sliding, *held, *elements, self.bodies, *ties, self.held))
         self._allocate()
 
     def _allocate(self) -> None:
@@ -232,14 +255,14 @@ class Group:
 
     def _contact(self, space: Workspace) -> ContactInRows:
         """Work of the sliders, most of it that of a thread."""
-        s, entries, row, shape = self.sliders.size, self.entries, 8 * len(self.owner.core.dofs), self.owner.core.curves.shape
+        s, entries, row, shape = self.constraints.size, self.entries, 8 * len(self.owner.core.dofs), self.owner.core.curves.shape
         return ContactInRows(
             basis=space.array("basis", 5, int(shape[:, 2].max())), legendre=space.array("legendre", 3, int(shape[:, 1].max())),
             row=space.array("row", s, entries, kind=np.int64), column=space.array("column", s, row * entries),
             line=space.array("line", s, row * entries), corner=space.array("corner", s, 64), **self.own)
 
     def _system(self, system: System, space: Workspace) -> System:
-        work, n, s = system.work, self.couplings.diagonal.size, self.sliders.size
+        work, n, s = system.work, self.couplings.diagonal.size, self.constraints.size
         rows = n + s
         factors = self.rows.factors._replace(store=space.array("store", self._store), x=space.array("x", 8 * rows),
                                              pivots=space.array("pivots", 8 * rows, kind=np.int8), own=space.array("own", 7 * s))
@@ -254,13 +277,13 @@ class Group:
     def singular(self) -> int:
         """A slider without a pivot, or -1."""
         k = int(self.rows.factors.failed[1])
-        return -1 if k < 0 else int(self.sliders[k])
+        return -1 if k < 0 else int(self.constraints[k])
 
     def condense(self, system: System, h: float, ends: Array, space: Workspace) -> bool:
         """Assemble and eliminate; more room where there is too little. Returns False where a pivot counts as zero."""
-        state, dim, own = system.state, self.owner.core.dim, self.own
+        state, own = system.state, self.own
         self.s[:], self.s_end[:] = state.s[self.sliders], system.work.s_end[self.sliders]
-        self.force[:] = state.force[:dim * state.s.size].reshape(-1, dim)[self.sliders].reshape(-1)
+        self.force[:] = state.force[self.forces]
         while True:
             own["augmented"][:3] = system.contact.augmented[:3]
             own["full"][0] = 0
@@ -283,12 +306,12 @@ class Group:
 
     def recover(self, system: System, space: Workspace) -> float:
         """Increments of everything in here, sliders too. Returns the largest of a place on a beam."""
-        state, dim, own = system.state, self.owner.core.dim, self.own
+        state, own = system.state, self.own
         local = self._system(system, space)
         rows = local.solver
         local = local._replace(solver=rows._replace(factors=rows.factors._replace(store=self.group_rows.kept)))
         kernels.recover_carriers(self.terms, local, self.kept, self.group_rows, system.work.increment.x)
         system.work.s_end[self.sliders] = self.s_end
-        state.force[:dim * state.s.size].reshape(-1, dim)[self.sliders] = self.force.reshape(-1, dim)
-        system.contact.remaining[self.sliders] = own["remaining"]
+        state.force[self.forces] = self.force
+        system.contact.remaining[self.constraints] = own["remaining"]
         return float(own["augmented"][3])

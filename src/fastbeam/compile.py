@@ -44,7 +44,7 @@ from .ordering import Blocks, Ordered, order
 from .planar import find_plane, pack_plane
 from .prescribed import released_of
 from .report import describe
-from .scene import Beam, Bushing, Damper, ForceElement, LineForce, Path, RigidBody, Scene, Spring, Switch
+from .scene import Beam, Bushing, Damper, ForceElement, LineForce, Path, RigidBody, Scene, Sleeve, Spring, Switch
 from .scene.crossings import Knot
 from .scene.winch import Coil, RopePoint
 from .sleeves import rubbing_sleeves, sleeves_of, with_twist
@@ -114,7 +114,10 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)
     kept = len(unpacked.kept)
-    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + kept + len(scene.sleeves), kept)
+    constraints = len(scene.sliders) + kept + len(scene.sleeves)
+    if condensed.carriers is not None:
+        constraints -= sum(1 + isinstance(scene.sliders[k], Sleeve) for k in condensed.carriers.slider.tolist())
+    ordered = order(numbered, condensed, solver, eliminate_inner, constraints, kept)
     model = with_tables(pack(scene, unpacked, condensed, ordered), moving, ordered.blocks)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # a copy of the scene, because the user may add parts to it before other models of it are compiled

@@ -287,7 +287,7 @@ class CondensedIteration(Iteration):
 
         self._good = all(self.team.each(condense, [None, *self._carriers, *self._groups]))
         for group in self._carriers:
-            s.contact.residual[group.sliders] = group.own["residual"]
+            s.contact.residual[group.constraints] = group.own["residual"]
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.dofs), self._terms)
         if self._ties is not None:
             t = self._ties

@@ -240,10 +240,11 @@ class Model(HistoryLayout):
 
     @cached_property
     def carried(self) -> Array:
-        """Whether a constraint is that of a slider that is eliminated with its beam (carriers.py), bool [C]."""
+        """Whether a constraint is that of a slider, or sleeve, that is eliminated with its beam (carriers.py), bool [C]."""
         out = np.zeros(self.n_constraints, bool)
         if self.carriers is not None:
             out[self.carriers.slider] = True
+            out[self.sleeve_pairs[:, 1]] = out[self.sleeve_pairs[:, 0]]
         return out
 
     @property

@@ -37,7 +37,8 @@ class Ordered:
 
 
 def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int) -> Ordered:
-    """Order what is condensed; constraints: number of those with multipliers, of them `kept` joints.
+    """Order what is condensed; constraints: number of those with multipliers that are not eliminated with beams, of them `kept`
+    joints.
 
     Raises
     ------
@@ -46,7 +47,7 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     """
     joints, links, n = numbered.joints, numbered.links, len(numbered.nodes)
     used, carriers, ends = condensed.used, condensed.carriers, condensed.ends
-    size, columns = 0, constraints > (0 if carriers is None else carriers.slider.size)
+    size, columns = 0, constraints > 0
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
         eligible[numbered.touched] = False

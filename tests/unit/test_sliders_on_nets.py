@@ -19,10 +19,10 @@ PLACES = ((1, 0.4), (1, 0.7), (5, 0.3), (8, 0.0), (11, 0.52))
 
 
 def scene(bodies: bool = True, curve: str = "c1", rate: float = 0.3, hook: str = "", twice: bool = False, free: bool = False,
-          gravity: bool = True, places: Any = PLACES, mass: float = 0.3, along: Any = (), border: Any = (),
+          gravity: bool = True, places: Any = PLACES, mass: float = 0.3, along: Any = (), sleeves: Any = (), border: Any = (),
           **net_options: Any) -> fb.Scene:
     """Masses on beams of a net, one at an end, and bodies that slide with one point and with two; along: what sliders have along
-    their beams, one after the other; border: what cannot be carried, of `bordered`."""
+    their beams, one after the other; sleeves: what sleeves on other beams have; border: what cannot be carried, of `bordered`."""
     net = grid(3, **({"elements": 4} | net_options | ({"clamps": np.zeros(0, int)} if free else {})))
     flat = bool(net_options.get("flat"))
     parts: list[Any] = [net]
@@ -48,6 +48,12 @@ def scene(bodies: bool = True, curve: str = "c1", rate: float = 0.3, hook: str =
         bead = fb.PointMass("bead", mass=mass)
         parts += [block, joint(block.point((-0.3, 0.0, 0.0)), net.node(15)), bead,
                   fb.Slider("near", bead, net.beam(len(net.edges) - 1), at=0.9, curve=curve)]
+    for k, options in enumerate(sleeves):
+        beam = (3, 4, 7, 1, 9)[k]
+        start, end = net.nodes[net.edges[beam]]
+        body = fb.RigidBody(f"c{k}", mass=0.5, inertia=0.003 * np.eye(3), position=tuple(0.4 * start + 0.6 * end))
+        at = 0.6 * float(net.lengths[beam])
+        parts += [body, fb.Sleeve(f"around {k}", body, net.beam(beam), at=at, curve=curve, rate=0.2, **options)]
     for kind in border:
         parts += bordered(net, kind)
     pull = (0.5, -9.81, 0.0) if flat else (0.5, 0.3, -9.81)
@@ -76,13 +82,15 @@ def bordered(net: fb.Net, kind: str) -> list[Any]:
                            for y in (0.0, 0.2))]
     body = fb.RigidBody(kind, mass=0.4, inertia=0.004 * np.eye(3), position=tuple(place))
     if kind == "sleeve":
-        return [body, fb.Sleeve("around", body, net.beam(beam), at=at)]
+        return [body, fb.Sleeve("around", body, net.beam(beam), at=at, keyed=False, friction=0.2, length=0.2, radius=0.02)]
     other = 21
     there = net.nodes[net.edges[other]].mean(axis=0)
     return [body, fb.Slider("a", body, net.beam(beam), at=at),
             fb.Slider("b", body.point(tuple(there - place)), net.beam(other), at=0.5 * float(net.lengths[other]))]
 
 
+SLEEVES: tuple[dict[str, Any], ...] = (
+    {}, {"keyed": False}, {"length": 0.0}, {"length": 0.3, "friction": 0.2}, {"length": 0.2, "drive": fb.Drive(force=1.0)})
 BORDERED = {"wire", "sleeve", "two beams", "pushed", "block0", "on path"}
 FORCES: tuple[dict[str, Any], ...] = (
     {"friction": 0.2}, {"friction": fb.Friction(viscous=3.0), "stops": fb.Stops(0.2, 0.75, stiffness=1e3)},
@@ -102,6 +110,10 @@ CASES: dict[str, dict[str, Any]] = {
     "heavy": {"mass": 4e5, "bodies": False},
     "forces along the beams": {"along": FORCES, "degree": 2},
     "forces along the beams in a plane": {"along": FORCES, "flat": True},
+    "sleeves": {"sleeves": SLEEVES, "degree": 2},
+    "sleeves alone": {"sleeves": SLEEVES[:3], "bodies": False, "places": ()},
+    "sleeves in a plane": {"sleeves": SLEEVES, "flat": True, "along": FORCES},
+    "sleeves and a border": {"sleeves": SLEEVES[1:3], "border": ("sleeve", "wire"), "degree": 3},
     "a border, too": {"border": ("wire", "sleeve", "two beams", "pushed"), "degree": 2},
     "a path, too": {"border": ("path",), "degree": 2},
     "forces and a border": {"along": FORCES, "border": ("wire", "two beams"), "degree": 3},
@@ -150,7 +162,7 @@ def run(model: Any, n: int, **options: Any) -> Stepper:
     return stepper
 
 
-OTHERS: dict[str, Any] = {"along": FORCES, "border": ("wire", "sleeve", "two beams", "pushed", "loop")}
+OTHERS: dict[str, Any] = {"along": FORCES, "sleeves": SLEEVES, "border": ("wire", "sleeve", "two beams", "pushed", "loop")}
 
 
 @pytest.mark.parametrize("others", [{}, OTHERS], ids=["carried", "with others"])
@@ -174,7 +186,7 @@ def test_threads_and_pauses_do_not_change_bits(others: dict[str, Any], monkeypat
         assert all(np.array_equal(a, b) for a, b in zip(one.state, other.state))
 
 
-@pytest.mark.parametrize("others", [{}, {"along": FORCES, "border": ("wire", "sleeve", "two beams", "loop")}],
+@pytest.mark.parametrize("others", [{}, {"along": FORCES, "sleeves": SLEEVES, "border": ("wire", "two beams", "loop")}],
                          ids=["carried", "with others"])
 def test_balances(others: dict[str, Any]) -> None:
     model = model_of(scene(rate=2.0, free=True, gravity=False, **others), planar=False)
@@ -213,6 +225,19 @@ def test_what_concerns_more_than_one_beam_is_a_border_and_other_sliders_are_not(
         assert model.n_bordered == constraints and model.columns == 1 + 7 * constraints, kinds
         # five masses and bodies with three points
         assert model.carried.sum() == 8, kinds
+
+
+@pytest.mark.parametrize("condense", [False, True])
+def test_a_sleeve_that_rubs_where_its_beam_turns_leaves_alone_one_that_does_not(condense: bool) -> None:
+    spins = []
+    for others in ((), ("sleeve",)):
+        some = scene(degree=3, sleeves=SLEEVES[1:3], border=others)
+        model = fb.compile_scene(some, condense=condense, planar=False)
+        state = run(model, 5, threads=1).state
+        node = model.numbers.number(some.nets[0].beam(3).node(5))
+        spins.append(float(state.v.reshape(-1, 4, 3)[node, 2] @ state.q.reshape(-1, 4, 3)[node, 3]))
+    # they feel each other through the net
+    assert spins[1] == pytest.approx(spins[0], rel=1e-3) and abs(spins[0]) > 5e-3
 
 
 @pytest.mark.parametrize("kind", ["spring", "pinned"])

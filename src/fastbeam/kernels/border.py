@@ -84,11 +84,43 @@ def augment(contact, force, schur, y, dofs):
 def couple_sleeves(contact, width, border, border_rows, dofs):
     """Of sleeves: the sliding equation has the moments, their equations have s."""
     for o in range(contact.pair.shape[0]):
+        if contact.first[contact.pair[o, 0]] < 0:
+            continue
         slide = contact.first[contact.pair[o, 0]] + dim(dofs)
         moments = contact.first[contact.pair[o, 1]]
         for a in range(border):
             border_rows[slide * width + 1 + moments + a] += contact.cross[o, 0, a]
             border_rows[(moments + a) * width + 1 + slide] += contact.cross[o, 1, a]
+
+
+@kernel
+def constraint_of(contact, first):
+    """The constraint whose unknowns begin at `first`."""
+    for k in range(contact.entries.shape[0]):
+        if contact.first[k] == first:
+            return k
+    return -1
+
+
+@inlined
+def put_equations(contact, k, panel, width, border_rows, dofs):
+    """Rows of constraint k in the complement, stored like those of the panel: minus the right-hand side, then the entries."""
+    nu = len(dofs)
+    border = 2 * dim(dofs) + 1
+    first = contact.first[k] * width
+    for i in range(border):
+        border_rows[first + i * width] = contact.residual[k, i]
+        for j in range(border):
+            border_rows[first + i * width + 1 + contact.first[k] + j] = contact.corner[k, 8 * i + j]
+    for m in range(contact.entries[k]):
+        for c in range(nu):
+            o = (nu * contact.row[k, m] + c) * width
+            for i in range(border):
+                line = contact.line[k, 8 * (nu * m + c) + i]
+                if line != 0.0:
+                    for j in range(0, width, 8):
+                        p = first + i * width + j
+                        vst(border_rows, p, 0, vld(border_rows, p, 0) - line * vld(panel, o + j, 0))
 
 
 @kernel
@@ -101,24 +133,9 @@ def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out,
     n = schur.shape[0]
     for i in range((n + 1) * width):
         border_rows[i] = 0.0
-    # a row of the complement is stored like one of the panel: minus the right-hand side, then the entries
     for k in range(contact.entries.shape[0]):
-        if contact.first[k] < 0:
-            continue
-        first = contact.first[k] * width
-        for i in range(border):
-            border_rows[first + i * width] = contact.residual[k, i]
-            for j in range(border):
-                border_rows[first + i * width + 1 + contact.first[k] + j] = contact.corner[k, 8 * i + j]
-        for m in range(contact.entries[k]):
-            for c in range(nu):
-                o = (nu * contact.row[k, m] + c) * width
-                for i in range(border):
-                    line = contact.line[k, 8 * (nu * m + c) + i]
-                    if line != 0.0:
-                        for j in range(0, width, 8):
-                            p = first + i * width + j
-                            vst(border_rows, p, 0, vld(border_rows, p, 0) - line * vld(panel, o + j, 0))
+        if contact.first[k] >= 0:
+            put_equations(contact, k, panel, width, border_rows, dofs)
     couple_sleeves(contact, width, border, border_rows, dofs)
     for i in range(n):
         y_out[i] = -border_rows[i * width]
@@ -129,9 +146,7 @@ def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out,
         return singular
     singular = solve_dense(schur, y_out, n, LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_UNAUGMENTED)
     if singular >= 0:
-        for k in range(contact.entries.shape[0]):
-            if contact.first[k] == singular // border * border:
-                return k
+        return constraint_of(contact, singular // border * border)
     for k in range(contact.entries.shape[0]):
         o = contact.first[k]
         if o < 0:

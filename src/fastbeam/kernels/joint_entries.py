@@ -121,7 +121,8 @@ def take_forces_of(first, count, system):
     """Add the increments of the forces of so many constraints from `first` on."""
     contact, y, force = system.contact, system.work.y, system.state.force
     for k in range(first, first + count):
-        for a in range(contact.forces[k]):
+        # not those of sleeves that are eliminated with their beams
+        for a in range(contact.forces[k] if contact.first[k] >= 0 else 0):
             force[contact.first_force[k] + a] += y[contact.first[k] + a]
 
 

@@ -144,7 +144,10 @@ def rate_of_twist(sleeves, term, system, k, o):
 @kernel
 def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     """Decide whether the section sticks or slips. Moment 23 of the state becomes that of friction where it slips; its equation,
-    before the entries of that pair are there: 1 where it has a condition, 0 where the moment is known."""
+    before the entries of that pair are there: 1 where it has a condition, 0 where the moment is known, -1 of a sleeve that does
+    not rub."""
+    if not twist.arm[o] > 0.0:
+        return -1.0
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     point = term.sliders.point[k]
     c = sleeves.first[0] + o
