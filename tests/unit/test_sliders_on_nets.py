@@ -202,6 +202,22 @@ def test_balances(others: dict[str, Any]) -> None:
             assert np.max(np.abs(a - b)) < 1e-6 * np.max(np.abs(b)) and np.max(np.abs(b)) > 0.0, name
 
 
+def test_rigid_stops_locks_releases_and_controllers_of_carried_sliders() -> None:
+    forces: tuple[dict[str, Any], ...] = (
+        {"release": fb.Release("end"), "rate": 6.0}, {"stops": fb.Stops(0.1, 0.85, restitution=0.6), "rate": 4.0},
+        {"lock": fb.Lock("end"), "stops": fb.Stops(end=0.8), "rate": 5.0},
+        {"drive": fb.Drive(position=1.0, stiffness=40.0, damping=2.0)},
+        {"stops": fb.Stops(0.1, 0.8, restitution=0.0), "friction": 0.3, "rate": 3.0})
+    one, other = (fb.simulate(fb.compile_scene(scene(along=forces, degree=2), condense=condense, planar=False), t_end=0.12,
+                              step=STEP, progress=False) for condense in (True, False))
+    events = [[(x["kind"], x.get("slider"), round(x["time"], 8)) for x in result.events] for result in (one, other)]
+    assert events[0] == events[1] and {kind for kind, _, _ in events[0]} >= {"impact", "locked", "released"}
+    assert one.drift("balance") < 1e-12 and np.max(np.abs(one.state.q - other.state.q)) < 1e-10
+    for name in ("stop_loss", "lock_loss", "friction_loss", "drive_work"):
+        a, b = one.series[name], other.series[name]
+        assert np.max(np.abs(a - b)) < 1e-9 * np.max(np.abs(b)) and np.max(np.abs(b)) > 0.0, name
+
+
 def test_dependent_sliders_move_as_with_the_dense_border_and_are_named_without_the_augmented_lagrangian() -> None:
     model = model_of(scene(twice=True, bodies=False))
     one, other = run(model, 5, threads=1), run(model.uneliminated(planar=False), 5, backend="superlu")
