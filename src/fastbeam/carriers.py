@@ -50,17 +50,17 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     refused: set[int] = set()
     points: list[int] = []
     for k, slider in enumerate(scene.sliders):
-        under = [nodes.start(beam) for beam in slider.beams]
-        turns = isinstance(slider, Sleeve) and slider.radius is not None
-        refused.update(under if isinstance(slider.beam, Path) or isinstance(slider.point.owner, Beam) or turns
-                       or slider.one_sided is not None else ())
-        if isinstance(slider.point.owner, Beam):
-            points.append(nodes.number(slider.point))
+        under, owner = [nodes.start(beam) for beam in slider.beams], slider.point.owner
         first = under[0]
-        before = beam_of.setdefault(nodes.start(slider.point.owner), first)
-        refused.update((first, before) if before != first else ())
         beams[first] = slider.beam
         sliders.setdefault(first, []).append(k)
+        rubs = isinstance(slider, Sleeve) and slider.radius is not None
+        if isinstance(slider.beam, Path) or isinstance(owner, Beam) or slider.one_sided is not None or rubs:
+            refused.update(under)
+        if isinstance(owner, Beam):
+            points.append(nodes.number(slider.point))
+        elif beam_of.setdefault(nodes.start(owner), first) != first:
+            refused.update((first, beam_of[nodes.start(owner)]))
     arms: dict[int, list[int]] = {body: [] for body in beam_of}
     for body, arm in nodes.arm_owner:
         if body in arms:

@@ -218,9 +218,9 @@ class Group:
         # a point of a body is passed on twice
         self.entries = int(model.curves.count.max()) + (1 if model.ties is None else 2)
         s = self.constraints.size
-        first = np.cumsum(model.forces) - model.forces
-        self.forces = np.concatenate([first[k] + np.arange(model.forces[k]) for k in self.constraints])
-        self.s, self.s_end, self.force = np.zeros(beam_of.size), np.zeros(beam_of.size), np.zeros(self.forces.size)
+        # where their forces stand in the state
+        self.places = np.concatenate([k + np.arange(m) for k, m in zip(model.first_force[self.constraints], forces)])
+        self.s, self.s_end, self.force = np.zeros(beam_of.size), np.zeros(beam_of.size), np.zeros(self.places.size)
         integers = {name: np.zeros(s, np.int64) for name in ("entries", "element")}
         self.own: dict[str, Array] = dict(
             integers, residual=np.zeros((s, 8)), forces=forces, first=self.couplings.first,
@@ -232,8 +232,8 @@ class Group:
         sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.spin_root),
                           self.ties, limits, along if self.along is None else self.along.part, sleeves)
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
-        held = (sleeves,) if on.size else ()
-        self.terms = Record((sliding, *held, *elements, self.bodies, *ties, self.held))
+        of_moments = (sleeves,) if on.size else ()
+        self.terms = Record((sliding, *of_moments, *elements, self.bodies, *ties, self.held))
         self._allocate()
 
     def _allocate(self) -> None:
@@ -283,7 +283,7 @@ class Group:
         """Assemble and eliminate; more room where there is too little. Returns False where a pivot counts as zero."""
         state, own = system.state, self.own
         self.s[:], self.s_end[:] = state.s[self.sliders], system.work.s_end[self.sliders]
-        self.force[:] = state.force[self.forces]
+        self.force[:] = state.force[self.places]
         while True:
             own["augmented"][:3] = system.contact.augmented[:3]
             own["full"][0] = 0
@@ -312,6 +312,6 @@ class Group:
         local = local._replace(solver=rows._replace(factors=rows.factors._replace(store=self.group_rows.kept)))
         kernels.recover_carriers(self.terms, local, self.kept, self.group_rows, system.work.increment.x)
         system.work.s_end[self.sliders] = self.s_end
-        state.force[self.forces] = self.force
+        state.force[self.places] = self.force
         system.contact.remaining[self.constraints] = own["remaining"]
         return float(own["augmented"][3])

@@ -77,7 +77,7 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
     if spent:
         return spent, "End the run before, give more rope, or brake the drum (tension=, inertia=)"
     vanishing = Ways(stepper).runs_out(h)
-    if vanishing.size and outcome.status != OK:
+    if vanishing.size:
         found = stepper.model.moving.at_end(int(vanishing[0]), stepper.state.q)
         return f"in this step {found['text'].replace('came', 'comes')}", "Use steps that are shorter than its way there"
     names, contact = stepper.model.constraint_names, stepper.contact

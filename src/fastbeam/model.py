@@ -247,10 +247,15 @@ class Model(HistoryLayout):
             out[self.sleeve_pairs[:, 1]] = out[self.sleeve_pairs[:, 0]]
         return out
 
-    @property
+    @cached_property
     def n_bordered(self) -> int:
         """Number of the other constraints: rows of the block matrix or a dense border."""
         return int(np.sum(~self.carried))
+
+    @property
+    def bordered_sliders(self) -> int:
+        """Number of sliders among these."""
+        return int(np.sum(~self.carried[:self.n_sliders]))
 
     @cached_property
     def sleeve_pairs(self) -> Array:
@@ -273,6 +278,11 @@ class Model(HistoryLayout):
         moments = 3 if self.dim == 3 else 1
         return np.array([self.dim] * self.n_sliders + [link.forces(self.dim) for link in self.kept]
                         + [moments] * len(self.sleeve_pairs), np.int64)
+
+    @property
+    def first_force(self) -> Array:
+        """Of every constraint the number of its first force among those of all, int64 [C]."""
+        return np.cumsum(self.forces) - self.forces
 
     @cached_property
     def n_forces(self) -> int:

@@ -103,7 +103,7 @@ def describe(scene: Scene, model: Model) -> str:
     pattern = model.pattern
     if pattern.plan is not None:
         cost = pattern.plan.target.size / max(pattern.n, 1)
-        bordered = int(np.sum(~model.carried[:model.n_sliders]))
+        bordered = model.bordered_sliders
         form = f"a {'row' if model.by_rows else 'dense border'} of {run.border} unknowns" + " each" * (bordered > 1)
         sliders = f", {_plural(bordered, 'slider')} with {form}" if bordered else ""
         lines.append(f"  chain solver       block elimination of {pattern.n} rows, {cost:.1f} updates a row{sliders}, "

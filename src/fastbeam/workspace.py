@@ -34,7 +34,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     moved = q * (rates or bool(model.links) or any(
         x is not None for x in (model.sliders, model.ties, model.bodies, model.drag, model.added)))
     second = model.bodies is not None or model.moving is not None
-    border = model.border * (model.n_constraints if model.by_rows else model.n_bordered)
+    border = model.border * model.n_bordered
     # what only a dense border needs
     dense = 0 if model.by_rows else border
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
@@ -69,7 +69,7 @@ def check_border(model: Model) -> None:
     needed = 8 * (model.border_size + 4 * model.columns * len(model.dofs) * model.pattern.n)
     there = physical_memory()
     if needed > there:
-        of = f"{model.n_sliders} sliders and {len(model.kept)} joints with multipliers"
+        of = f"{model.bordered_sliders} sliders and {len(model.kept)} joints with multipliers"
         size = f"{needed / 1e9:.3g} GB where this computer has {there / 1e9:.3g} GB"
         raise SceneError(f"scene {model.scene_name!r}: {of} are a dense border of {model.columns - 1} columns over all nodes of "
                          f"a net, {size}. Let sliders be masses or bodies on beams that nothing else touches and compile with "
@@ -166,7 +166,7 @@ def factored_contact_of(model: Model, entries: int) -> FactoredContact:
                            share=aligned(n * entries * numbers).reshape(n, entries, numbers),
                            frame=aligned(n * FRAME).reshape(n, FRAME), residual=aligned(8 * n).reshape(n, 8),
                            element=np.zeros(n, np.int64), forces=model.forces, first=np.cumsum(model.unknowns) - model.unknowns,
-                           first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), softness=model.softness,
+                           first_force=model.first_force, compliance=np.zeros(n), softness=model.softness,
                            remaining=np.zeros(n), full=np.zeros(1, np.int64), augmented=np.zeros(4),
                            pair=np.zeros((0, 2), np.int64))
 
@@ -189,7 +189,7 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
                 entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
                 corner=corner, residual=np.zeros((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
-                first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), softness=model.softness,
+                first_force=model.first_force, compliance=np.zeros(n), softness=model.softness,
                 remaining=np.zeros(n),
                 full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=model.sleeve_pairs,
                 cross=np.zeros((len(model.sleeve_pairs), 2, 8)), before=np.zeros(n))

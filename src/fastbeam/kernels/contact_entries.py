@@ -34,7 +34,8 @@ class Contact(NamedTuple):
     residual: np.ndarray    # float64 [S, 8]
     element: np.ndarray     # int64 [S]: element of s_n, a hint
     forces: np.ndarray      # int64 [S]: number of forces, as many equations come first, gaps
-    first: np.ndarray       # int64 [S]: number of the first unknown among those of all constraints
+    first: np.ndarray       # int64 [S]: number of the first unknown among those of all constraints; -1 of those that are
+    #                         eliminated with their beams (carriers.py)
     first_force: np.ndarray  # int64 [S]: number of the first force
     compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
     softness: np.ndarray    # float64 [S]: share of augmented[0] that it has
