@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .eigen import Pencil, SingularError, grown, lowest
-from .kernels.step import has_converged, next_increment
+from .iteration import newton_loop
+from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.planar_follower import PlanarFollowers
 from .kernels.user_force import UserForces
 from .kernels.work import State
@@ -15,7 +16,8 @@ from .law_path import LawPath
 from .maps import with_values
 from .model import Model
 from .saddle import Saddle, factors_for
-from .static_sliders import Increment, SlidingSolver
+from .saddle_solver import Increment
+from .static_sliders import SlidingSolver
 from .static_strains import StrainPath
 
 Array = np.ndarray
@@ -225,22 +227,19 @@ class PathSolver(SlidingSolver):
 
         move(step * along.x, step * along.factor if to is None else to - self.factor)
         row, corner = (self.weight * along.x, along.factor) if to is None else (np.zeros_like(along.x), 1.0)
-        before = expected = np.inf
-        for k in range(self.max_iterations):
+
+        def increment() -> tuple[int, float | None]:
             saddle, right, loads = self.equations()
             x = self._bordered(saddle, loads, row, corner, right, 0.0)
             if x is None or self._size(x[:nodes]) > LONGEST:
-                return 0
+                return NOT_CONVERGED, None
             size = move(x[:-1], float(x[-1]))
-            state = self.stepper.core_state
-            if np.any((state.s < self.ends[:, 0]) | (state.s > self.ends[:, 1])) or not size < np.inf:
-                return 0
-            if has_converged(size, before, expected):
-                # further off than a path that turns by less than the steps allow: another one
-                return k + 1 if to is not None or self._strayed(along, step, first) <= max(STRAY * step, LEAST_STRAY) else 0
-            before, expected = size, next_increment(size, before)
-            self.interrupts.serve()
-        return 0
+            return (SLIDER_END if self.beyond_ends(self.stepper.core_state.s) else OK), size
+
+        status, sizes = newton_loop(increment, self.max_iterations, lambda: True, self.interrupted)
+        # further off than a path that turns by less than the steps allow: another one
+        strayed = to is None and self._strayed(along, step, first) > max(STRAY * step, LEAST_STRAY)
+        return 0 if status != OK or strayed else len(sizes)
 
     def _strayed(self, along: Direction, step: float, first: float) -> float:
         """How far from the end of a step along the direction its equilibrium lies, from the load factor `first` on."""

@@ -19,6 +19,7 @@ from .kernels.contact_entries import ContactInRows
 from .kernels.doubt import Doubt
 from .kernels.nodes import Held
 from .kernels.inner import NoInner
+from .kernels.layout import BLOCKS, LIST, NODES
 from .kernels.sleeve import NoTwist, Sleeves
 from .kernels.slider import NoSleeves, Sliders, Sliding
 from .kernels.terms import Equilibrium, NoTies, System
@@ -39,11 +40,11 @@ def local_elements(tables: ElementTables, first: int, count: int, row_of: Array,
     at = [m[3] + np.arange(8 * m[0]) for m in meta]
     nodes, seen = tables.nodes[np.concatenate(at)], tables.rows[np.concatenate(at)]
     rows = np.where(seen == row_of.size, idle, row_of[nodes])
-    width = meta[:, 0]
-    meta[:, 3] = 8 * (np.cumsum(width) - width)
-    meta[:, 4] = 8 * (np.cumsum(width**2) - width**2)
+    width = meta[:, NODES]
+    meta[:, LIST] = 8 * (np.cumsum(width) - width)
+    meta[:, BLOCKS] = 8 * (np.cumsum(width**2) - width**2)
     pairs = []
-    for begin, nn in zip(meta[:, 3].tolist(), width.tolist()):
+    for begin, nn in zip(meta[:, LIST].tolist(), width.tolist()):
         own = rows[begin:begin + 8 * nn].reshape(nn, 8)
         pairs.append(np.stack(np.broadcast_arrays(own[:, None], own[None]), axis=-1).reshape(-1, 2))
     return ElementTables(meta, tables.tab, nodes, rows, np.zeros(0, np.int64)), np.concatenate(pairs)

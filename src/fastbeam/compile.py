@@ -22,7 +22,7 @@ from .added import with_added
 from .arguments import Anything, Flag, Word, checked, shown
 from .bushings import BushingRows
 from .condensing import Condensed, condense as choose
-from .connections import POSITION, Connections
+from .connections import Connections
 from .dissipation import damped_of, with_drag
 from .errors import SceneError
 from .holding import Holding, trees
@@ -30,10 +30,11 @@ from .joint_motion import motions_of
 from .joint_trees import softness_of
 from .kernels.bushing import Bushings
 from .kernels.knots import Knots
+from .kernels.layout import POSITION
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
-from .kernels.ties import Ties
+from .kernels.ties import TARGET, Ties
 from .kernels.winch import Winches
 from .links import Links
 from .model import Model
@@ -277,7 +278,7 @@ def _ties(joints: Connections, blocks: Blocks) -> Ties | None:
     pair, row, column, a, b = blocks.moves.T
     moves = np.stack((blocks.base + pair, row, column, pattern.block(a, b)), axis=1)
     # by target: threads take ranges of targets
-    moves = moves[np.argsort(moves[:, 3], kind="stable")]
+    moves = moves[np.argsort(moves[:, TARGET], kind="stable")]
     return Ties(slaves, pattern.row_of[slaves], joints.start, joints.target, pattern.row_of[joints.target],
                 pattern.block(joints.target, joints.target), joints.kind, joints.offset.reshape(-1), joints.rotation.reshape(-1),
                 np.ascontiguousarray(moves))

@@ -23,13 +23,15 @@ from .kernels import substructures as beams
 from .kernels.beam import ElementTables
 from .kernels.beams import Beams
 from .kernels.inner import Inner, NoInner
+from .kernels.layout import LIST
 from .kernels.motions import motion
 from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.prescribed import MovedRows
 from .kernels.slider import Sliding
+from .kernels.substructures import ELEMENTS, NODES_EACH
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, assemble, predict_nodes
-from .kernels.ties import Ties
+from .kernels.ties import COLUMN_ENTRY, ROW_ENTRY, TARGET, Ties
 from .kernels.work import follow_increment, start_increment
 from .workspace import condensed_of, scratch_of
 
@@ -114,8 +116,8 @@ def _ties_of_solver(ties: Any, eliminated: Array) -> Any:
     """Ties but those of some nodes."""
     seen = ~np.isin(ties.slave, eliminated)
     moved = np.isin(ties.target, eliminated)
-    entry = np.maximum(ties.moves[:, 1:3], 0)
-    moves = ties.moves[~((ties.moves[:, 1:3] >= 0) & moved[entry]).any(axis=1)]
+    entry = np.maximum(ties.moves[:, [ROW_ENTRY, COLUMN_ENTRY]], 0)
+    moves = ties.moves[~((ties.moves[:, [ROW_ENTRY, COLUMN_ENTRY]] >= 0) & moved[entry]).any(axis=1)]
     return ties._replace(slave=ties.slave[seen], row=ties.row[seen], moves=np.ascontiguousarray(moves))
 
 
@@ -167,7 +169,7 @@ class CondensedIteration(Iteration):
             if tables is not None and n:
                 inner = NoInner() if owner.inner is None else owner.inner
                 rest.append(Beams(strains, tables._replace(meta=tables.meta[:n]), inner))
-            least = max(2, NODES_A_CHUNK * len(groups) // max(1, int(np.sum(groups[:, 1] * groups[:, 2]))))
+            least = max(2, NODES_A_CHUNK * len(groups) // max(1, int(np.sum(groups[:, ELEMENTS] * groups[:, NODES_EACH]))))
             self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), least, done, MOST_CHUNKS)]
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
@@ -190,10 +192,10 @@ class CondensedIteration(Iteration):
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
         for tables, groups in zip((model.simo, model.green), parts):
-            for number, nn in np.unique(groups[:, 1:3], axis=0).tolist():
-                first = groups[(groups[:, 1] == number) & (groups[:, 2] == nn), 0, None]
-                inside[tables.nodes[tables.meta[first, 3] + np.arange(8)] + 1] += 1
-                inside[tables.nodes[tables.meta[first + number - 1, 3] + 8 * (nn - 1) + np.arange(8)]] -= 1
+            for number, nn in np.unique(groups[:, [ELEMENTS, NODES_EACH]], axis=0).tolist():
+                first = groups[(groups[:, ELEMENTS] == number) & (groups[:, NODES_EACH] == nn), 0, None]
+                inside[tables.nodes[tables.meta[first, LIST] + np.arange(8)] + 1] += 1
+                inside[tables.nodes[tables.meta[first + number - 1, LIST] + 8 * (nn - 1) + np.arange(8)]] -= 1
         # all nodes but those between the ends of condensed beams
         self._others = np.flatnonzero(np.cumsum(inside)[:-1] == 0)
         self._some = chunks(self._others.size, 1024)
@@ -204,7 +206,7 @@ class CondensedIteration(Iteration):
         self._moves: list[Chunk] = []
         if self._ties is not None:
             # all contributions to one block belong to one chunk
-            target = self._ties.moves[:, 3]
+            target = self._ties.moves[:, TARGET]
             edges = [0, *(int(np.searchsorted(target, target[a])) for a, _ in chunks(target.size, 256)[1:]), target.size]
             self._moves = [(a, b) for a, b in zip(edges[:-1], edges[1:]) if b > a]
 

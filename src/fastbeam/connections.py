@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from .errors import SceneError
+from .kernels.layout import ARM, POSITION, TRIAD
 
 Array = np.ndarray
-POSITION, ARM, TRIAD = 0, 1, 2
 HOLD_POSITION, HOLD_TRIAD = 7, 56
 AXES = "xyz"
 # components of an axis of a plane below this are none

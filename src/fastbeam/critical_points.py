@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .arc_length import Direction, PathSolver, root
-from .static_sliders import Increment
+from .saddle_solver import Increment
 
 Array = np.ndarray
 # zeros so near to each other, as a share of the step, are those of one point; counts beside a point are taken so far from it

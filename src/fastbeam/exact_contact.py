@@ -24,7 +24,8 @@ from .reactions import StaticReactions
 from .scene import Sleeve
 from .static_along import RESERVE
 from .static_contact import ALONG_ONLY, Border, reduced
-from .static_sliders import ROUNDS, TO_END, Increment, SlidingSolver
+from .saddle_solver import Increment
+from .static_sliders import ROUNDS, TO_END, SlidingSolver
 
 Array = np.ndarray
 # Newton's method on the places ends with increments below this share of a beam; the next one would be its square

@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .connections import ARM, TRIAD, Connections, held_axes
+from .connections import Connections, held_axes
+from .kernels.layout import ARM, TRIAD
 from .errors import SceneError
 from .kernels.work import State
 from .multipliers import KeptLink

@@ -41,6 +41,48 @@ class Owner(Protocol):
         """Terms and system as compiled code takes them."""
 
 
+def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, is_settled: Callable[[], bool],
+                after: Callable[[list[float]], int], largest: float = np.inf) -> tuple[int, list[float]]:
+    """Newton's method where its loop runs in Python: as `kernels.step.newton`.
+
+    Parameters
+    ----------
+    increment : callable
+        Solves the linearised equations and adds what it finds. Returns a status and the size of the increment, None where none
+        was found; any status but OK ends the loop.
+    most : int
+        Iterations.
+    is_settled : callable
+        Asked where increments are at round-off: whether the equations have not changed with the last one.
+    after : callable
+        Of the sizes until now, after every iteration that does not end the loop; any status but OK ends it.
+    largest : float
+        An increment beyond this, or NaN, ends it.
+
+    Returns
+    -------
+    tuple
+        Status, and sizes of the increments.
+    """
+    sizes: list[float] = []
+    before = expected = np.inf
+    for _ in range(most):
+        status, size = increment()
+        if size is not None:
+            sizes.append(size)
+        if status != OK or size is None:
+            return status, sizes
+        if not size < largest:
+            return NOT_FINITE, sizes
+        if kernels.has_converged(size, before, expected) and is_settled():
+            return OK, sizes
+        status = after(sizes)
+        if status != OK:
+            return status, sizes
+        before, expected = size, kernels.next_increment(size, before)
+    return NOT_CONVERGED, sizes
+
+
 class Iteration:
     """Around SuperLU, on one thread."""
 
@@ -77,27 +119,24 @@ class Iteration:
         """
         owner = self.owner
         owner.linear.begin_step()
-        sizes: list[float] = []
-        before = expected = np.inf
-        for it in range(MORE_ITERATIONS * max_iterations):
-            if it == max_iterations and owner.work.increment.control[IN_DOUBT] == 0.0:
-                break
+
+        def increment() -> tuple[int, float | None]:
             self.assemble(h)
             if not self.solve():
                 finite = np.isfinite(owner.work.r).all() and np.isfinite(owner.work.dphi).all()
-                return (SINGULAR if finite else NOT_FINITE), sizes
+                return (SINGULAR if finite else NOT_FINITE), None
             size = self.update()
-            sizes.append(size)
-            if size < 0.0:
-                return BORDER_SINGULAR, sizes
-            if not size < largest:
-                return NOT_FINITE, sizes
-            if kernels.has_converged(size, before, expected) and kernels.all_settled(*owner.records):
-                return OK, sizes
+            return (BORDER_SINGULAR if size < 0.0 else OK), size
+
+        def after(sizes: list[float]) -> int:
             if stop():
-                return LEFT, sizes
-            before, expected = size, kernels.next_increment(size, before)
-        return NOT_CONVERGED, sizes
+                return LEFT
+            # more only where signs of friction go in circles
+            spent = len(sizes) == max_iterations and owner.work.increment.control[IN_DOUBT] == 0.0
+            return NOT_CONVERGED if spent else OK
+
+        return newton_loop(increment, MORE_ITERATIONS * max_iterations, lambda: bool(kernels.all_settled(*owner.records)), after,
+                           largest)
 
     def assemble(self, h: float) -> None:
         """Residual and tangent."""

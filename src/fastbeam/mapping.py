@@ -10,7 +10,8 @@ from numpy.polynomial import legendre
 
 from .errors import SceneError
 from .kernels.along import CAME_BY, HELD, HISTORY, OFF, OFFSET, STICKS, TURNS
-from .kernels.curves import Curves, Paths
+from .kernels.curves import FIRST_NODE, MOST_NODES, NODES_OF_CURVE, TERMS, Curves, Paths
+from .kernels.layout import ARM, POSITION, TRIAD
 
 if TYPE_CHECKING:
     from .kernels.work import State
@@ -35,7 +36,7 @@ def follow(model: Model, x: Array) -> Array:
         return out
     owner = np.repeat(np.arange(len(x)), np.diff(ties.start))
     out[ties.slave, 0] = 0.0
-    place, arm, triad = (np.flatnonzero(ties.kind == kind) for kind in range(3))
+    place, arm, triad = (np.flatnonzero(ties.kind == kind) for kind in (POSITION, ARM, TRIAD))
     # what a tied node takes from another is never tied itself
     np.add.at(out[:, 0], owner[place], x[ties.target[place], 0])
     np.add.at(out[:, 0], owner[arm], (ties.offset.reshape(-1, 1, 3)[arm] @ x[ties.target[arm], 1:])[:, 0])
@@ -46,7 +47,7 @@ def follow(model: Model, x: Array) -> Array:
 
 def nodes_of_curve(curves: Curves | Paths, c: int) -> Array:
     """Numbers [n] of the nodes of curve c, along it."""
-    first, n = int(curves.meta[c, 0]), int(curves.shape[c, 2])
+    first, n = int(curves.meta[c, FIRST_NODE]), int(curves.shape[c, NODES_OF_CURVE])
     return np.asarray(curves.node[first:first + n]) if isinstance(curves, Paths) else first + np.arange(n)
 
 
@@ -77,7 +78,7 @@ def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
     ends = curves.ends[o:o + n + 1]
     s = within_round(curves, c, s)
     e = int(np.clip(np.searchsorted(ends, s, side="right") - 1, 0, n - 1))
-    count, size = int(curves.count[p + e]), curves.shape[c, :2]
+    count, size = int(curves.count[p + e]), curves.shape[c, [MOST_NODES, TERMS]]
     coef = curves.coef[co + e * size[0] * size[1]:][:size[0] * size[1]].reshape(size)[:count].T
     scale = 2.0 / (ends[e + 1] - ends[e])
     xi = scale * (s - ends[e]) - 1.0
@@ -195,16 +196,16 @@ def _carry_along(model: Model, own: list[Array], known: Array) -> None:
         return
     for k in ties.slave[known[ties.slave]]:
         entries = range(int(ties.start[k]), int(ties.start[k + 1]))
-        place = [e for e in entries if ties.kind[e] == 0]
+        place = [e for e in entries if ties.kind[e] == POSITION]
         new = {int(ties.target[e]) for e in entries} - {int(k)}
         if len(place) != 1 or any(known[i] for i in new):
             continue
         root = int(ties.target[place[0]])
-        turn = [e for e in entries if ties.kind[e] == 2 and int(ties.target[e]) == root]
+        turn = [e for e in entries if ties.kind[e] == TRIAD and int(ties.target[e]) == root]
         for x in own:
             if turn:
                 x[root, 1:] = ties.rotation.reshape(-1, 3, 3)[turn[0]].T @ x[k, 1:]
-            arms = [ties.offset.reshape(-1, 3)[e] @ x[int(ties.target[e]), 1:] for e in entries if ties.kind[e] == 1]
+            arms = [ties.offset.reshape(-1, 3)[e] @ x[int(ties.target[e]), 1:] for e in entries if ties.kind[e] == ARM]
             x[root, 0] = x[k, 0] - sum(arms, np.zeros(3))
         known[root] = True
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .kernels import curves as kernels
+from .kernels.curves import ELEMENTS, FIRSTS, NODES_OF_CURVE
 from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
 from .kernels.planar_nodes import PlanarBodies
@@ -150,9 +151,9 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
         assert curves is not None and sliders is not None
         c, point = int(sliders.curve[k]), int(sliders.point[k])
         s = within_round(curves, c, float(state.s[k]))
-        e = int(kernels.find_element(curves, c, s, 0)) % int(curves.meta[c, 1])
-        p = int(curves.meta[c, 3]) + e
-        local = (int(curves.first[p]) + np.arange(int(curves.count[p]))) % int(curves.shape[c, 2])
+        e = int(kernels.find_element(curves, c, s, 0)) % int(curves.meta[c, ELEMENTS])
+        p = int(curves.meta[c, FIRSTS]) + e
+        local = (int(curves.first[p]) + np.arange(int(curves.count[p]))) % int(curves.shape[c, NODES_OF_CURVE])
         contact.basis[:3, local] = 0.0
         for slot, factor in ((0, 1.0), (1, 0.0)):
             kernels.add_basis(curves, c, e, s, slot, factor, 1.0, contact.legendre, contact.basis, slot)

@@ -25,7 +25,7 @@ from .kernels.nodes import Bodies, Held
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.sleeve import Sleeves
 from .kernels.slider import END_SLACK, Sliders
-from .kernels.substructures import Substructures
+from .kernels.substructures import ELEMENTS, Substructures
 from .kernels.ties import Ties
 from .kernels.work import State
 from .mapping import state_for
@@ -454,7 +454,7 @@ class Model(HistoryLayout):
     @property
     def condensed_elements(self) -> int:
         """Elements in condensed beams."""
-        return 0 if self.substructures is None else 8 * int(self.substructures.group[:, 1].sum())
+        return 0 if self.substructures is None else 8 * int(self.substructures.group[:, ELEMENTS].sum())
 
     def groups_of_beams(self) -> tuple[Array, Array]:
         """Rows of `substructures.group` of the condensed beams with strain set (2.2), and of those with (2.1)."""
@@ -467,7 +467,7 @@ class Model(HistoryLayout):
         carried = 0
         if self.carriers is not None:
             carried = int(self.carriers.tables[self.carriers.tables[:, 1] == (tables is self.green), 3].sum())
-        return len(tables.meta) - int(groups[:, 1].sum()) - carried
+        return len(tables.meta) - int(groups[:, ELEMENTS].sum()) - carried
 
     @property
     def by_rows(self) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from .condensing import Condensed
 from .connections import Connections
 from .errors import SceneError
+from .kernels.layout import FACTORS, NODES
 from .numbered import Numbered
 from .pattern import Pattern, ascending, build_pattern, widen
 from .tables import ElementPacker
@@ -57,7 +58,8 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     pairs = np.concatenate([np.zeros(0, np.int64), *(p.pairs(joints.row_root) for p in used),
                             (root[:, [0, 0, 1, 1]] * n + root[:, [0, 1, 0, 1]]).reshape(-1),
                             links.pairs])
-    band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta, _ in p.lanes()] + [len(ends) > 0])
+    width = [np.where(meta[:, FACTORS] >= 0, 1, meta[:, NODES] - 1).max() for p in used for meta, _ in p.lanes()]
+    band = max([*(int(x) for x in width), len(ends) > 0])
     level = _levels(n, used)
     if carriers is not None:
         level[carriers.eliminated_nodes] = 2
@@ -106,7 +108,7 @@ def _levels(n: int, packers: list[ElementPacker]) -> Array:
     level = np.zeros(n, np.int8)
     for packer in packers:
         for meta, live in packer.lanes():
-            gone = live[meta[:, 6] >= 0, 1:-1]
+            gone = live[meta[:, FACTORS] >= 0, 1:-1]
             level[gone[gone >= 0]] = 1
         for _, live in packer.condensed():
             level[live] = 2

@@ -391,9 +391,9 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | N
         size = 0
         for meta in (t.meta for t in tables if t is not None):
             doubles = np.zeros(len(meta), np.int64)
-            for nn in np.unique(meta[:, 0]).tolist():
-                doubles[(meta[:, 0] == nn) & (meta[:, 6] >= 0)] = store_size(nn, False, 3)
-            meta[:, 6] = np.where(meta[:, 6] >= 0, size + np.cumsum(doubles) - doubles, -1)
+            for nn in np.unique(meta[:, NODES]).tolist():
+                doubles[(meta[:, NODES] == nn) & (meta[:, FACTORS] >= 0)] = store_size(nn, False, 3)
+            meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, size + np.cumsum(doubles) - doubles, -1)
             size += int(doubles.sum())
         return inner._replace(store=np.zeros(size))
     where = inner.where.copy()

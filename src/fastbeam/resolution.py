@@ -17,6 +17,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from .kernels.layout import CONSTANTS, LIST, NODES
 from .kernels.observe import strain_energy
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .model import Model
@@ -217,12 +218,12 @@ def _elements(model: Model, tables: Any) -> Any:
     """_Elements of the tables of one strain set, for every number of nodes."""
     meta = tables.meta
     lanes = np.arange(8)
-    for nn in np.unique(meta[:, 0]).tolist():
-        groups = np.flatnonzero(meta[:, 0] == nn)
-        at = meta[groups, 3][:, None, None] + 8 * np.arange(nn)[:, None] + lanes
+    for nn in np.unique(meta[:, NODES]).tolist():
+        groups = np.flatnonzero(meta[:, NODES] == nn)
+        at = meta[groups, LIST][:, None, None] + 8 * np.arange(nn)[:, None] + lanes
         nodes = tables.nodes[at].transpose(0, 2, 1).reshape(-1, nn)
         used = (tables.rows[at[:, 0]] != model.n_nodes).reshape(-1)
-        C = meta[groups, 2][:, None] + lanes
+        C = meta[groups, CONSTANTS][:, None] + lanes
         EI = np.minimum(tables.tab[C + 48 * 4 + 8 * 4], tables.tab[C + 48 * 5 + 8 * 5]).reshape(-1)
         where = (8 * groups[:, None] + lanes).reshape(-1)
         order = np.flatnonzero(used)

@@ -13,7 +13,8 @@ from .model import Model
 from .maps import velocity_map
 from .saddle import REGULAR, Factors, Saddle, least_singular_value
 from .starting import turned
-from .static_sliders import Increment, SlidingSolver
+from .saddle_solver import Increment
+from .static_sliders import SlidingSolver
 
 Array = np.ndarray
 

@@ -9,6 +9,8 @@ import numpy as np
 from .arguments import shown
 from .connections import held_axes
 from .errors import SceneError
+from .kernels.layout import LIST
+from .kernels.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
 from .mapping import curve_at
 from .model import Model
 from .scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
@@ -52,9 +54,9 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> bool:
     if model.substructures is not None:
         # a node of a condensed beam hangs on the start of the beam
         for tables, groups in zip((model.simo, model.green), model.groups_of_beams()):
-            for count, nn in np.unique(groups[:, 1:3], axis=0).tolist():
-                first = groups[(groups[:, 1] == count) & (groups[:, 2] == nn), 0]
-                at = tables.meta[first[:, None] + np.arange(count), 3]
+            for count, nn in np.unique(groups[:, [ELEMENTS, NODES_EACH]], axis=0).tolist():
+                first = groups[(groups[:, 1] == count) & (groups[:, 2] == nn), FIRST_GROUP]
+                at = tables.meta[first[:, None] + np.arange(count), LIST]
                 own = tables.rows[at[:, :, None, None] + np.arange(8 * nn).reshape(nn, 8)]
                 rows.append(own.reshape(-1))
                 columns.append(np.broadcast_to(own[:, :1, :1], own.shape).reshape(-1))

@@ -10,9 +10,9 @@ import numpy as np
 from .basis import build_basis
 from .kernels.beam import ElementTables
 from .kernels.inner import Inner, NoColumns, store_size
-from .kernels.curves import Curves, Paths
+from .kernels.curves import FIRST_NODE, Curves, Paths
 from .kernels.kinds import SPACE
-from .kernels.layout import CONSTANTS, REFERENCE, layout_of
+from .kernels.layout import CONSTANTS, FACTORS, REFERENCE, layout_of
 from .kernels.substructures import Substructures, place_stores
 from .kernels.work import aligned
 from .scene import Beam, Net
@@ -319,7 +319,7 @@ class ElementPacker:
                 continue
             chosen = np.flatnonzero(eligible[live[:, 1:-1]].all(axis=(1, 2)))
             doubles = store_size(nn, columns)
-            meta[chosen, 6] = offset + doubles * np.arange(chosen.size)
+            meta[chosen, FACTORS] = offset + doubles * np.arange(chosen.size)
             offset += doubles * chosen.size
         return offset
 
@@ -331,7 +331,7 @@ class ElementPacker:
         out = []
         for meta, live in self.lanes():
             live = root[live]
-            live[meta[:, 6] >= 0, 1:-1] = -1
+            live[meta[:, FACTORS] >= 0, 1:-1] = -1
             a, b = live[:, :, None, :], live[:, None, :, :]
             out.append(np.where((a < 0) | (b < 0), -1, a * n + b).reshape(-1))
         return np.concatenate([np.zeros(0, np.int64), *out])
@@ -374,9 +374,9 @@ def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: 
     for packer in packers:
         for meta, live in packer.lanes():
             nn = live.shape[1]
-            group, lane = np.nonzero((meta[:, 6] >= 0)[:, None] & (live[:, 0] >= 0))
+            group, lane = np.nonzero((meta[:, FACTORS] >= 0)[:, None] & (live[:, 0] >= 0))
             e = np.arange(group.size)
-            where.append(np.stack((meta[group, 6] + lane, np.full(group.size, nn - 2), n_listed + nn * e), axis=1))
+            where.append(np.stack((meta[group, FACTORS] + lane, np.full(group.size, nn - 2), n_listed + nn * e), axis=1))
             listed = row_of[live[group, :, lane]]
             if group.size:
                 element[listed[:, 1:-1] - n_end] = (n_places + e)[:, None]
@@ -459,6 +459,6 @@ def pack_paths(tracks: list[Any]) -> Paths:
     """The same where some are paths."""
     curves = pack_curves(tracks)
     sizes = [track.nodes.size for track in tracks]
-    curves.meta[:, 0] = np.cumsum(sizes) - sizes
+    curves.meta[:, FIRST_NODE] = np.cumsum(sizes) - sizes
     return Paths(*curves, np.concatenate([track.nodes for track in tracks]).astype(np.int64),
                  np.array([track.period for track in tracks]))

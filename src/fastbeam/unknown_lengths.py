@@ -10,7 +10,8 @@ import numpy as np
 
 from .arc_length import LEAST_STRAY, STRAY
 from .errors import SceneError
-from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, has_converged, next_increment
+from .iteration import newton_loop
+from .kernels.step import NOT_CONVERGED, OK
 from .kernels.work import State
 from .model import Model
 from .point_rows import place_of
@@ -20,7 +21,7 @@ from .response import Response, Solver
 from .saddle import Saddle, factors_for
 from .scene import Beam
 from .scene.checks import Place
-from .static_sliders import Increment
+from .saddle_solver import Increment
 from .static_strains import LEAST, MOST, StrainPath
 from .tables import elements_of
 
@@ -289,43 +290,37 @@ class LengthSolver(Response):
 
     def _find(self) -> tuple[int, list[float]]:
         """Newton's method for the conditions of the present share of their way."""
-        sizes: list[float] = []
-        before = expected = np.inf
         self.runaway = self.stuck = -1
         state, n = self.stepper.core_state, self.nodes + self.sliding.size
-        first = gone = np.zeros(self.unknowns + self.change.size)
         wanted = self.begun + self.share * (self.asked - self.begun) if self.share < 1.0 else self.asked
-        for _ in range(self.max_iterations):
+        ways: list[Array] = []
+
+        def increment() -> tuple[int, float | None]:
             x = self._solved(wanted - self.values())
             if x is None:
-                return (SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE), sizes
-            change, s = self.change + x[self.unknowns:], state.s + x[self.nodes:n]
+                return self.no_increment, None
+            change = self.change + x[self.unknowns:]
             prestrains = self.tables.first + change
             if self._size(x[:self.nodes]) > LONGEST or np.any((prestrains < LEAST) | (prestrains > MOST)):
-                return NOT_CONVERGED, sizes
-            if np.any((s < self.ends[:, 0]) | (s > self.ends[:, 1])):
-                return NOT_CONVERGED, sizes
-            if not sizes:
-                first = x.copy()
-            gone = gone + x
+                return NOT_CONVERGED, None
+            if self.beyond_ends(state.s + x[self.nodes:n]):
+                return NOT_CONVERGED, None
+            ways.append(x)
             self.change = change
             self._put(change)
             moved = self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns]))
-            sizes.append(moved + float(np.max(np.abs(x[self.unknowns:]))))
-            if not sizes[-1] < np.inf:
-                return NOT_FINITE, sizes
-            if has_converged(sizes[-1], before, expected):
-                # further off than conditions that are nearly linear lead: another equilibrium
-                is_near = self._extent(gone - first) <= max(STRAY * self._extent(first), LEAST_STRAY)
-                if is_near:
-                    return OK, sizes
-                if not self.may_leap or Resolution(self.tables.model).is_folded(self.state.q):
-                    return NOT_CONVERGED, sizes
-                self.leaps.append((self.share, self._extent(gone)))
-                return OK, sizes
-            before, expected = sizes[-1], next_increment(sizes[-1], before)
-            self.interrupts.serve()
-        return NOT_CONVERGED, sizes
+            return OK, moved + float(np.max(np.abs(x[self.unknowns:])))
+
+        status, sizes = newton_loop(increment, self.max_iterations, lambda: True, self.interrupted)
+        if status != OK:
+            return status, sizes
+        # further off than conditions that are nearly linear lead: another equilibrium
+        gone = np.sum(ways, axis=0)
+        if self._extent(gone - ways[0]) > max(STRAY * self._extent(ways[0]), LEAST_STRAY):
+            if not self.may_leap or Resolution(self.tables.model).is_folded(self.state.q):
+                return NOT_CONVERGED, sizes
+            self.leaps.append((self.share, self._extent(gone)))
+        return OK, sizes
 
     def _extent(self, x: Array) -> float:
         """The largest motion, in sizes of the scene and rad, and change of a prestrain among all unknowns [n + m]."""

@@ -11,6 +11,7 @@ from .errors import SceneError
 from .kernels.constraints import Constraints
 from .kernels.contact_entries import Contact, ContactInRows, ContactOfCarriers
 from .kernels.factored_entries import FRAME, FactoredContact
+from .kernels.curves import NODES_OF_CURVE
 from .kernels.inner import Inner
 from .kernels.layout import NODES, POINTS, layout_of
 from .kernels.moving_beam import MovingBeam, Scratch
@@ -104,7 +105,7 @@ def entries_of(model: Model, bounded: bool = True) -> int:
     if model.curves is None:
         return 2 * _widest_tie(model) if model.by_rows and bounded else ends
     # of a sleeve the spin of its holder, too
-    most = int(model.curves.shape[:, 2].max()) + (model.sleeves is not None)
+    most = int(model.curves.shape[:, NODES_OF_CURVE].max()) + (model.sleeves is not None)
     if model.by_rows and bounded:
         most = min(most, int(model.curves.count.max()))
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))

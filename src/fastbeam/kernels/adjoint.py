@@ -19,6 +19,7 @@ from .adjoint_border import add_transposed, begin_border, drop_held, end_border,
 from .adjoint_sliders import add_slides, add_start, add_turning, put_branch, put_start
 from .algebra import add2, add3, cross, cross2, ld2, ld3, perp, st2, st3
 from .kinds import Plane, Space, coordinates, dim
+from .layout import ARM, POSITION
 from .planar_nodes import PlanarTies, turned
 from .section_sums import add_sections
 from .step import assemble_step, put_loads
@@ -181,9 +182,9 @@ def follow_in_plane(ties, rates_out):
         x = 0.0 * ld2(rates_out, 4 * i, 1)
         for e in range(ties.start[i], ties.start[i + 1]):
             t = 4 * ties.target[e]
-            if ties.kind[e] == 0:
+            if ties.kind[e] == POSITION:
                 x += ld2(rates_out, t, 1)
-            elif ties.kind[e] == 1:
+            elif ties.kind[e] == ARM:
                 x += turned(ties, e, ld2(rates_out, t + 2, 1))
             elif ties.target[e] != i:
                 st2(rates_out, 4 * i + 2, 1, turned(ties, e, ld2(rates_out, t + 2, 1)))
@@ -199,9 +200,9 @@ def pull_in_space(ties, y):
         st3(y, 12 * i, 1, 0.0 * f)
         for e in range(ties.start[i], ties.start[i + 1]):
             t = 12 * ties.target[e]
-            if ties.kind[e] == 0:
+            if ties.kind[e] == POSITION:
                 add3(y, t, 1, f)
-            elif ties.kind[e] == 1:
+            elif ties.kind[e] == ARM:
                 for b in range(3):
                     add3(y, t + 3 + 3 * b, 1, ties.offset[3 * e + b] * f)
             elif ties.target[e] != i:
@@ -223,9 +224,9 @@ def pull_in_plane(ties, y):
             t = 4 * ties.target[e]
             a = ties.factor[2 * e]
             b = ties.factor[2 * e + 1]
-            if ties.kind[e] == 0:
+            if ties.kind[e] == POSITION:
                 add2(y, t, 1, f)
-            elif ties.kind[e] == 1:
+            elif ties.kind[e] == ARM:
                 add2(y, t + 2, 1, a * f - b * perp(f))
             elif ties.target[e] != i:
                 m = ld2(y, 4 * i + 2, 1)

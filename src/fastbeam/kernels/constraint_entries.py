@@ -21,6 +21,7 @@ from .contact_entries import (Contact, add_column, add_column_times, add_line, a
 from .factored_entries import FactoredContact
 from .kinds import dim
 from .lanes import gather_lanes, put_rows
+from .layout import ARM, FACTORS, LIST, NODES, POSITION, TRIAD
 from .planar_nodes import PlanarTies, planar_arm
 from .terms import NoTies
 from .ties import Ties, tie_arm
@@ -192,11 +193,11 @@ def pass_on_in_space(ties, e, q_mid, q_end, buffer, column, line, m, store, to_c
         f = ld3(buffer, column + a, 8)
         g = ld3(buffer, line + a, 8)
         o = 0
-        if ties.kind[e] == 1:
+        if ties.kind[e] == ARM:
             f = cross(tie_arm(ties, e, q_mid), f)
             g = cross(tie_arm(ties, e, q_end), g)
             o = 3
-        elif ties.kind[e] == 2:
+        elif ties.kind[e] == TRIAD:
             f = ld3(buffer, column + 24 + a, 8)
             g = ld3(buffer, line + 24 + a, 8)
             o = 3
@@ -210,10 +211,10 @@ def pass_on_in_plane(ties, e, q_mid, q_end, buffer, column, line, m, store, to_c
     for a in range(m):
         f = ld2(buffer, column + a, 8)
         g = ld2(buffer, line + a, 8)
-        if ties.kind[e] == 0:
+        if ties.kind[e] == POSITION:
             st2(store, to_column + a, 8, ld2(store, to_column + a, 8) + f)
             st2(store, to_line + 8 * a, 1, ld2(store, to_line + 8 * a, 1) + g)
-        elif ties.kind[e] == 1:
+        elif ties.kind[e] == ARM:
             store[to_column + 16 + a] += cross2(planar_arm(ties, e, q_mid), f)
             store[to_line + 8 * a + 2] += cross2(planar_arm(ties, e, q_end), g)
         else:
@@ -363,12 +364,12 @@ def recover_inner_rows(tables, inner, x_out, scratch, dofs):
     n = len(dofs)
     block = 8 * n * n
     for k in range(tables.meta.shape[0]):
-        if tables.meta[k, 6] >= 0:
-            nn = tables.meta[k, 0]
-            no = tables.meta[k, 3]
+        if tables.meta[k, FACTORS] >= 0:
+            nn = tables.meta[k, NODES]
+            no = tables.meta[k, LIST]
             gather_lanes(x_out, tables.rows, no, 8, scratch, 0, dofs)
             gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), dofs)
-            end = tables.meta[k, 6]
+            end = tables.meta[k, FACTORS]
             for i in range(1, nn - 1):
                 end += block * (1 + 2 * (nn - i))
             for i in range(nn - 2, 0, -1):

@@ -17,6 +17,7 @@ from .._generic import generic
 from .._jit import inlined, kernel
 from .algebra import vld, vst
 from .kinds import cross_product, dim, put, put_cross_matrix
+from .layout import ARM, POSITION
 from .terms import NoTies
 
 
@@ -165,9 +166,9 @@ def put_tied_translation(ties, contact, k, node, row, work, weights, f, slide, d
     """`put_translation` where there are tied nodes."""
     if ties.start[node + 1] > ties.start[node]:
         for t in range(ties.start[node], ties.start[node + 1]):
-            if ties.kind[t] == 0:
+            if ties.kind[t] == POSITION:
                 put_position.call(contact, k, ties.target_row[t], weights, f, slide, dofs)
-            elif ties.kind[t] == 1:
+            elif ties.kind[t] == ARM:
                 put_arm.call(contact, k, ties.target_row[t], tied_arm.call(ties, t, work.q_mid),
                              tied_arm.call(ties, t, work.q_end), weights, f, slide, dofs)
         return -1

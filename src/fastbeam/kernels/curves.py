@@ -18,6 +18,12 @@ from .._jit import inlined, kernel, one_variant
 from .kinds import position, zero_vector
 
 
+# columns of `meta`
+FIRST_NODE, ELEMENTS, ENDS, FIRSTS, COEFFICIENTS = range(5)
+# columns of `shape`
+MOST_NODES, TERMS, NODES_OF_CURVE = range(3)
+
+
 class Curves(NamedTuple):
     """Piecewise polynomial curves of all beams that carry a slider."""
 
@@ -100,13 +106,13 @@ def add_mean_slopes(curves, c, s0, s1, e0, e1, table, basis_out):
 @nodes_of.register(Curves)
 @kernel
 def nodes_of_beam(curves, c):
-    return NodesOfBeam(curves.meta[c, 0])
+    return NodesOfBeam(curves.meta[c, FIRST_NODE])
 
 
 @nodes_of.register(Paths)
 @kernel
 def nodes_of_path(curves, c):
-    return NodesOfPath(curves.node, curves.meta[c, 0], curves.shape[c, 2])
+    return NodesOfPath(curves.node, curves.meta[c, FIRST_NODE], curves.shape[c, NODES_OF_CURVE])
 
 
 @slot.register(NodesOfBeam)
@@ -136,8 +142,8 @@ def node_of_path(nodes, a):
 @find_element.register(Curves)
 @kernel
 def find_in_table(curves, c, s, hint):
-    n = curves.meta[c, 1]
-    o = curves.meta[c, 2]
+    n = curves.meta[c, ELEMENTS]
+    o = curves.meta[c, ENDS]
     e = min(max(hint, 0), n - 1)
     while e > 0 and s < curves.ends[o + e]:
         e -= 1
@@ -156,20 +162,20 @@ def find_on_path(curves, c, s, hint):
     # of a Newton iteration that diverges
     if not abs(rounds) < 1e9:
         return hint
-    n = curves.meta[c, 1]
+    n = curves.meta[c, ELEMENTS]
     return n * int(rounds) + find_in_table(curves, c, s - rounds * period, hint % n)
 
 
 @inlined
 def begin_of_round(curves, c, e):
     """Arc length at which the round of element e of a path begins."""
-    return curves.period[c] * (e // curves.meta[c, 1])
+    return curves.period[c] * (e // curves.meta[c, ELEMENTS])
 
 
 @nodes_under.register(Curves)
 @kernel
 def nodes_under_on_beam(curves, c, e0, e1):
-    p = curves.meta[c, 3]
+    p = curves.meta[c, FIRSTS]
     last = p + max(e0, e1)
     return curves.first[p + min(e0, e1)], curves.first[last] + curves.count[last]
 
@@ -177,11 +183,11 @@ def nodes_under_on_beam(curves, c, e0, e1):
 @nodes_under.register(Paths)
 @kernel
 def nodes_under_on_path(curves, c, e0, e1):
-    n = curves.meta[c, 1]
-    p = curves.meta[c, 3]
+    n = curves.meta[c, ELEMENTS]
+    p = curves.meta[c, FIRSTS]
     low = min(e0, e1)
     high = max(e0, e1)
-    nodes = curves.shape[c, 2]
+    nodes = curves.shape[c, NODES_OF_CURVE]
     lo = curves.first[p + low % n] + nodes * (low // n)
     hi = curves.first[p + high % n] + curves.count[p + high % n] + nodes * (high // n)
     # once around, each node counts once
@@ -208,14 +214,14 @@ def legendre(xi, n, table_out):
 @one_variant
 def add_from_table(curves, c, e, s, derivative, factor, next_factor, table, basis_out, position):
     nodes = nodes_of.call(curves, c)
-    o = curves.meta[c, 2] + e
+    o = curves.meta[c, ENDS] + e
     scale = 2.0 / (curves.ends[o + 1] - curves.ends[o])
-    n = curves.shape[c, 1]
+    n = curves.shape[c, TERMS]
     legendre(scale * (s - curves.ends[o]) - 1.0, n, table)
     f = factor if derivative == 0 else factor * scale
     g = next_factor * scale if derivative == 0 else next_factor * scale * scale
-    p = curves.meta[c, 3] + e
-    co = curves.meta[c, 4] + e * curves.shape[c, 0] * n
+    p = curves.meta[c, FIRSTS] + e
+    co = curves.meta[c, COEFFICIENTS] + e * curves.shape[c, MOST_NODES] * n
     for a in range(curves.count[p]):
         x = 0.0
         y = 0.0
@@ -230,8 +236,8 @@ def add_from_table(curves, c, e, s, derivative, factor, next_factor, table, basi
 @add_basis.register(Paths)
 @one_variant
 def add_on_path(curves, c, e, s, derivative, factor, next_factor, table, basis_out, position):
-    add_from_table(curves, c, e % curves.meta[c, 1], s - begin_of_round(curves, c, e), derivative, factor, next_factor, table,
-                   basis_out, position)
+    add_from_table(curves, c, e % curves.meta[c, ELEMENTS], s - begin_of_round(curves, c, e), derivative, factor, next_factor,
+                   table, basis_out, position)
 
 
 @kernel
@@ -263,7 +269,7 @@ def step_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
 @inlined
 def least_span(curves, c, e):
     """Length of element e, of whatever round."""
-    o = curves.meta[c, 2] + e % curves.meta[c, 1]
+    o = curves.meta[c, ENDS] + e % curves.meta[c, ELEMENTS]
     return curves.ends[o + 1] - curves.ends[o]
 
 
@@ -272,7 +278,7 @@ def least_span(curves, c, e):
 def add_mean_slopes_on_beam(curves, c, s0, s1, e0, e1, table, basis_out):
     a_ = min(s0, s1)
     b_ = max(s0, s1)
-    o = curves.meta[c, 2]
+    o = curves.meta[c, ENDS]
     for e in range(min(e0, e1), max(e0, e1) + 1):
         x0 = a_ if e == min(e0, e1) else curves.ends[o + e]
         x1 = b_ if e == max(e0, e1) else curves.ends[o + e + 1]
@@ -286,8 +292,8 @@ def add_mean_slopes_on_beam(curves, c, s0, s1, e0, e1, table, basis_out):
 @kernel
 def add_mean_slopes_on_path(curves, c, s0, s1, e0, e1, table, basis_out):
     # whole rounds change no shape function: their integrals are left out
-    n = curves.meta[c, 1]
-    o = curves.meta[c, 2]
+    n = curves.meta[c, ELEMENTS]
+    o = curves.meta[c, ENDS]
     low = min(e0, e1)
     inside = max(e0, e1) - low - 1
     first = low % n

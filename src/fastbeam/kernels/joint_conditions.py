@@ -24,6 +24,7 @@ from .kinds import Plane, Space, add_cross, add_to, add_turn, cross_product, dim
 from .planar_nodes import PlanarTies
 from .sleeve import SETTLED, add_double_cross
 from .contact_entries import entry_of, tied_arm
+from .layout import ARM, POSITION
 from .terms import Conserving, Midpoint, NoTies, assemble, first_guess, is_settled, take_unknowns
 from .ties import Ties
 
@@ -101,9 +102,9 @@ def put_on_tied_end(ties, joints, system, k, p, j, side, column, line):
     if ties.start[node + 1] == ties.start[node]:
         put_place(contact, k, p, joints.row[j, side], column, line, dofs)
     for t in range(ties.start[node], ties.start[node + 1]):
-        if ties.kind[t] == 0:
+        if ties.kind[t] == POSITION:
             put_place(contact, k, p, ties.target_row[t], column, line, dofs)
-        elif ties.kind[t] == 1:
+        elif ties.kind[t] == ARM:
             put_spin(contact, k, p, ties.target_row[t], cross_product.call(tied_arm.call(ties, t, work.q_mid), column),
                      cross_product.call(tied_arm.call(ties, t, work.q_end), line), dofs)
 

@@ -15,6 +15,7 @@ from .._jit import inlined, kernel
 from .algebra import V2, V3, f8
 from .contact_entries import new_entry, tied_arm
 from .kinds import cross_product, dim, put, put_cross_matrix
+from .layout import ARM, POSITION
 from .planar_nodes import PlanarTies
 from .terms import NoTies
 from .ties import Ties
@@ -94,9 +95,9 @@ def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, dofs
     if ties.start[node + 1] == ties.start[node]:
         put_columns.call(column, line, contact, k, row, dofs)
     for t in range(ties.start[node], ties.start[node + 1]):
-        if ties.kind[t] == 0:
+        if ties.kind[t] == POSITION:
             put_columns.call(column, line, contact, k, ties.target_row[t], dofs)
-        elif ties.kind[t] == 1:
+        elif ties.kind[t] == ARM:
             put_arm_columns.call(column, line, contact, k, ties.target_row[t], tied_arm.call(ties, t, q_mid),
                                  tied_arm.call(ties, t, q_end), dofs)
 

@@ -17,6 +17,9 @@ from .._jit import inlined
 # columns of `ElementTables.meta`
 NODES, POINTS, CONSTANTS, LIST, BLOCKS, COUPLED, FACTORS, REFERENCE = range(8)
 
+# kinds of entries of `Ties`: position of the target, an offset in its triad, its triad turned
+POSITION, ARM, TRIAD = range(3)
+
 # in the tables of damped sections D stands ahead of C, from which offsets count: 6 x 6, in a plane 3 x 3
 VISCOSITY, VISCOSITY_IN_PLANE = -36 * 8, -9 * 8
 

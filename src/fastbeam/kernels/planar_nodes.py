@@ -17,6 +17,8 @@ from .cayley import planar_turn
 from .kinds import Plane
 from .nodes import NO_VELOCITIES, NoVelocities, is_zero, predict_from
 from .contact_entries import tied_arm
+from .layout import ARM, POSITION, TRIAD
+from .ties import COLUMN_ENTRY, ROW_ENTRY, SOURCE, TARGET
 from .terms import (Conserving, Equilibrium, advance_nodes, apply_ties, assemble, move_nodes, predict_nodes, pull_tied_columns,
                     push_tied_columns, spread_nodes, tie_increments)
 
@@ -40,8 +42,8 @@ class PlanarTies(NamedTuple):
     target: np.ndarray     # int64 [M]: node
     target_row: np.ndarray  # int64 [M]
     diagonal: np.ndarray   # int64 [M]: diagonal block of the target
-    kind: np.ndarray       # int64 [M]
-    factor: np.ndarray     # float64 [2 M]: offset (kind 1) or rotation (kind 2)
+    kind: np.ndarray       # int64 [M]: POSITION, ARM or TRIAD
+    factor: np.ndarray     # float64 [2 M]: offset of an ARM or rotation of a TRIAD
     moves: np.ndarray      # int64 [P, 4]: block, entry of its row or -1, entry of its column or -1, block it adds to (ascending)
 
 
@@ -150,7 +152,7 @@ def turned(ties, e, u):
 @tied_arm.register(PlanarTies)
 @kernel
 def planar_arm(ties, e, q):
-    """Offset of an entry of kind 1."""
+    """Offset of an ARM."""
     return turned(ties, e, ld2(q, 4 * ties.target[e] + 2, 1))
 
 
@@ -162,9 +164,9 @@ def tie_increments_in_plane(ties, q, theta, dphi, off_out):
         x = zero2()
         for e in range(ties.start[i], ties.start[i + 1]):
             t = ties.target[e]
-            if ties.kind[e] == 2:
+            if ties.kind[e] == TRIAD:
                 theta[i] = theta[t]
-            elif ties.kind[e] == 0:
+            elif ties.kind[e] == POSITION:
                 x += ld2(dphi, 2 * t, 1)
             else:
                 x += turned(ties, e, planar_turn(theta[t], ld2(q, 4 * t + 2, 1)))
@@ -184,20 +186,20 @@ def apply_ties_in_plane(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
             r[o + c] = 0.0
         for e in range(ties.start[i], ties.start[i + 1]):
             t = 8 * ties.target_row[e]
-            if ties.kind[e] == 0:
+            if ties.kind[e] == POSITION:
                 add2(r, t, 1, f)
-            elif ties.kind[e] == 1:
+            elif ties.kind[e] == ARM:
                 r[t + 2] += cross2(planar_arm(ties, e, q_mid), f)
                 blocks[24 * ties.diagonal[e] + 18] -= 0.5 * dot(planar_arm(ties, e, q_end), f)
             else:
                 r[t + 2] += m
     for p in range(p0, p1):
-        source = 24 * ties.moves[p, 0]
+        source = 24 * ties.moves[p, SOURCE]
         if is_zero(blocks, source, 3):
             continue
-        ea = ties.moves[p, 1]
-        eb = ties.moves[p, 2]
-        to = 24 * ties.moves[p, 3]
+        ea = ties.moves[p, ROW_ENTRY]
+        eb = ties.moves[p, COLUMN_ENTRY]
+        to = 24 * ties.moves[p, TARGET]
         # columns: scratch = K L_b
         for i in range(3):
             s = source + 8 * i
@@ -207,9 +209,9 @@ def apply_ties_in_plane(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
             if eb < 0:
                 for j in range(3):
                     scratch[o + j] = blocks[s + j]
-            elif ties.kind[eb] == 0:
+            elif ties.kind[eb] == POSITION:
                 st2(scratch, o, 1, ld2(blocks, s, 1))
-            elif ties.kind[eb] == 1:
+            elif ties.kind[eb] == ARM:
                 scratch[o + 2] = cross2(planar_arm(ties, eb, q_end), ld2(blocks, s, 1))
             else:
                 scratch[o + 2] = blocks[s + 2]
@@ -218,9 +220,9 @@ def apply_ties_in_plane(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
             if ea < 0:
                 for i in range(3):
                     blocks[to + 8 * i + j] += scratch[8 * i + j]
-            elif ties.kind[ea] == 0:
+            elif ties.kind[ea] == POSITION:
                 add2(blocks, to + j, 8, ld2(scratch, j, 8))
-            elif ties.kind[ea] == 1:
+            elif ties.kind[ea] == ARM:
                 blocks[to + 16 + j] += cross2(planar_arm(ties, ea, q_mid), ld2(scratch, j, 8))
             else:
                 blocks[to + 16 + j] += scratch[16 + j]
@@ -237,10 +239,10 @@ def pull_columns_in_plane(ties, q_mid, panel, width):
             m = panel[o + 2 * width + c]
             for e in range(ties.start[i], ties.start[i + 1]):
                 t = 3 * width * ties.target_row[e] + c
-                if ties.kind[e] == 0:
+                if ties.kind[e] == POSITION:
                     st2(panel, o + c, width, 0.0 * f)
                     st2(panel, t, width, ld2(panel, t, width) + f)
-                elif ties.kind[e] == 1:
+                elif ties.kind[e] == ARM:
                     panel[t + 2 * width] += cross2(planar_arm(ties, e, q_mid), f)
                 elif ties.target[e] != i:
                     panel[o + 2 * width + c] = 0.0
@@ -257,9 +259,9 @@ def push_columns_in_plane(ties, q_end, panel, pitch, width, columns):
             x = zero2()
             for e in range(ties.start[i], ties.start[i + 1]):
                 t = pitch * ties.target_row[e] + c
-                if ties.kind[e] == 0:
+                if ties.kind[e] == POSITION:
                     x += ld2(panel, t, width)
-                elif ties.kind[e] == 1:
+                elif ties.kind[e] == ARM:
                     x += panel[t + 2 * width] * perp(planar_arm(ties, e, q_end))
                 elif ties.target[e] != i:
                     panel[o + 2 * width + c] = panel[t + 2 * width]

@@ -25,9 +25,13 @@ from .beam import evaluate_group
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
 from .inner import IN_ROWS, PIVOT, Condensed, eliminate_inner, recover_group, short_store, store_size, subtract_loads, take_scaled
 from .lanes import clear_lanes, copy_lanes, gather_lanes, put_rows
-from .layout import POINTS, layout
+from .layout import LIST, POINTS, layout
 from .nodes import larger
 from .terms import move_nodes, spread_nodes
+
+
+# columns of `Substructures.group`
+FIRST_GROUP, ELEMENTS, NODES_EACH, STORE = range(4)
 
 
 class Substructures(NamedTuple):
@@ -49,10 +53,10 @@ class Substructures(NamedTuple):
 def place_stores(subs: Substructures, n: int) -> Substructures:
     """The same beams with n unknowns a node, and room for their elimination."""
     group = subs.group.copy()
-    doubles = 16 * n * n * (group[:, 1] - 1)
-    for nn in np.unique(group[:, 2]).tolist():
-        doubles += np.where(group[:, 2] == nn, group[:, 1] * store_size(nn, False, n, 0), 0)
-    group[:, 3] = np.cumsum(doubles) - doubles
+    doubles = 16 * n * n * (group[:, ELEMENTS] - 1)
+    for nn in np.unique(group[:, NODES_EACH]).tolist():
+        doubles += np.where(group[:, NODES_EACH] == nn, group[:, ELEMENTS] * store_size(nn, False, n, 0), 0)
+    group[:, STORE] = np.cumsum(doubles) - doubles
     return subs._replace(group=group, store=np.zeros(doubles.sum()), ends=np.zeros(subs.beam.size * (32 * n + 16)),
                          state=np.ones(len(group)))
 
@@ -105,9 +109,10 @@ def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out,
 @kernel
 def ends_of_beam(subs, tables, g, lane):
     """Nodes at the ends of one beam of a group; those between them are numbered in turn."""
-    first = subs.group[g, 0]
-    last = first + subs.group[g, 1] - 1
-    return tables.nodes[tables.meta[first, 3] + lane], tables.nodes[tables.meta[last, 3] + 8 * (subs.group[g, 2] - 1) + lane]
+    first = subs.group[g, FIRST_GROUP]
+    last = first + subs.group[g, ELEMENTS] - 1
+    end = tables.meta[last, LIST] + 8 * (subs.group[g, NODES_EACH] - 1)
+    return tables.nodes[tables.meta[first, LIST] + lane], tables.nodes[end + lane]
 
 
 @kernel
@@ -131,17 +136,17 @@ def condense(subs, tables, strains, first, last, move, loads, scratch, dofs):
     so = scratch.shape[0] - 7 * block - 2 * column
     r = so + 7 * block
     for g in range(first, last):
-        nn = subs.group[g, 2]
+        nn = subs.group[g, NODES_EACH]
         inner = short_store(nn, n, 0)
-        at = layout(dofs, nn, tables.meta[subs.group[g, 0], POINTS])
+        at = layout(dofs, nn, tables.meta[subs.group[g, FIRST_GROUP], POINTS])
         ro = at.rows
         ko = at.blocks
-        d = subs.group[g, 3] - per_node
+        d = subs.group[g, STORE] - per_node
         present = 1
         subs.state[g] = 1.0
-        for j in range(subs.group[g, 1]):
-            k = subs.group[g, 0] + j
-            no = tables.meta[k, 3]
+        for j in range(subs.group[g, ELEMENTS]):
+            k = subs.group[g, FIRST_GROUP] + j
+            no = tables.meta[k, LIST]
             evaluate_group(tables, k, at, strains, move, scratch, dofs)
             good = eliminate_inner(keep, subs.store, d + per_node, tables, no, nn, scratch, ro, ko, so + 6 * block, dofs)
             if j == 0:
@@ -206,17 +211,17 @@ def recover(subs, tables, first, last, factor, row_of, work, scratch, dofs):
     move = 0.0
     spin = 0.0
     for g in range(first, last):
-        k0 = subs.group[g, 0]
-        count = subs.group[g, 1]
-        nn = subs.group[g, 2]
+        k0 = subs.group[g, FIRST_GROUP]
+        count = subs.group[g, ELEMENTS]
+        nn = subs.group[g, NODES_EACH]
         end = column * nn
         inner = short_store(nn, n, 0)
         # start of the beam, then the nodes of an element
-        gather_lanes(work.increment.x, tables.rows, tables.meta[k0, 3], 8, scratch, 0, dofs)
-        gather_lanes(work.increment.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, scratch, end, dofs)
+        gather_lanes(work.increment.x, tables.rows, tables.meta[k0, LIST], 8, scratch, 0, dofs)
+        gather_lanes(work.increment.x, tables.rows, tables.meta[k0 + count - 1, LIST] + 8 * (nn - 1), 8, scratch, end, dofs)
         for j in range(count - 1, -1, -1):
-            no = tables.meta[k0 + j, 3]
-            d = subs.group[g, 3] + j * (per_node + inner) - per_node
+            no = tables.meta[k0 + j, LIST]
+            d = subs.group[g, STORE] + j * (per_node + inner) - per_node
             if j == 0:
                 copy_lanes(scratch, 0, column, scratch, column)
             else:
