@@ -11,7 +11,7 @@ from .joint_order import Joint, places_of
 from .kernels.constraint_rows import Couplings, Order, Touched
 from .kernels.constraint_solve import Factors
 from .kernels.constraints import Constraints
-from .kernels.inner import Inner, NoInner
+from .kernels.inner import INNER_NODES, ROWS, Inner, NoInner
 from .kernels.nodes import NoHeld
 from .kernels.terms import NoTies
 from .kernels.work import aligned
@@ -162,8 +162,8 @@ def _find_places(model: Model, inner: Inner | None) -> Array | None:
                 rows.add(row)
             elif inner is not None:
                 e = inner.element[row - inner.first[0]]
-                first = inner.where[e, 2]
-                rows.update((int(inner.rows[first]), int(inner.rows[first + inner.where[e, 1] + 1])))
+                first = inner.where[e, ROWS]
+                rows.update((int(inner.rows[first]), int(inner.rows[first + inner.where[e, INNER_NODES] + 1])))
         of_rows[tuple(sorted(rows))].append(k)
     joints = [Joint(k, tuple(r for r in rows if not held[r]), tuple(r for r in rows if held[r])) for rows, k in of_rows.items()]
     return places_of(n, model.pattern.coupled, joints, grounded[:n], model.pattern.beats_breadth_first)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .kernels.along import STIFFNESS
 from .kernels.joint_coordinates import VALUE
 from .kernels.work import State
 from .load_times import factor_at
@@ -227,7 +228,7 @@ def _slider_stops(model: Model) -> list[Scalars]:
     if forces is None or model.spans:
         return []
     table = forces.tables
-    chosen = np.flatnonzero(table.stops[:, 2] > 0.0).tolist()
+    chosen = np.flatnonzero(table.stops[:, STIFFNESS] > 0.0).tolist()
     parts = [_stopped(f"slider {model.names['sliders'][k]!r}", "s =", "m", table.stops[k, :2]) for k in chosen]
 
     def values(state: State) -> tuple[Array, Array]:

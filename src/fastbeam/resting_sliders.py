@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .errors import SceneError
-from .kernels.along import CAME_BY, HELD, HISTORY, INCREMENT, LOCKED, OFFSET, POSITION, TURNS
+from .kernels.along import CAME_BY, HELD, HISTORY, INCREMENT, LOCKED, OFFSET, POSITION, STIFFNESS, TURNS
 from .static_along import StaticAlong
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class RestingSliders:
         SceneError
             The law of a drive has none.
         """
-        s, stiff, (low, high) = self._at[2], self.forces.tables.stops[:, 2], self.along.elastic.T
+        s, stiff, (low, high) = self._at[2], self.forces.tables.stops[:, STIFFNESS], self.along.elastic.T
         return self._by_drives(by_rate=False) - np.where((stiff > 0.0) & ((s < low) | (s > high)), stiff, 0.0)
 
     def put(self, border: Border) -> Border:

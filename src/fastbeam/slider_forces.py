@@ -9,8 +9,8 @@ import numpy as np
 
 from .drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_of, slope_at_rest, value_at
 from .errors import SceneError
-from .kernels.along import (AGAINST, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, MOST_KEPT, NO_DRIVE, OFF,
-                            OFFSET, POSITION, SIGN, TURNS, Along)
+from .kernels.along import (AGAINST, BY_RATE, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, MOST_KEPT, NO_DRIVE,
+                            OFF, OFFSET, POSITION, SIGN, STIFFNESS, TURNS, Along)
 from .kernels.doubt import no_doubt
 from .scene import Drive, Path, Slider, Switch
 from .scene.switches import AT_END, Arrival, span_of, stops_on
@@ -116,7 +116,7 @@ class SliderForces:
     def dissipates(self) -> bool:
         """Whether something takes energy away."""
         t = self.tables
-        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, 1] > 0.0) or self._laws
+        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or self._laws
                     or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
 
     @property
@@ -222,7 +222,7 @@ class SliderForces:
         """Arc lengths at which elastic stops begin, float64 [S, 2]; history [S, 11]."""
         out = self.tables.stops[:, :2].copy()
         for k, slider in enumerate(self.sliders):
-            if isinstance(slider.beam, Switch) and self.tables.stops[k, 2] > 0.0:
+            if isinstance(slider.beam, Switch) and self.tables.stops[k, STIFFNESS] > 0.0:
                 out[k] = self._between(k, float(s[k]), history[k])
         return out
 
@@ -310,7 +310,7 @@ class SliderForces:
     # --- rows ---------------------------------------------------------------------------------------------------------
     def stop_energy(self, s: Array, history: Array) -> Array:
         """Energy that elastic stops store, J, [S]; history [S, 11], or flat."""
-        stiff, (low, high) = self.tables.stops[:, 2], self.elastic(s, history[:self.size].reshape(-1, HISTORY)).T
+        stiff, (low, high) = self.tables.stops[:, STIFFNESS], self.elastic(s, history[:self.size].reshape(-1, HISTORY)).T
         beyond = np.maximum(low - s, 0.0)**2 + np.maximum(s - high, 0.0)**2
         return np.asarray(0.5 * stiff * np.where(stiff > 0.0, beyond, 0.0))
 
@@ -339,7 +339,7 @@ class SliderForces:
         long = np.linalg.norm(tangent, axis=1)
         across = (np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) + edges) * long
         along = along - push
-        stiff, (low, high), offset = table.stops[:, 2], self.elastic(s, history).T, history[:, OFFSET]
+        stiff, (low, high), offset = table.stops[:, STIFFNESS], self.elastic(s, history).T, history[:, OFFSET]
         beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
         stop = np.where(stiff > 0.0, stiff * beyond, 0.0)
         drive = np.zeros(len(s))

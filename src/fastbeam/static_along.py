@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .errors import SceneError
-from .kernels.along import AGAINST, HISTORY, INCREMENT, NO_DRIVE, OFFSET, POSITION, SIGN, STICKS
+from .kernels.along import AGAINST, HISTORY, INCREMENT, NO_DRIVE, OFFSET, POSITION, SIGN, STICKS, STIFFNESS
 from .model import Model
 from .static_contact import Border
 
@@ -108,7 +108,7 @@ class StaticAlong:
     def known(self, s: Array) -> tuple[Array, Array]:
         """Drives and elastic stops at s [S]: forces on the points, N, and their derivatives by s, N/m, [S] each."""
         table = self.forces.tables
-        stiff = table.stops[:, 2]
+        stiff = table.stops[:, STIFFNESS]
         low, high = (np.where(stiff > 0.0, self.elastic[:, i], s) for i in (0, 1))
         beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
         force, slope = stiff * beyond, -stiff * (beyond != 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 from .arguments import shown
 from .connections import held_axes
 from .errors import SceneError
+from .kernels.inner import ROWS
 from .kernels.layout import LIST
 from .kernels.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
 from .mapping import curve_at
@@ -50,7 +51,7 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> bool:
     if model.inner is not None:
         # an eliminated node hangs on the first node of its element
         rows.append(pattern.n + np.arange(model.inner.element.size))
-        columns.append(model.inner.rows[model.inner.where[model.inner.element, 2]])
+        columns.append(model.inner.rows[model.inner.where[model.inner.element, ROWS]])
     if model.substructures is not None:
         # a node of a condensed beam hangs on the start of the beam
         for tables, groups in zip((model.simo, model.green), model.groups_of_beams()):

@@ -47,6 +47,7 @@ JUDGED = 2
 RESTS, LEFT = 8, 1e-12
 # nodes under a slider whose shape functions are kept: in steps that cross more element ends they are formed anew
 MOST_KEPT = 16
+BY_PLACE, BY_RATE, MOST, STIFFNESS = 0, 1, 2, 2  # columns of `gains`, the last one of `stops`
 
 
 class Along(NamedTuple):
@@ -107,7 +108,7 @@ class Force(NamedTuple):
 @inlined
 def stop_force(along, k, s0, s1):
     """Elastic stops: minus the divided difference of their energy."""
-    stiffness = along.stops[k, 2]
+    stiffness = along.stops[k, STIFFNESS]
     if not stiffness > 0.0:
         return Force(0.0, 0.0)
     value = 0.0
@@ -143,12 +144,12 @@ def drive_force(along, k, s0, s1):
                  - call_law(along.law[k], t, middle - 0.5 * step, rate - step / h)) / (2.0 * step)
         return Force(call_law(along.law[k], t, middle, rate), slope)
     if kind == CONTROL:
-        force = (along.gains[k, 0] * (along.given[k, 0] - along.offset[k] - 0.5 * (s0 + s1))
-                 + along.gains[k, 1] * (along.given[k, 1] - (s1 - s0) / h))
-        limit = along.gains[k, 2]
+        force = (along.gains[k, BY_PLACE] * (along.given[k, 0] - along.offset[k] - 0.5 * (s0 + s1))
+                 + along.gains[k, BY_RATE] * (along.given[k, 1] - (s1 - s0) / h))
+        limit = along.gains[k, MOST]
         if abs(force) > limit:
             return Force(limit if force > 0.0 else -limit, 0.0)
-        return Force(force, -0.5 * along.gains[k, 0] - along.gains[k, 1] / h)
+        return Force(force, -0.5 * along.gains[k, BY_PLACE] - along.gains[k, BY_RATE] / h)
     return Force(0.0, 0.0)
 
 

@@ -16,9 +16,11 @@ from .algebra import cross, cross2, ld2, ld3, st2, st3, vld, vst
 from .blocks import ONE, solve_column, solve_rows, subtract_column, subtract_lanes, subtract_rows
 from .constraint_blocks import subtract_on_slider
 from .constraint_solve import FAR, RIGHT, fetch_rows
+from .constraint_rows import BEFORE, CONSTRAINT, ELEMENT, FIRST_ENTRY, JOBS, PLACE_OF_END, PLACE_OF_START
 from .contact_entries import (Contact, add_column, add_column_times, add_line, add_line_rows, add_transposed,
                               put_own_block)
 from .factored_entries import FactoredContact
+from .inner import INNER_NODES, PLACE, ROWS
 from .kinds import dim
 from .lanes import gather_lanes, put_rows
 from .layout import ARM, FACTORS, LIST, NODES, POSITION, TRIAD
@@ -98,15 +100,15 @@ def couple_all_moments(contact, couplings, touched, factors, dofs):
 def gather_job(contact, inner, touched, j, buffer, at, dofs):
     """Columns and lines of one job by the nodes of its element, columns of all nodes first."""
     n = len(dofs)
-    e = touched.job[j, 0]
-    k = touched.job[j, 1]
-    nodes = inner.where[e, 1] + 2
+    e = touched.job[j, ELEMENT]
+    k = touched.job[j, CONSTRAINT]
+    nodes = inner.where[e, INNER_NODES] + 2
     for c in range(at, at + 16 * n * nodes, 8):
         vst(buffer, c, 0, 0.0)
-    m = touched.job[j, 2]
+    m = touched.job[j, FIRST_ENTRY]
     while m >= 0:
         i = 1
-        while inner.rows[inner.where[e, 2] + i] != contact.row[k, m]:
+        while inner.rows[inner.where[e, ROWS] + i] != contact.row[k, m]:
             i += 1
         add_column.call(contact, k, m, buffer, at + 8 * n * i, dofs)
         add_line.call(contact, k, m, buffer, at + 8 * n * (nodes + i), dofs)
@@ -121,13 +123,13 @@ def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer
     store = factors.store
     stride = 16 * n * nodes
     a = 0
-    p = touched.last_job[touched.found[f, 0]]
+    p = touched.last_job[touched.found[f, ELEMENT]]
     while p >= 0:
-        k = touched.job[p, 1]
+        k = touched.job[p, CONSTRAINT]
         m = couplings.unknowns[k]
         line = stride * a + 8 * n * (nodes + i)
-        for b in range(touched.found[f, 1]):
-            d = touched.pair[pair + touched.found[f, 1] * a + b]
+        for b in range(touched.found[f, JOBS]):
+            d = touched.pair[pair + touched.found[f, JOBS] * a + b]
             column = stride * b + 8 * n * i
             forces = couplings.forces[k] if a == b else 0
             for u in range(forces):
@@ -142,14 +144,14 @@ def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer
                     vst(store, d + 8 * u, 0, z)
             for u in range(forces):
                 factors.own[7 * k + u] -= store[d + 9 * u]
-        d = touched.pair[pair + touched.found[f, 1] * a + a]
+        d = touched.pair[pair + touched.found[f, JOBS] * a + a]
         for u in range(m):
             z = store[d + 8 * u + RIGHT]
             for c in range(n):
                 z += buffer[line + 8 * c + u] * rhs[y + c]
             store[d + 8 * u + RIGHT] = z
         a += 1
-        p = touched.job[p, 3]
+        p = touched.job[p, BEFORE]
 
 
 @inlined
@@ -157,18 +159,18 @@ def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, dofs)
     """Eliminate the inner nodes of one element from the columns and lines of its constraints, side by side in buffer."""
     n = len(dofs)
     block = 8 * n * n
-    e = touched.found[f, 0]
-    d = inner.where[e, 0]
-    count = inner.where[e, 1]
+    e = touched.found[f, ELEMENT]
+    d = inner.where[e, PLACE]
+    count = inner.where[e, INNER_NODES]
     nodes = count + 2
     for i in range(1, count + 1):
         others = count + 2 - i
-        for b in range(touched.found[f, 1]):
+        for b in range(touched.found[f, JOBS]):
             at = 16 * n * nodes * b
             solve_rows(inner.store, d, 8 * n, 8, buffer, at + 8 * n * i, 8, dofs)
-        y = 8 * inner.rows[inner.where[e, 2] + i]
+        y = 8 * inner.rows[inner.where[e, ROWS] + i]
         carry_inside(couplings, touched, order, factors, f, i, nodes, y, inner.rhs, buffer, pair, dofs)
-        for b in range(touched.found[f, 1]):
+        for b in range(touched.found[f, JOBS]):
             at = 16 * n * nodes * b
             line = at + 8 * n * nodes
             for m in range(others):
@@ -232,7 +234,7 @@ def put_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid
 def put_free_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, dofs):
     n = len(dofs)
     add_rows(factors.store, touched.column[t], buffer, column, n)
-    add_transposed(factors.store, touched.line[t], buffer, line, n, couplings.unknowns[touched.job[j, 1]])
+    add_transposed(factors.store, touched.line[t], buffer, line, n, couplings.unknowns[touched.job[j, CONSTRAINT]])
 
 
 @put_end.register(Ties)
@@ -240,7 +242,7 @@ def put_free_end(ties, couplings, touched, factors, j, t, column, line, buffer, 
 @kernel
 def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, dofs):
     n = len(dofs)
-    k = touched.job[j, 1]
+    k = touched.job[j, CONSTRAINT]
     m = couplings.unknowns[k]
     add_rows(factors.store, touched.column[t], buffer, column, n)
     add_transposed(factors.store, touched.line[t], buffer, line, n, m)
@@ -257,18 +259,18 @@ def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, 
 @inlined
 def fetch_jobs(inner, couplings, touched, factors, f, n):
     """Ask for the blocks that element f of those with jobs needs."""
-    e = touched.found[f, 0]
+    e = touched.found[f, ELEMENT]
     rows = 0
-    for others in range(2, inner.where[e, 1] + 2):
+    for others in range(2, inner.where[e, INNER_NODES] + 2):
         rows += n * n * (1 + 2 * others)
-    fetch_rows(inner.store, inner.where[e, 0], rows)
+    fetch_rows(inner.store, inner.where[e, PLACE], rows)
     j = touched.last_job[e]
     while j >= 0:
         for c in range(4, 6):
             t = touched.job[j, c]
             fetch_rows(factors.store, touched.column[t], n)
-            fetch_rows(factors.store, touched.line[t], couplings.unknowns[touched.job[j, 1]])
-        j = touched.job[j, 3]
+            fetch_rows(factors.store, touched.line[t], couplings.unknowns[touched.job[j, CONSTRAINT]])
+        j = touched.job[j, BEFORE]
 
 
 @kernel
@@ -279,25 +281,26 @@ def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mi
     for f in range(touched.counts[0]):
         if order.counts[1] > FAR and f + 1 < touched.counts[0]:
             fetch_jobs(inner, couplings, touched, factors, f + 1, n)
-        nodes = inner.where[touched.found[f, 0], 1] + 2
-        last = touched.last_job[touched.found[f, 0]]
+        nodes = inner.where[touched.found[f, ELEMENT], INNER_NODES] + 2
+        last = touched.last_job[touched.found[f, ELEMENT]]
         at = 0
         j = last
         while j >= 0:
             gather_job(contact, inner, touched, j, buffer, at, dofs)
             at += 16 * n * nodes
-            j = touched.job[j, 3]
+            j = touched.job[j, BEFORE]
         carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, dofs)
-        pair += touched.found[f, 1] * touched.found[f, 1]
+        pair += touched.found[f, JOBS] * touched.found[f, JOBS]
         at = 0
         j = last
         while j >= 0:
             line = at + 8 * n * nodes
-            put_end.call(ties, couplings, touched, factors, j, touched.job[j, 4], at, line, buffer, q_mid, q_end, dofs)
-            put_end.call(ties, couplings, touched, factors, j, touched.job[j, 5], line - 8 * n,
+            put_end.call(ties, couplings, touched, factors, j, touched.job[j, PLACE_OF_START], at, line, buffer, q_mid, q_end,
+                         dofs)
+            put_end.call(ties, couplings, touched, factors, j, touched.job[j, PLACE_OF_END], line - 8 * n,
                     line + 8 * n * (nodes - 1), buffer, q_mid, q_end, dofs)
             at += 16 * n * nodes
-            j = touched.job[j, 3]
+            j = touched.job[j, BEFORE]
 
 
 @inlined
@@ -329,23 +332,23 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, dofs):
     n = len(dofs)
     block = 8 * n * n
     for f in range(touched.counts[0]):
-        e = touched.found[f, 0]
-        count = inner.where[e, 1]
-        rows = inner.where[e, 2]
+        e = touched.found[f, ELEMENT]
+        count = inner.where[e, INNER_NODES]
+        rows = inner.where[e, ROWS]
         for c in range(8 * (count + 2)):
             buffer[c] = 0.0
         j = touched.last_job[e]
         while j >= 0:
-            k = touched.job[j, 1]
-            m = touched.job[j, 2]
+            k = touched.job[j, CONSTRAINT]
+            m = touched.job[j, FIRST_ENTRY]
             while m >= 0:
                 i = 1
                 while inner.rows[rows + i] != contact.row[k, m]:
                     i += 1
                 add_column_times.call(contact, k, m, y, couplings.first[k], couplings.unknowns[k], buffer, 8 * i, dofs)
                 m = touched.after[k, m]
-            j = touched.job[j, 3]
-        d = inner.where[e, 0]
+            j = touched.job[j, BEFORE]
+        d = inner.where[e, PLACE]
         for i in range(1, count + 1):
             others = count + 2 - i
             solve_column(inner.store, d, 8 * n, 8, buffer, 8 * i, 1, dofs)

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 from .._jit import inlined, kernel, one_variant
-from .constraint_rows import collect, find_waiting, is_changed, put_in_order, rank_by_rows, sweep, take_places
+from .constraint_rows import (BEFORE, CONSTRAINT, ELEMENT, collect, find_waiting, is_changed, put_in_order, rank_by_rows, sweep,
+                              take_places)
 
 
 @inlined
@@ -36,10 +37,10 @@ def own_columns(couplings, touched, order, i, at):
     if couplings.partner[g - n] >= 0:
         at = enter_column(order, i, order.position[n + couplings.partner[g - n]], -1, -1, at)
     for j in range(touched.job_start[g - n], touched.job_start[g - n + 1]):
-        x = touched.last_job[touched.job[j, 0]]
+        x = touched.last_job[touched.job[j, ELEMENT]]
         while x >= 0:
-            at = enter_column(order, i, order.position[n + touched.job[x, 1]], -1, -1, at)
-            x = touched.job[x, 3]
+            at = enter_column(order, i, order.position[n + touched.job[x, CONSTRAINT]], -1, -1, at)
+            x = touched.job[x, BEFORE]
     return at
 
 
@@ -158,15 +159,15 @@ def find_places(contact, couplings, touched, order):
         touched.cross[o, 1] = block_at(order, q, p)
     at = 0
     for f in range(touched.counts[0]):
-        a = touched.last_job[touched.found[f, 0]]
+        a = touched.last_job[touched.found[f, ELEMENT]]
         while a >= 0:
-            p = order.position[n + touched.job[a, 1]]
-            b = touched.last_job[touched.found[f, 0]]
+            p = order.position[n + touched.job[a, CONSTRAINT]]
+            b = touched.last_job[touched.found[f, ELEMENT]]
             while b >= 0:
-                touched.pair[at] = block_at(order, p, order.position[n + touched.job[b, 1]])
+                touched.pair[at] = block_at(order, p, order.position[n + touched.job[b, CONSTRAINT]])
                 at += 1
-                b = touched.job[b, 3]
-            a = touched.job[a, 3]
+                b = touched.job[b, BEFORE]
+            a = touched.job[a, BEFORE]
 
 
 @kernel

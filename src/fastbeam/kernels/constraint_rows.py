@@ -18,10 +18,15 @@ import numpy as np
 from .._generic import generic
 from .._jit import inlined, kernel, one_variant
 from .contact_entries import largest_share
-from .inner import Inner, NoInner
+from .inner import INNER_NODES, ROWS, Inner, NoInner
 from .planar_nodes import PlanarTies
 from .terms import NoTies
 from .ties import Ties
+
+
+# columns of `Touched.job` and, from the first, of `Touched.found`
+ELEMENT, CONSTRAINT, FIRST_ENTRY, BEFORE, PLACE_OF_START, PLACE_OF_END = range(6)
+JOBS = 1
 
 
 class Couplings(NamedTuple):
@@ -183,25 +188,25 @@ def touch_job(inner, couplings, ties, touched, k, m, row, at, jobs):
     j = touched.last_job[e]
     if j < touched.job_start[k]:
         if j < 0:
-            touched.found[touched.counts[0], 0] = e
+            touched.found[touched.counts[0], ELEMENT] = e
             touched.counts[0] += 1
-        first = inner.where[e, 2]
-        touched.job[jobs, 0] = e
-        touched.job[jobs, 1] = k
-        touched.job[jobs, 2] = -1
-        touched.job[jobs, 3] = j
+        first = inner.where[e, ROWS]
+        touched.job[jobs, ELEMENT] = e
+        touched.job[jobs, CONSTRAINT] = k
+        touched.job[jobs, FIRST_ENTRY] = -1
+        touched.job[jobs, BEFORE] = j
         a = inner.rows[first]
-        b = inner.rows[first + inner.where[e, 1] + 1]
+        b = inner.rows[first + inner.where[e, INNER_NODES] + 1]
         at = touch_end.call(ties, couplings, touched, k, a, at)
         at = touch_end.call(ties, couplings, touched, k, b, at)
-        touched.job[jobs, 4] = touched.place[a]
-        touched.job[jobs, 5] = touched.place[b]
+        touched.job[jobs, PLACE_OF_START] = touched.place[a]
+        touched.job[jobs, PLACE_OF_END] = touched.place[b]
         touched.last_job[e] = jobs
         j = jobs
         jobs += 1
     touched.entry[k, m] = -1
-    touched.after[k, m] = touched.job[j, 2]
-    touched.job[j, 2] = m
+    touched.after[k, m] = touched.job[j, FIRST_ENTRY]
+    touched.job[j, FIRST_ENTRY] = m
     return at, jobs
 
 
@@ -252,7 +257,7 @@ def no_nodes(inner, e):
 @nodes_of_element.register(Inner)
 @kernel
 def inner_and_ends(inner, e):
-    return inner.where[e, 1] + 2
+    return inner.where[e, INNER_NODES] + 2
 
 
 @kernel
@@ -262,12 +267,12 @@ def count_jobs(inner, touched, n):
     pairs = 0
     for f in range(touched.counts[0]):
         jobs = 0
-        j = touched.last_job[touched.found[f, 0]]
+        j = touched.last_job[touched.found[f, ELEMENT]]
         while j >= 0:
             jobs += 1
-            j = touched.job[j, 3]
-        touched.found[f, 1] = jobs
-        most = max(most, 16 * n * jobs * nodes_of_element.call(inner, touched.found[f, 0]))
+            j = touched.job[j, BEFORE]
+        touched.found[f, JOBS] = jobs
+        most = max(most, 16 * n * jobs * nodes_of_element.call(inner, touched.found[f, ELEMENT]))
         pairs += jobs * jobs
     touched.counts[2] = most
     touched.counts[3] = pairs

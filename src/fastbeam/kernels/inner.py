@@ -36,6 +36,10 @@ class NoColumns(NamedTuple):
     """In place of `Inner.rhs` in a scene without sliders, which have no border columns to eliminate."""
 
 
+# columns of `Inner.where`: where the lane of an element begins in the store, its inner nodes, where its rows begin
+PLACE, INNER_NODES, ROWS = range(3)
+
+
 class Inner(NamedTuple):
     """Factors and index lists of the eliminated nodes."""
 
@@ -299,9 +303,9 @@ def eliminate_columns(inner, contact, panel, width, dofs):
     for f in range(found):
         e = inner.found[f]
         inner.mark[e] = 0
-        d = inner.where[e, 0]
-        count = inner.where[e, 1]
-        rows = inner.where[e, 2]
+        d = inner.where[e, PLACE]
+        count = inner.where[e, INNER_NODES]
+        rows = inner.where[e, ROWS]
         for i in range(1, count + 1):
             others = count + 2 - i
             row = n * width * inner.rows[rows + i]
@@ -409,9 +413,9 @@ def recover_inner(inner, panel, width, dofs):
     n = len(dofs)
     block = 8 * n * n
     for e in range(inner.where.shape[0]):
-        count = inner.where[e, 1]
-        rows = inner.where[e, 2]
-        d = inner.where[e, 0]
+        count = inner.where[e, INNER_NODES]
+        rows = inner.where[e, ROWS]
+        d = inner.where[e, PLACE]
         for i in range(1, count):
             d += block * (1 + 2 * (count + 2 - i))
         for i in range(count, 0, -1):

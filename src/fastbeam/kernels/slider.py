@@ -43,6 +43,10 @@ class Sliders(NamedTuple):
     spin_root: np.ndarray   # int64 [N]: the node whose spin a node shares
 
 
+# column of `Sliding.limits` behind both ends
+SLACK = 2
+
+
 class Sliding(NamedTuple):
     """The term of all sliders; their work arrays are `System.contact`."""
 
@@ -388,7 +392,7 @@ def sliders_are_within(term, system, counts_out):
     counts_out[3]."""
     s = system.state.s
     for k in range(s.shape[0]):
-        slack = term.limits[k, 2]
+        slack = term.limits[k, SLACK]
         if not (s[k] >= term.limits[k, 0] - slack and s[k] <= term.limits[k, 1] + slack):
             counts_out[3] = k
             return False
