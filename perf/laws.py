@@ -26,8 +26,9 @@ KINDS = ("rope alone", "Drag", "law, differences", "law, derivative given")
 
 
 def law(t, position, directors, velocity, spin, parameters, force, moment):  # type: ignore[no-untyped-def]
-    """Drag by the square of the velocity across d1."""
-    along = velocity[0] * directors[0, 0] + velocity[1] * directors[0, 1] + velocity[2] * directors[0, 2]
+    """Drag by the square of the velocity across d1, which in the middle of a step is shorter than 1."""
+    size = directors[0, 0]**2 + directors[0, 1]**2 + directors[0, 2]**2
+    along = (velocity[0] * directors[0, 0] + velocity[1] * directors[0, 1] + velocity[2] * directors[0, 2]) / size
     x = velocity[0] - along * directors[0, 0]
     y = velocity[1] - along * directors[0, 1]
     z = velocity[2] - along * directors[0, 2]
@@ -39,30 +40,24 @@ def law(t, position, directors, velocity, spin, parameters, force, moment):  # t
 
 def derivative(t, position, directors, velocity, spin, parameters, out):  # type: ignore[no-untyped-def]
     """Of the law, by velocity (columns 12 to 14) and d1 (3 to 5)."""
-    along = velocity[0] * directors[0, 0] + velocity[1] * directors[0, 1] + velocity[2] * directors[0, 2]
+    size = directors[0, 0]**2 + directors[0, 1]**2 + directors[0, 2]**2
+    along = (velocity[0] * directors[0, 0] + velocity[1] * directors[0, 1] + velocity[2] * directors[0, 2]) / size
     x = velocity[0] - along * directors[0, 0]
     y = velocity[1] - along * directors[0, 1]
     z = velocity[2] - along * directors[0, 2]
     speed = np.sqrt(x * x + y * y + z * z)
-    w = (x, y, z)
+    w, u = (x, y, z), (directors[0, 0] / size, directors[0, 1] / size, directors[0, 2] / size)
+    over = 1.0 / speed if speed > 0.0 else 0.0
     for i in range(3):
         for j in range(3):
             # of speed w_i by w_j
-            if speed > 0.0:
-                by = w[i] * w[j] / speed
-            else:
-                by = 0.0
-            if i == j:
-                by += speed
+            by = parameters[0] * (w[i] * w[j] * over + (speed if i == j else 0.0))
             for k in range(3):
                 # of w_j by the velocity and by d1
-                dv = -directors[0, j] * directors[0, k]
-                dd = -directors[0, j] * velocity[k]
-                if j == k:
-                    dv += 1.0
-                    dd -= along
-                out[i, 12 + k] -= parameters[0] * by * dv
-                out[i, 3 + k] -= parameters[0] * by * dd
+                out[i, 12 + k] += by * u[j] * directors[0, k]
+                out[i, 3 + k] += by * u[j] * (velocity[k] - 2.0 * along * directors[0, k])
+            out[i, 12 + j] -= by
+            out[i, 3 + j] += by * along
 
 
 def scene(elements: int, kind: str) -> fb.Scene:

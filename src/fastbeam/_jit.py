@@ -206,23 +206,64 @@ def compiled_force(law: Callable[..., None], n: int, time: Callable[[float], flo
     """A law of a user force with n parameters, times a function of time, as machine code that kernels call by its `.address`, and
     for Python; the code lives as long as these objects."""
     from numba import carray, types
-    inner, pointer = numba.njit(error_model="numpy")(law), types.CPointer(types.float64)
-    if time is not None:
-        steady, factor = inner, numba.njit(error_model="numpy")(time)
-
-        @numba.njit(error_model="numpy")
-        def inner(t: Any, x: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
-            steady(t, x, directors, velocity, spin, parameters, force, moment)
-            share = factor(t)
-            for i in range(3):
-                force[i] *= share
-                moment[i] *= share
+    inner, pointer = _timed(law, time), types.CPointer(types.float64)
 
     @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
     def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
         x, y = carray(given, (18,)), carray(found, (6,))
         inner(t, x[:3], x[3:12].reshape((3, 3)), x[12:15], x[15:18], carray(parameters, (n,)), y[:3], y[3:6])
     return entry, inner
+
+
+def _timed(law: Callable[..., None], time: Callable[[float], float] | None) -> Any:
+    """A law of a user force, times a function of time where there is one."""
+    steady = numba.njit(error_model="numpy")(law)
+    if time is None:
+        return steady
+    factor = numba.njit(error_model="numpy")(time)
+
+    @numba.njit(error_model="numpy")
+    def timed(t: Any, x: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+        steady(t, x, directors, velocity, spin, parameters, force, moment)
+        share = factor(t)
+        for i in range(3):
+            force[i] *= share
+            moment[i] *= share
+    return timed
+
+
+def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> Any:
+    """The derivative of a law of a user force by the six unknowns of its node, by central differences: machine code as of
+    `compiled_force`, the law within its loop. What it is given stands in `kernels.user_force.Difference`; found are 6 x 6
+    numbers."""
+    from numba import carray, types
+    inner, pointer = _timed(law, time), types.CPointer(types.float64)
+
+    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
+    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
+        w, p, out = carray(given, (87,)), carray(parameters, (n,)), carray(found, (6, 6))
+        x, y, turns = w[57:75], w[75:87], w[21:57].reshape((3, 12))
+        for i in range(18):
+            x[i] = w[i]
+        for c in range(6):
+            size = w[19] if c < 3 else w[20]
+            for o in (0, 6):
+                by = size if o == 0 else -size
+                if c < 3:
+                    x[c] = w[c] + 0.5 * by
+                    x[12 + c] = w[12 + c] + w[18] * by
+                else:
+                    for i in range(9):
+                        x[3 + i] = w[3 + i] + by * turns[c - 3, i]
+                    for i in range(3):
+                        x[15 + i] = w[15 + i] + by * turns[c - 3, 9 + i]
+                y[o:o + 6] = 0.0
+                inner(t, x[:3], x[3:12].reshape((3, 3)), x[12:15], x[15:18], p, y[o:o + 3], y[o + 3:o + 6])
+            if c < 3:
+                x[c], x[12 + c] = w[c], w[12 + c]
+            for i in range(6):
+                out[i, c] = (y[i] - y[6 + i]) * (0.5 / size)
+    return entry
 
 
 def compiled_tension(law: Callable[..., float], n: int) -> tuple[Any, Any]:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ._jit import compiled_force, compiled_slopes, compiled_tension, compiled_tension_slopes, compiled_wind
+from ._jit import (compiled_differences, compiled_force, compiled_slopes, compiled_tension, compiled_tension_slopes,
+                   compiled_wind)
 from .arguments import shown
 from .errors import SceneError
 from .kernels.drag import NoWind, Wind
@@ -64,15 +65,16 @@ class Loaded:
         """
         counts = [force.parameters.size for force in self.forces]
         starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
-        addresses = []
+        addresses, differences = [], []
         for k, force in enumerate(self.forces):
             address, compiled = compiled_law(force)
             at = q[self.node[np.argmax(self.of == k)]]
             try_law(force, compiled, at)
             addresses.append((address, slopes_of(force, compiled, _given(at))))
+            differences.append(differences_of(force) if force.derivative is None else 0)
         return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, starts[self.of],
                           np.concatenate([np.zeros(0), *(force.parameters for force in self.forces)]), np.array([place]),
-                          _laws(addresses, self.of), law_work())
+                          _laws(addresses, self.of), np.array(differences, np.int64)[self.of], law_work())
 
 
 def line_forces(ends: Any) -> LineForces:
@@ -254,8 +256,7 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
     """
     try:
         make = _tension if isinstance(force, LineForce) else _compiled
-        timed = (force.time,) if getattr(force, "time", None) is not None else ()
-        compiled = make(force.law, force.parameters.size, *timed)
+        compiled = make(force.law, force.parameters.size, *_time_of(force))
     except Exception as failed:
         text = " ".join(str(failed).split())[:300]
         raise SceneError(f"{force.kind} {force.name!r}: numba cannot compile its law ({text}); use numbers, indices, loops, math "
@@ -263,8 +264,18 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
     return compiled[0].address, compiled[1]
 
 
+def differences_of(force: UserForce) -> int:
+    """Address of code that takes the derivative of a law by differences; kept as long as the process."""
+    return int(_differences(force.law, force.parameters.size, *_time_of(force)).address)
+
+
+def _time_of(force: UserForce | LineForce | ForceElement) -> tuple[Any, ...]:
+    """The function of time that is a factor of the force, where there is one."""
+    return (force.time,) if getattr(force, "time", None) is not None else ()
+
+
 _compiled, _tension, _blowing = cache(compiled_force), cache(compiled_tension), cache(compiled_wind)
-_slopes, _tension_slopes = cache(compiled_slopes), cache(compiled_tension_slopes)
+_slopes, _tension_slopes, _differences = cache(compiled_slopes), cache(compiled_tension_slopes), cache(compiled_differences)
 
 
 def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:

@@ -5,7 +5,7 @@ step as velocity and spin, and gives force and moment in the axes D_i, whose mea
 point of b on both sides, so that momenta stay; what it takes from the energy is accounted. In statics it acts in full at every
 load factor, as springs and bushings do.
 
-Arrays: q0, q1 [12 N].
+Arrays: q0, q1 [12 N]; turn [21 + 6], coordinates of a node before, of its triad first.
 """
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .algebra import call_force, cross, dot
 from .joint_conditions import direction
 from .kinds import add_to, position, zero_vector
 from .terms import account, assemble, spread_nodes
-from .user_force import (FOUND, GIVEN, INCREMENT, KEPT, ORIGIN, OTHER, RATES, SLOPES, TIME, WRENCH, Laws, displace, find_slopes)
+from .user_force import (FOUND, GIVEN, INCREMENT, KEPT, ORIGIN, OTHER, RATES, SLOPES, TIME, WRENCH, Laws, find_slopes)
 
 
 class ForceElements(NamedTuple):
@@ -87,6 +87,20 @@ def evaluate_both(term, k, q0, q1, h, dofs, is_linear):
     add_to(w, WRENCH + 3, 1, -1.0 * (moment + cross(arm, force)))
     add_to(w, WRENCH + 6, 1, force)
     add_to(w, WRENCH + 9, 1, moment)
+
+
+@kernel
+def displace(q1, o, c, size, turn):
+    """Add an increment to unknown c of the node whose coordinates start at o; turn: coordinates before [9]."""
+    if c < 3:
+        q1[o + c] += size
+    else:
+        for a in range(3):
+            i = o + 3 + 3 * a
+            for j in range(3):
+                up = turn[3 * a + (j + 2) % 3] if (c - 3) == (j + 1) % 3 else 0.0
+                down = turn[3 * a + (j + 1) % 3] if (c - 3) == (j + 2) % 3 else 0.0
+                q1[i + j] = turn[3 * a + j] + size * (up - down)
 
 
 @kernel

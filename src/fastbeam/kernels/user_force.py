@@ -4,7 +4,7 @@ The law is evaluated in the middle of the step: time, means of both ends of posi
 and moment are constant over the step, theory.md (4.4). In statics it is evaluated at the present shape and scaled by the load
 factor.
 
-Arrays: q0, q1 [12 N]; turn [9].
+Arrays: q0, q1 [12 N]; w [SIZE], as of `UserForces`.
 """
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import call_force
+from .algebra import add3, call_force, cross, dot, ld3, st3, triple, zero3
 from .terms import account, assemble, put_loads, spread_nodes
 
 # places in the work array: time, factor of the loads, what a law is given, force and moment, rates; then what differences keep:
 # triads, coordinates, force and moment; of force elements what acts on both nodes, twice, and rates of their rotation; slopes of
 # the six numbers that a law finds by the 18 that it is given, and where these are taken
-TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SLOPES, ORIGIN, SIZE = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97, 205, 229
+TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SLOPES, ORIGIN = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97, 205
+# what code that takes differences is given: as the law; 1/h and increments of positions and turns; changes of nine components of
+# directors and three of the spin by three turns, [3, 12]; and room for 30 numbers
+DIFFERENCE, STEPS, TURNS, SIZE = 229, 247, 250, 316
 # increments of differences, of positions relative to the size of the scene, and of turns
 INCREMENT = 1e-6
 
@@ -42,7 +45,12 @@ class UserForces(NamedTuple):
     parameters: np.ndarray  # float64 [*]
     place: np.ndarray      # int64 [1]: where the work stands in the history
     laws: Laws
+    differences: np.ndarray  # int64 [K]: address of code that takes differences, 0 where the derivative is given
     work: np.ndarray       # float64 [SIZE]: of one run
+
+
+# an address for kernels, not some eighty words
+UserForces.stays_in_memory = True  # type: ignore[attr-defined]
 
 
 class UserForceTimes(NamedTuple):
@@ -59,47 +67,22 @@ def put_time(term, system, k):
 
 
 @kernel
-def give(term, c, k, q0, q1, h):
-    """Means and rates of coordinate triple c of node k between both ends."""
-    o = 12 * term.node[k] + 3 * c
-    over = 1.0 / h if h != 0.0 else 0.0
-    for i in range(3):
-        term.work[GIVEN + 3 * c + i] = 0.5 * (q0[o + i] + q1[o + i])
-        term.work[BASE + i] = over * (q1[o + i] - q0[o + i])
-
-
-@kernel
 def evaluate(term, k, q0, q1, h):
     """Force and moment of node k into the work array."""
-    w = term.work
-    for i in range(6):
-        w[GIVEN + 12 + i] = 0.0
-        w[FOUND + i] = 0.0
-    give(term, 0, k, q0, q1, h)
-    for i in range(3):
-        w[GIVEN + 12 + i] = w[BASE + i]
-    for c in range(1, 4):
-        give(term, c, k, q0, q1, h)
-        for i in range(3):
-            a = GIVEN + 3 * c + (i + 1) % 3
-            b = GIVEN + 3 * c + (i + 2) % 3
-            w[GIVEN + 15 + i] += 0.5 * (w[a] * w[BASE + (i + 2) % 3] - w[b] * w[BASE + (i + 1) % 3])
+    w, o = term.work, 12 * term.node[k]
+    over = 1.0 / h if h != 0.0 else 0.0
+    st3(w, GIVEN, 1, 0.5 * (ld3(q0, o, 1) + ld3(q1, o, 1)))
+    st3(w, GIVEN + 12, 1, over * (ld3(q1, o, 1) - ld3(q0, o, 1)))
+    spin = zero3()
+    for i in range(3, 12, 3):
+        mean, rate = 0.5 * (ld3(q0, o + i, 1) + ld3(q1, o + i, 1)), over * (ld3(q1, o + i, 1) - ld3(q0, o + i, 1))
+        st3(w, GIVEN + i, 1, mean)
+        spin += 0.5 * cross(mean, rate)
+    st3(w, GIVEN + 15, 1, spin)
+    st3(w, FOUND, 1, zero3())
+    st3(w, FOUND + 3, 1, zero3())
     base = w.ctypes.data
     call_force(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * FOUND)
-
-
-@kernel
-def displace(q1, o, c, size, turn):
-    """Add an increment to unknown c of the node whose coordinates start at o; turn: coordinates before [9]."""
-    if c < 3:
-        q1[o + c] += size
-    else:
-        for a in range(3):
-            i = o + 3 + 3 * a
-            for j in range(3):
-                up = turn[3 * a + (j + 2) % 3] if (c - 3) == (j + 1) % 3 else 0.0
-                down = turn[3 * a + (j + 1) % 3] if (c - 3) == (j + 2) % 3 else 0.0
-                q1[i + j] = turn[3 * a + j] + size * (up - down)
 
 
 @assemble.register(UserForces)
@@ -111,7 +94,7 @@ def assemble_user_forces(term, method, system, h):
         evaluate(term, k, system.state.q, work.q_end, h)
         for i in range(6):
             work.r[8 * term.row[k] + i] -= factor * w[FOUND + i]
-        if term.laws.slopes[k] == 0:
+        if term.differences[k] != 0:
             add_differences(term, k, factor, system, h)
         else:
             add_slopes(term, k, factor, system, h)
@@ -129,56 +112,60 @@ def find_slopes(term, k):
 
 @kernel
 def add_slopes(term, k, factor, system, h):
-    """The derivative by the end of the step, from that of the law: position and directors enter as means of both ends, the spin
-    is half the sum of D_a x (d_a at the end - d_a at the start) / h."""
+    """The derivative by the end of the step, from that of the law: position and directors enter as means of both ends. A turn e
+    of the end changes directors d there by e x d, and the spin, half the sum of D x r with their means D and rates r."""
     work, w = system.work, term.work
     q0, q1, o = system.state.q, work.q_end, 12 * term.node[k]
     over = 1.0 / h if h != 0.0 else 0.0
     find_slopes(term, k)
     for i in range(6):
-        s = SLOPES + 18 * i
-        to = 48 * term.block[k] + 8 * i
-        for c in range(3):
-            change = 0.5 * w[s + c] + over * w[s + 12 + c]
-            # d_a at the end changes by e_c x d_a, of which components n and m = c + 1, c + 2 are -d_m and d_n
-            n, m = (c + 1) % 3, (c + 2) % 3
-            turn = 0.0
-            for a in range(3):
-                p = o + 3 + 3 * a
-                x, y = -q1[p + m], q1[p + n]
-                turn += 0.5 * (w[s + 3 + 3 * a + n] * x + w[s + 3 + 3 * a + m] * y)
-                # of the spin, twice: (e_c x d_a) / 2 x the rate of d_a, and D_a x (e_c x d_a) / h
-                r, u, v = over * (q1[p + c] - q0[p + c]), over * (q1[p + n] - q0[p + n]), over * (q1[p + m] - q0[p + m])
-                d, e, f = (w[GIVEN + 3 + 3 * a + c], w[GIVEN + 3 + 3 * a + n], w[GIVEN + 3 + 3 * a + m])
-                turn += 0.5 * (w[s + 15 + c] * (0.5 * (x * v - y * u) + over * (e * y - f * x))
-                               + w[s + 15 + n] * (0.5 * y * r - over * d * y) + w[s + 15 + m] * (over * d * x - 0.5 * x * r))
-            work.blocks[to + c] -= factor * change
-            work.blocks[to + 3 + c] -= factor * turn
+        s, to = SLOPES + 18 * i, 48 * term.block[k] + 8 * i
+        add3(work.blocks, to, 1, -factor * (0.5 * ld3(w, s, 1) + over * ld3(w, s + 12, 1)))
+        by_spin = ld3(w, s + 15, 1)
+        turn = zero3()
+        for d in range(3, 12, 3):
+            turn += 0.5 * cross(ld3(q1, o + d, 1), ld3(w, s + d, 1))
+        if dot(by_spin, by_spin) != 0.0:
+            for d in range(3, 12, 3):
+                rate = over * (ld3(q1, o + d, 1) - ld3(q0, o + d, 1))
+                arm = 0.25 * cross(rate, by_spin) + (0.5 * over) * cross(by_spin, ld3(w, GIVEN + d, 1))
+                turn += cross(ld3(q1, o + d, 1), arm)
+        add3(work.blocks, to + 3, 1, -factor * turn)
+
+
+@kernel
+def turned(w, q0, q1, o, d, over, c):
+    """Changes of the mean of director d, and of the spin, by turn c of the end of the step."""
+    unit = triple(1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
+    change = cross(unit, ld3(q1, o + d, 1))
+    rate = over * (ld3(q1, o + d, 1) - ld3(q0, o + d, 1))
+    return 0.5 * change, 0.25 * cross(change, rate) + (0.5 * over) * cross(ld3(w, GIVEN + d, 1), change)
 
 
 @kernel
 def add_differences(term, k, factor, system, h):
     """The derivative by the end of the step, by central differences."""
     work, w = system.work, term.work
-    q1, o, turn = work.q_end, 12 * term.node[k], term.work[KEPT:]
-    for j in range(12):
-        turn[9 + j] = q1[o + j]
-    for j in range(9):
-        turn[j] = q1[o + 3 + j]
-    for c in range(6):
-        size = INCREMENT * (system.length if c < 3 else 1.0)
-        displace(q1, o, c, size, turn)
-        evaluate(term, k, system.state.q, q1, h)
-        for i in range(6):
-            turn[21 + i] = w[FOUND + i]
-        for j in range(12):
-            q1[o + j] = turn[9 + j]
-        displace(q1, o, c, -size, turn)
-        evaluate(term, k, system.state.q, q1, h)
-        for j in range(12):
-            q1[o + j] = turn[9 + j]
-        for i in range(6):
-            work.blocks[48 * term.block[k] + 8 * i + c] -= factor * (turn[21 + i] - w[FOUND + i]) / (2.0 * size)
+    q0, q1, o = system.state.q, work.q_end, 12 * term.node[k]
+    over = 1.0 / h if h != 0.0 else 0.0
+    for i in range(18):
+        w[DIFFERENCE + i] = w[GIVEN + i]
+    w[STEPS] = over
+    w[STEPS + 1] = INCREMENT * system.length
+    w[STEPS + 2] = INCREMENT
+    for c in range(3):
+        spin = zero3()
+        for d in range(3, 12, 3):
+            mean, more = turned(w, q0, q1, o, d, over, c)
+            st3(w, TURNS + 12 * c + d - 3, 1, mean)
+            spin += more
+        st3(w, TURNS + 12 * c + 9, 1, spin)
+    base = w.ctypes.data
+    call_force(term.differences[k], w[TIME], base + 8 * DIFFERENCE, term.parameters.ctypes.data + 8 * term.first[k],
+               base + 8 * SLOPES)
+    for i in range(6):
+        for c in range(6):
+            work.blocks[48 * term.block[k] + 8 * i + c] -= factor * w[SLOPES + 6 * i + c]
 
 
 @account.register(UserForces)
