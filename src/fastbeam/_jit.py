@@ -277,10 +277,18 @@ def compiled_tension(law: Callable[..., float], n: int) -> tuple[Any, Any]:
     return entry, inner
 
 
-def compiled_slopes(derivative: Callable[..., None], n: int) -> tuple[Any, Any]:
+def compiled_slopes(derivative: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> tuple[Any, Any]:
     """The derivative of a law of a user force, as `compiled_force`."""
     from numba import carray, types
-    inner, pointer = numba.njit(error_model="numpy")(derivative), types.CPointer(types.float64)
+    steady, pointer = numba.njit(error_model="numpy")(derivative), types.CPointer(types.float64)
+    inner = steady
+    if time is not None:
+        factor = numba.njit(error_model="numpy")(time)
+
+        @numba.njit(error_model="numpy")
+        def inner(t: Any, x: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, out: Any) -> None:
+            steady(t, x, directors, velocity, spin, parameters, out)
+            out *= factor(t)
 
     @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
     def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:

@@ -102,7 +102,7 @@ def _speed(nodes: NodeList, v: Array, omega: Array) -> float:
 
 
 def _size(nodes: NodeList) -> float:
-    return float(np.max(np.ptp(nodes.phi, axis=0))) or 1.0
+    return nodes.extent or 1.0
 
 
 def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Array, int]]:

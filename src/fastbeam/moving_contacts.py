@@ -14,13 +14,12 @@ from .moving_tables import Mesh
 from .scene import BallJoint, PointMass, RevoluteJoint, RigidConnection, Sleeve, Slider
 from .scene.axis_joint import ONE_AXIS, ONE_TRIAD, AxisJoint, Condition
 from .scene.checks import fill, label
-from .scene.fixed import Ground
 from .scene.freedoms import Product, Shape
-from .scene.moving_mesh import has_coulomb
+from .scene.moving_mesh import LineOfPlaces, has_coulomb
 
 Array = np.ndarray
 # where the line of places begins; no point of a scene belongs to it
-LINE = Ground()
+LINE = LineOfPlaces()
 
 
 class Along(AxisJoint):

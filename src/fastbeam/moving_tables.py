@@ -10,9 +10,9 @@ from .basis import Basis, build_basis
 from .errors import SceneError
 from .kernels.moving_beam import MovingBeam
 from .numbering import NodeList
-from .scene import Beam, PointMass, Slider
+from .scene import Beam, Slider
 from .tables import strains_of
-from .scene.moving_mesh import has_coulomb
+from .scene.moving_mesh import PlaceOnBeam, has_coulomb
 from .workspace import scratch_of_moving
 
 Array = np.ndarray
@@ -38,7 +38,7 @@ class Mesh:
 
     def __init__(self, beam: Beam, sliders: list[Slider]) -> None:
         self.beam, self.sliders = beam, sorted(sliders, key=lambda x: x.at)
-        self.places = [PointMass(f"{slider.name} (place on {beam.name})", mass=1.0, position=(slider.at, 0.0, 0.0))
+        self.places = [PlaceOnBeam(f"{slider.name} (place on {beam.name})", mass=1.0, position=(slider.at, 0.0, 0.0))
                        for slider in self.sliders]
         self.reference = _reference(beam)
         ends = beam.basis.element_ends

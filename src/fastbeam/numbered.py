@@ -69,8 +69,7 @@ def number(scene: Scene) -> Numbered:
     """
     nodes = NodeList(scene)
     place_points(scene, nodes)
-    extent = float(np.max(np.ptp(nodes.phi, axis=0)))
-    length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
+    length = max([nodes.extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
     joints, hinges, always, late, supported = _connections(scene, nodes, length)
     every = np.arange(len(nodes))
     dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *added_masses(scene)))])

@@ -9,6 +9,7 @@ import numpy as np
 
 from .scene import Beam, Net, NodeRef, RigidBody, Scene
 from .scene.fixed import Ground
+from .scene.moving_mesh import LineOfPlaces, PlaceOnBeam
 from .scene.nets import NetBeam
 
 Array = np.ndarray
@@ -80,6 +81,7 @@ class NodeList:
         for part in [*scene.bodies, *scene.masses]:
             self.first[id(part)] = add(part.label, scene.position_of(part)[None], getattr(part, "directors", upright)[None],
                                        2 if isinstance(part, RigidBody) else 9)
+        elsewhere = [self.first[id(x)] for x in scene.masses if isinstance(x, PlaceOnBeam)]
         self.arms: dict[tuple[int, tuple[float, ...]], int] = {}
         self.arm_owner: list[tuple[int, int]] = []
         # points of the ground
@@ -96,15 +98,23 @@ class NodeList:
             if fixed:
                 self.arms[key] = add(node, node.offset[None], node.owner.directors[None], 2)
                 self.ground.append(self.arms[key])
+                if isinstance(node.owner, LineOfPlaces):
+                    elsewhere.append(self.arms[key])
                 continue
             self.arms[key] = add(node, scene.position_of(node)[None], node.owner.directors[None], 4)
             self.arm_owner.append((self.first[id(node.owner)], self.arms[key]))
         self.phi = np.concatenate(phi)
+        self._in_space = np.delete(np.arange(len(self.phi)), elsewhere)
         self.directors = np.concatenate(directors)
         self.rank = np.repeat(*np.array(rank).T)
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    @property
+    def extent(self) -> float:
+        """Largest extent of all nodes in space along an axis, m."""
+        return float(np.max(np.ptp(self.phi[self._in_space], axis=0)))
 
     def coordinates(self, nodes: Sequence[int]) -> Array:
         """Reference positions and directors of some nodes, [n, 4, 3]."""

@@ -80,6 +80,7 @@ def with_moving_meshes(scene: Scene) -> Scene:
 def _cut(beam: Beam, at: list[float]) -> Beam:
     """The beam with element ends at some places."""
     fixed = np.array([0.0, *at, beam.length])
-    parts = np.maximum(1, np.round(beam.n_elements * np.diff(fixed) / beam.length)).astype(int)
+    # round-off of a half does not decide
+    parts = np.maximum(1, np.round(np.round(beam.n_elements * np.diff(fixed) / beam.length, 9))).astype(int)
     ends = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(fixed[:-1], fixed[1:], parts)]
     return replace(beam, elements=np.concatenate((*ends, [beam.length])))

@@ -18,6 +18,7 @@ from .kernels.work import State
 from .model import Model
 from .numbering import NodeList
 from .scene import Beam, Drag, ForceElement, LineForce, Scene, UserForce
+from .scene.follower import turning_slopes
 from .scene.links import label_of
 from .tables import node_lengths
 from .workspace import law_work
@@ -150,13 +151,14 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
     who, n = f"{force.kind} {force.name!r}", force.parameters.size
     on_line = isinstance(force, LineForce)
     try:
-        entry, compiled = (_tension_slopes if on_line else _slopes)(force.derivative, n)
+        entry, compiled = (_tension_slopes if on_line else _slopes)(force.derivative, n, *_time_of(force))
         address = int(entry.address)
     except Exception as failed:
         text = " ".join(str(failed).split())[:300]
         raise SceneError(f"{who}: numba cannot compile its derivative ({text}); use numbers, indices, loops, math and numpy "
                          "functions") from failed
-    check_slopes(who, law, compiled, given, np.array(force.parameters), on_line)
+    if force.derivative is not turning_slopes:
+        check_slopes(who, law, compiled, given, np.array(force.parameters), on_line)
     return address
 
 

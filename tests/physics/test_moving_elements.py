@@ -250,3 +250,16 @@ def test_a_run_ends_where_elements_vanish(other: float | None) -> None:
     assert event["kind"] == "slider_end" and event["end"] == ("end" if other is None else "s0")
     assert result.slider("s0")["s"][-1] == pytest.approx(1.999 if other is None else 0.9995, rel=1e-6)
     assert result.drift("total") < 1e-12
+
+
+def test_where_a_scene_lies_changes_neither_its_size_nor_its_mesh() -> None:
+    """Places along a beam are nodes that lie nowhere in space; a share of elements that is a half is rounded the same way."""
+    sizes, meshes = [], []
+    for x in (0.0, 0.1, 1e3):
+        beam = fb.Beam.straight("beam", (x, 0.3, 0), (x + 0.9, 0.3 + 1.2 * 0.7, 0.4), section=SECTION, elements=4, degree=3)
+        bead = fb.PointMass("bead", mass=0.5)
+        slider = fb.Slider("run", bead, beam, at=0.375 * beam.length, rate=0.2, friction=0.1)
+        scene = fb.with_moving_meshes(fb.Scene(beam, bead, slider, fb.Clamp(beam.start)))
+        sizes.append(fb.compile_scene(scene).length)
+        meshes.append(scene.beams[0].n_elements)
+    assert np.ptp(sizes) < 1e-12 * 1e3 and sizes[0] < 2.0 and meshes == [4, 4, 4]

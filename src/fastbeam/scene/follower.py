@@ -19,6 +19,14 @@ def turning(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, par
             moment[c] += parameters[3 + i] * directors[i, c]
 
 
+def turning_slopes(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, out: Any) -> None:
+    """The derivative of `turning`: of director i the columns from 3 + 3 i on."""
+    for c in range(3):
+        for i in range(3):
+            out[c, 3 + 3 * i + c] = parameters[i]
+            out[3 + c, 3 + 3 * i + c] = parameters[3 + i]
+
+
 class FollowerForce(UserForce):
     """A load in the axes of what it acts on, times `time(t)`, which numba compiles with it."""
 
@@ -29,7 +37,7 @@ class FollowerForce(UserForce):
         at = load.at if isinstance(load, Load) else load.beam
         both = [np.zeros(3) if x is None else np.asarray(x, float) for x in (load.force, load.moment)]
         checks.fill(self, time=load.time)
-        super().__init__(load.name, at, turning, parameters=np.concatenate(both), dissipates=False)
+        super().__init__(load.name, at, turning, parameters=np.concatenate(both), dissipates=False, derivative=turning_slopes)
 
 
 def as_force(load: Load | DistributedLoad) -> FollowerForce:

@@ -12,6 +12,7 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
 from fastbeam.scene.checks import OptionalField, Takes, noun
+from fastbeam.scene.fixed import Ground
 from fastbeam.scene.parts import FIELD, PointMass
 from fastbeam.scene.paths import ABeam
 from fastbeam.scene.sleeves import Sleeve
@@ -158,3 +159,12 @@ class MovingMesh:
     def label(self) -> str:
         """`moving mesh of beam 'name'`."""
         return f"{self.kind} of {self.beam.label}"
+
+
+class PlaceOnBeam(PointMass):
+    """Where a contact stands on a beam whose elements move with it: a node of its own, whose first coordinate is the arc length,
+    m, and which lies nowhere in space."""
+
+
+class LineOfPlaces(Ground):
+    """Where arc lengths of such places begin: it lies nowhere in space either."""
