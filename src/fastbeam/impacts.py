@@ -8,14 +8,15 @@ import numpy as np
 from .errors import SceneError
 from .coordinates import Coordinate
 from .kernels import joint_friction
-from .kernels.along import (AGAINST, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS, STOP_LOSS)
+from .kernels.along import (AGAINST, DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS,
+                            STOP_LOSS)
 from .kernels.joint_coordinates import VALUE
 from .kernels.work import State
 from .maps import free_unknowns, gap_rates, mass_map, share_map, tie_map, velocity_map
 from .mapping import contact
 from .model import Model
 from .multipliers import gap_matrix
-from .nearest import nearest
+from .nearest import nearest_by
 from .starting import direction_rates
 
 Array = np.ndarray
@@ -179,8 +180,9 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
 
     Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
     the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
-    alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam.
-    Joints that stand at a stop are at rest behind it where that takes an impulse that pushes, and leave it else.
+    alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam;
+    impulses of drives that prescribe a motion do work, which counts as theirs. Joints that stand at a stop are at rest behind it
+    where that takes an impulse that pushes, and leave it else.
 
     Parameters
     ----------
@@ -196,15 +198,17 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     history = state.history.copy()
     own = history[:model.work_place].reshape(-1, HISTORY)
     matrix, tangents, _ = gap_rates(model, state)
-    given = np.zeros(0, bool)
+    given = driven = np.zeros(0, bool)
     if model.slider_forces is not None:
-        drive = model.slider_forces.tables.drive
-        given = np.isin(drive, (POSITION, INCREMENT)) | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
+        driven = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT))
+        given = driven | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
     slides, bounces = k is not None and k >= 0, -1
     if k is not None and k < 0 and change.size:
         bounces = -1 - k
     rows: list[Any] = [] if slides else [lead]
     right: list[Array] = [] if slides else [change]
+    # where the equations of sliders begin whose drives prescribe a motion
+    drives: dict[int, int] = {}
     for j, tangent in enumerate(tangents):
         if model.slider_forces is None:
             rows.append(sparse.csr_matrix(np.linalg.svd(tangent[None])[2][1:]) @ matrix[3 * j:3 * j + 3])
@@ -213,6 +217,8 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
         if j != k and own[j, HELD] == OFF:
             continue
         leads = lead if j == k else np.eye(3) if given[j] else np.linalg.svd(tangent[None])[2][1:]
+        if driven[j] and j != k and own[j, HELD] == FREE and own[j, AGAINST] == 0.0:
+            drives[j] = sum(x.size for x in right)
         rows.append(sparse.csr_matrix(leads) @ matrix[3 * j:3 * j + 3])
         right.append(change if j == k else np.zeros(len(leads)))
     of_joints = matrix[3 * len(tangents):]
@@ -232,7 +238,11 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
         """The jump with changes of more rates."""
         every = (sparse.vstack([*rows, *more]) @ lift).tocsr()
         goal = np.concatenate([*right, goals])
-        return np.asarray(lift @ nearest(mass, every, goal, np.zeros(free.size), free % 6 >= 3))
+        x, impulses = nearest_by(mass, every, goal, np.zeros(free.size), free % 6 >= 3)
+        found.append((np.asarray(lift @ x), impulses))
+        return found[-1][0]
+
+    found: list[tuple[Array, Array]] = []
 
     if bounces >= 0 and model.moving is not None:
         # energy is that of the momenta, of which velocities differ to second order: so is the impulse
@@ -240,17 +250,25 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
         unit = least([], [])
         right = [change * float(unit @ momentum) / float(unit @ (inertia @ unit)) / float((lead @ state.v)[0]), *every[1:]]
     by = _with_stops(model, state, history, bounces, rest or {}, least)
-    found = state.v + by
+    put_in = 0.0
+    if drives:
+        impulses = next(x for way, x in found if way is by)
+        for j, at in drives.items():
+            work = float(impulses[at:at + 3] @ (matrix[3 * j:3 * j + 3] @ state.v))
+            own[j, DRIVE_WORK] += work
+            put_in += work
+    v = state.v + by
     if model.slider_forces is not None:
-        after = np.array([float((matrix[3 * j:3 * j + 3] @ found) @ x / (x @ x)) for j, x in enumerate(tangents)])
-        moves = ~given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(found)))
+        after = np.array([float((matrix[3 * j:3 * j + 3] @ v) @ x / (x @ x)) for j, x in enumerate(tangents)])
+        moves = ~given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(v)))
         if slides:
             moves[k] = False
         own[moves, SIGN] = np.sign(after[moves])
         own[moves, STICKS] = 0.0
     if model.moving is not None:
         model.moving.put_blow(history, state.q, by)
-    return State(state.q.copy(), found, state.s.copy(), state.force.copy(), history), -float(by @ (momentum + 0.5 * inertia @ by))
+    loss = put_in - float(by @ (momentum + 0.5 * inertia @ by))
+    return State(state.q.copy(), v, state.s.copy(), state.force.copy(), history), loss
 
 
 def _against_gaps(model: Model, rows: Any, state: State) -> Array:

@@ -14,12 +14,18 @@ SOLUTIONS = 30
 
 
 def nearest(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> Array:
+    """As `nearest_by`, without the multipliers."""
+    return nearest_by(mass, matrix, right, given, spin)[0]
+
+
+def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> tuple[Array, Array]:
     """The x with matrix x = right that is nearest to `given` in the norm of a singular mass matrix, and among these near to it in
     its other components. spin: which unknowns are spins.
 
     Every unknown is measured by its own inertia, one without by that of what it hangs together with: parts that nothing joins do
     not know of each other. The matrix of the multipliers is made regular by a small share of that, which repeated solutions take
-    out again (proximal point iteration), so that the result is exact, also where constraints say the same twice.
+    out again (proximal point iteration), so that the result is exact, also where constraints say the same twice. Also returned
+    are the multipliers l of the constraints, with which mass (x - given) = matrix^T l.
     """
     from scipy import sparse
     from scipy.sparse.csgraph import connected_components
@@ -55,4 +61,4 @@ def nearest(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> 
             break
         best, kept = left, solution
         solution = solution + factors.solve(rest)
-    return kept[:n] / np.sqrt(scale)
+    return kept[:n] / np.sqrt(scale), -kept[n:] / size

@@ -8,7 +8,9 @@ import pytest
 
 import fastbeam as fb
 import fastbeam.run
-from fastbeam.impacts import Impacts
+from fastbeam.impacts import Impacts, along, strike
+from fastbeam.kernels.along import DRIVE_WORK, HISTORY, STOP_LOSS
+from fastbeam.maps import mass_map
 from restarts import assert_goes_on
 
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
@@ -218,3 +220,29 @@ def test_a_second_impact_within_a_step_does_not_bounce(behind: float, rate: floa
     bead = after.v.reshape(-1, 4, 3)[model.labels.index("point mass 'bead'"), 0]
     np.testing.assert_allclose(bead, (rate, 0.0, 0.0), rtol=0.0, atol=1e-14)
     assert impacts.number == 2
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
+def test_the_impulse_of_a_drive_that_prescribes_a_motion_counts_as_its_work(restitution: float) -> None:
+    """A bead hits a stop on a free beam that another is driven along: what the stop takes is its impulse times the mean of the
+    velocities along the beam, what the drive puts in its impulse times its own. Both were a loss of the stop, even a negative
+    one."""
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0.2), section=SOFT, elements=4)
+    hits, driven = fb.PointMass("hits", mass=0.2), fb.PointMass("driven", mass=0.3)
+    model = fb.compile_scene(fb.Scene(
+        beam, hits, driven, fb.Slider("a", hits, beam, at=0.4, rate=2.0, stops=fb.Stops(0.1, 0.4, restitution=restitution)),
+        fb.Slider("b", driven, beam, at=0.7, drive=fb.Drive(speed=-1.5)), project_velocities=True))
+    before = model.state()
+    rates = [along(model, before, k)[1] for k in range(2)]
+    after = strike(model, before, 0, True, restitution)
+    assert along(model, after, 0)[1] == pytest.approx(-restitution * rates[0], abs=1e-12)
+    assert along(model, after, 1)[1] == pytest.approx(rates[1], rel=1e-12) and rates[1] == pytest.approx(-1.5)
+    blow = (after.v - before.v).reshape(-1, 4, 3)
+    tangent = np.array([1.0, 0.0, 0.2]) / np.sqrt(1.04)
+    push = [mass.mass * float(blow[model.numbers.start(mass), 0] @ tangent) for mass in (hits, driven)]
+    own = after.history[:model.work_place].reshape(-1, HISTORY)
+    loss, work = -push[0] * 0.5 * (1.0 - restitution) * rates[0], push[1] * rates[1]
+    assert own[0, STOP_LOSS] == pytest.approx(loss, abs=1e-13) and own[1, DRIVE_WORK] == pytest.approx(work, rel=1e-9)
+    assert abs(work) > 1e-3 and loss >= 0.0
+    energy = [0.5 * float(x.v @ (mass_map(model) @ x.v)) for x in (before, after)]
+    assert energy[1] - energy[0] == pytest.approx(work - loss, rel=1e-9)
