@@ -63,8 +63,9 @@ def check_balance(drawn: Drawn | DrawnPath) -> None:
     if exchanged(result) > 0.05 * size:
         assert balanced(result)
     for name, x in result.balance().items():
-        if name.startswith(("friction of", "stops of")):
-            # what friction and stops took never comes back; a loss at a stop is a difference of energies
+        if name.startswith("friction of") or name.startswith("stops of") and not getattr(drawn, "moves", False):
+            # what friction and stops took never comes back; a loss at a stop is a difference of energies. Of elements that move
+            # it is that of the momenta, from which velocities that come to rest differ to second order (limits.md)
             assert np.min(np.diff(x)) >= -1e-14 * size, name
 
 
