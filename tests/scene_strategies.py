@@ -204,8 +204,6 @@ def _slider(name: str, of: dict[str, Any], beam: fb.Beam, mass: float, rotation:
     body = fb.RigidBody(f"holder of {name}", mass=mass, inertia=of["inertia"] * np.array((0.7, 0.8, 1.0)),
                         position=beam.reference(forces["at"])[0][0], directors=rotation.T)
     bore = of["bore"] if of["bore"] is None else of["bore"] * beam.length
-    # on a curved beam the curve of the contact is off its shape
-    body = replace(body, position=fb.Sleeve(name, body, beam, length=bore, keyed=of["keyed"], **forces).place)
     return [body, fb.Sleeve(name, body, beam, length=bore, keyed=of["keyed"], **forces)]
 
 
