@@ -234,8 +234,8 @@ def _timed(law: Callable[..., None], time: Callable[[float], float] | None) -> A
 
 def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> Any:
     """The derivative of a law of a user force by the six unknowns of its node, by central differences: machine code as of
-    `compiled_force`, the law within its loop. What it is given stands behind `DIFFERENCE` in kernels/user_force.py; found are 6 x 6
-    numbers."""
+    `compiled_force`, the law within its loop. What it is given stands behind `DIFFERENCE` in kernels/user_force.py; found are
+    6 x 6 numbers."""
     from numba import carray, types
     inner, pointer = _timed(law, time), types.CPointer(types.float64)
 
