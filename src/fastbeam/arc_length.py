@@ -236,7 +236,7 @@ class PathSolver(SlidingSolver):
             size = move(x[:-1], float(x[-1]))
             return (SLIDER_END if self.beyond_ends(self.stepper.core_state.s) else OK), size
 
-        status, sizes = newton_loop(increment, self.max_iterations, lambda: True, self.interrupted)
+        status, sizes = newton_loop(increment, self.max_iterations, self.interrupted)
         # further off than a path that turns by less than the steps allow: another one
         strayed = to is None and self._strayed(along, step, first) > max(STRAY * step, LEAST_STRAY)
         return 0 if status != OK or strayed else len(sizes)

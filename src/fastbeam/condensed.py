@@ -29,7 +29,7 @@ from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.prescribed import MovedRows
 from .kernels.slider import Sliding
-from .kernels.substructures import ELEMENTS, NODES_EACH
+from .kernels.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, assemble, predict_nodes
 from .kernels.ties import COLUMN_ENTRY, ROW_ENTRY, TARGET, Ties
 from .kernels.work import follow_increment, start_increment
@@ -193,7 +193,7 @@ class CondensedIteration(Iteration):
         inside = np.zeros(model.n_nodes + 1, np.int64)
         for tables, groups in zip((model.simo, model.green), parts):
             for number, nn in np.unique(groups[:, [ELEMENTS, NODES_EACH]], axis=0).tolist():
-                first = groups[(groups[:, ELEMENTS] == number) & (groups[:, NODES_EACH] == nn), 0, None]
+                first = groups[(groups[:, ELEMENTS] == number) & (groups[:, NODES_EACH] == nn), FIRST_GROUP, None]
                 inside[tables.nodes[tables.meta[first, LIST] + np.arange(8)] + 1] += 1
                 inside[tables.nodes[tables.meta[first + number - 1, LIST] + 8 * (nn - 1) + np.arange(8)]] -= 1
         # all nodes but those between the ends of condensed beams

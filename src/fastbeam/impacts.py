@@ -234,15 +234,16 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
         momentum += model.moving.momentum(history, state.q)
     mass = (lift.T @ inertia @ lift).tocsr()
 
+    # every jump that was tried, with its impulses
+    tried: list[tuple[Array, Array]] = []
+
     def least(more: list[Any], goals: list[float]) -> Array:
         """The jump with changes of more rates."""
         every = (sparse.vstack([*rows, *more]) @ lift).tocsr()
         goal = np.concatenate([*right, goals])
         x, impulses = nearest_by(mass, every, goal, np.zeros(free.size), free % 6 >= 3)
-        found.append((np.asarray(lift @ x), impulses))
-        return found[-1][0]
-
-    found: list[tuple[Array, Array]] = []
+        tried.append((np.asarray(lift @ x), impulses))
+        return tried[-1][0]
 
     if bounces >= 0 and model.moving is not None:
         # energy is that of the momenta, of which velocities differ to second order: so is the impulse
@@ -252,7 +253,7 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     by = _with_stops(model, state, history, bounces, rest or {}, least)
     put_in = 0.0
     if drives:
-        impulses = next(x for way, x in found if way is by)
+        impulses = next(x for way, x in tried if way is by)
         for j, at in drives.items():
             work = float(impulses[at:at + 3] @ (matrix[3 * j:3 * j + 3] @ state.v))
             own[j, DRIVE_WORK] += work

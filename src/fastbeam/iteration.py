@@ -41,8 +41,8 @@ class Owner(Protocol):
         """Terms and system as compiled code takes them."""
 
 
-def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, is_settled: Callable[[], bool],
-                after: Callable[[list[float]], int], largest: float = np.inf) -> tuple[int, list[float]]:
+def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, after: Callable[[list[float]], int],
+                is_settled: Callable[[], bool] = lambda: True, largest: float = np.inf) -> tuple[int, list[float]]:
     """Newton's method where its loop runs in Python: as `kernels.step.newton`.
 
     Parameters
@@ -52,10 +52,10 @@ def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, is
         was found; any status but OK ends the loop.
     most : int
         Iterations.
-    is_settled : callable
-        Asked where increments are at round-off: whether the equations have not changed with the last one.
     after : callable
         Of the sizes until now, after every iteration that does not end the loop; any status but OK ends it.
+    is_settled : callable
+        Asked where increments are at round-off: whether the equations have not changed with the last one.
     largest : float
         An increment beyond this, or NaN, ends it.
 
@@ -135,7 +135,7 @@ class Iteration:
             spent = len(sizes) == max_iterations and owner.work.increment.control[IN_DOUBT] == 0.0
             return NOT_CONVERGED if spent else OK
 
-        return newton_loop(increment, MORE_ITERATIONS * max_iterations, lambda: bool(kernels.all_settled(*owner.records)), after,
+        return newton_loop(increment, MORE_ITERATIONS * max_iterations, after, lambda: bool(kernels.all_settled(*owner.records)),
                            largest)
 
     def assemble(self, h: float) -> None:

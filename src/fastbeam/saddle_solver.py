@@ -271,7 +271,7 @@ class SaddleSolver(StaticSolver):
             self.interrupts.serve()
             return NOT_CONVERGED if not patient and len(sizes) >= LEAST_PATIENCE and sizes[-1] > sizes[0] else OK
 
-        status, sizes = newton_loop(increment, self.max_iterations, lambda: is_whole, after)
+        status, sizes = newton_loop(increment, self.max_iterations, after, lambda: is_whole)
         self.longest = max(self.longest, len(sizes))
         return status, sizes
 

@@ -56,7 +56,7 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> bool:
         # a node of a condensed beam hangs on the start of the beam
         for tables, groups in zip((model.simo, model.green), model.groups_of_beams()):
             for count, nn in np.unique(groups[:, [ELEMENTS, NODES_EACH]], axis=0).tolist():
-                first = groups[(groups[:, 1] == count) & (groups[:, 2] == nn), FIRST_GROUP]
+                first = groups[(groups[:, ELEMENTS] == count) & (groups[:, NODES_EACH] == nn), FIRST_GROUP]
                 at = tables.meta[first[:, None] + np.arange(count), LIST]
                 own = tables.rows[at[:, :, None, None] + np.arange(8 * nn).reshape(nn, 8)]
                 rows.append(own.reshape(-1))

@@ -311,7 +311,7 @@ class LengthSolver(Response):
             moved = self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns]))
             return OK, moved + float(np.max(np.abs(x[self.unknowns:])))
 
-        status, sizes = newton_loop(increment, self.max_iterations, lambda: True, self.interrupted)
+        status, sizes = newton_loop(increment, self.max_iterations, self.interrupted)
         if status != OK:
             return status, sizes
         # further off than conditions that are nearly linear lead: another equilibrium

@@ -157,6 +157,7 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
         text = " ".join(str(failed).split())[:300]
         raise SceneError(f"{who}: numba cannot compile its derivative ({text}); use numbers, indices, loops, math and numpy "
                          "functions") from failed
+    # that of loads that follow is the package's own: tests/unit/test_law_slopes.py
     if force.derivative is not turning_slopes:
         check_slopes(who, law, compiled, given, np.array(force.parameters), on_line)
     return address

@@ -9,6 +9,8 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.newton import Stepper
+from fastbeam.scene.follower import turning, turning_slopes
+from fastbeam.user_forces import check_slopes
 
 Array = np.ndarray
 
@@ -181,3 +183,12 @@ def test_a_law_with_a_kink_at_the_start_takes_its_derivative(height: float) -> N
     force = fb.UserForce("law", ball, pushed, parameters=(1e3, 0.1), derivative=its_push)
     run = fb.simulate(fb.compile_scene(fb.Scene(ball, force)), t_end=0.1, step=0.01, progress=False)
     assert run.t[-1] == pytest.approx(0.1) and np.isfinite(run.state.q).all()
+
+
+def test_the_derivative_of_loads_that_follow_is_that_of_their_law() -> None:
+    """It is not compared when a scene is compiled."""
+    rng = np.random.default_rng(3)
+    given, parameters = rng.standard_normal(18), rng.standard_normal(6)
+    check_slopes("load", turning, turning_slopes, given, parameters, False)
+    with pytest.raises(fb.SceneError, match="its derivative gives"):
+        check_slopes("load", turning, lambda *x: turning_slopes(*x[:5], -x[5], x[6]), given, parameters, False)

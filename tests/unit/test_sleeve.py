@@ -198,3 +198,14 @@ def test_a_sleeve_runs_on_one_beam() -> None:
     rod, body, _ = parts()
     with pytest.raises(fb.SceneError, match="must be a Beam, got"):
         fb.Sleeve("guide", body, on=fb.Path("way", [rod]), at=1.0)
+
+
+@pytest.mark.parametrize("radius", [0.5, 400.0, 4000.0, 4e4, 4e7])
+def test_a_body_on_a_beam_however_little_curved_holds_a_sleeve(radius: float) -> None:
+    """The mean over the bore lies off the beam: by as much as is put right, by as little as counts as on it, and between."""
+    section = fb.Section.circle(radius=0.01, E=1e9, rho=1000.0)
+    beam = fb.Beam.arc("rod", (2.0, -3.0, 0.5), (1, 0, 0), (0, 1, 0), radius=radius, angle=0.24 / radius, section=section,
+                       elements=2)
+    body = fb.RigidBody("holder", mass=1.0, inertia=(0.1, 0.1, 0.1), position=beam.reference(0.1)[0][0])
+    model = fb.compile_scene(fb.Scene(beam, body, fb.Clamp(beam.start), fb.Sleeve("sleeve", body, beam, at=0.1, length=0.012)))
+    assert fb.simulate(model, t_end=1e-3, step=1e-3, every=1, progress=False).slider("sleeve")["gap"][0] < 1e-15 * 4.0
