@@ -25,9 +25,16 @@ TURN = np.array((0.3, -0.5, 0.8))
 CROSS = np.array([[0.0, -TURN[2], TURN[1]], [TURN[2], 0.0, -TURN[0]], [-TURN[1], TURN[0], 0.0]])
 ROTATION, SHIFT = np.linalg.solve(np.eye(3) - CROSS, np.eye(3) + CROSS), np.array((1.5, -0.7, 0.4))
 
+# iterations of a step in which friction jams
+JAMS = 100
+
+
+def scene_of(drawn: Drawn | DrawnPath) -> fb.Scene:
+    return build(drawn) if isinstance(drawn, Drawn) else build_path(drawn)
+
 
 def compiled(drawn: Drawn | DrawnPath, **options: Any) -> fb.Model:
-    return fb.compile_scene(build(drawn) if isinstance(drawn, Drawn) else build_path(drawn), **options)
+    return fb.compile_scene(scene_of(drawn), **options)
 
 
 def settings_of(drawn: Drawn | DrawnPath) -> dict[str, Any]:
@@ -54,12 +61,22 @@ def of_both(one: fb.Result, other: fb.Result) -> None:
         np.testing.assert_allclose(x, y, rtol=0.0, atol=SAME * float(np.abs(x).max(initial=1.0)))
 
 
+def round_off_of_strains(drawn: Drawn | DrawnPath, energy: float) -> float:
+    """What round-off of strains is worth of a strain energy, J: directors off by eps make a curvature of an element h wrong by
+    eps/h, and an energy E of a stiffness C over a length L by eps/h sqrt(2 E C L). Four units in the last place."""
+    of = [np.sqrt(2.0 * energy * np.diag(x.section.C) * x.length) / np.repeat((1.0, x.length / x.basis.n_elements), 3)
+          for x in scene_of(drawn).beams]
+    return 4.0 * float(np.finfo(float).eps * np.max(of))
+
+
 def check_balance(drawn: Drawn | DrawnPath) -> None:
     result = run(compiled(drawn), drawn)
-    assert result.info["fallbacks"] == 0
-    for name in result.info["conserved"]:
-        assert result.drift(name) < (1e-14 if name == "gap" else 1e-13), name
+    # but where friction jams and its signs wander, a matrix of which may be singular
+    assert result.info["fallbacks"] <= np.sum(result.series["iterations"] > JAMS)
     size = largest(result)
+    limits = {"gap": 1e-14, "balance": 1e-13 + round_off_of_strains(drawn, float(np.max(result.series["strain"]))) / size}
+    for name in result.info["conserved"]:
+        assert result.drift(name) < limits.get(name, 1e-13), name
     if exchanged(result) > 0.05 * size:
         assert balanced(result)
     for name, x in result.balance().items():

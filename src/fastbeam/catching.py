@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .impacts import jump
+from .jumps import jump
 from .kernels.work import State
 from .maps import mass_map
 from .model import Model

@@ -11,7 +11,8 @@ import numpy as np
 from .arguments import Refusal, real, shown
 from .catching import catch
 from .errors import SceneError
-from .impacts import along, jump
+from .impacts import along
+from .jumps import jump
 from .kernels.along import AGAINST, CAME_BY, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, OFFSET, SIGN, STICKS, STOP_LOSS, TURNS
 from .kernels.observe import slider_motion
 from .kernels.work import State

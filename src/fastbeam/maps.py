@@ -69,6 +69,11 @@ def share_map(model: Model) -> Any:
     return sparse.kron(pick, sparse.eye(6), format="csr")
 
 
+def rates_map(model: Model, q: Array) -> Any:
+    """Velocities and spins of rows -> rates of all coordinates, sparse [12 N, 6 N], at coordinates [N, 4, 3]."""
+    return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()
+
+
 def spin_map(model: Model) -> Any:
     """Spins of all nodes -> the same with those of rigidly tied nodes from their roots, sparse [3 N, 3 N]."""
     from scipy import sparse

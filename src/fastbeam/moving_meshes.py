@@ -122,6 +122,11 @@ class Moving(NamedTuple):
             worst = max(worst, float(np.max(np.linalg.norm(off, axis=3))))
         return worst
 
+    @property
+    def nodes(self) -> Array:
+        """All nodes of the beams, and of places, int64 [*]."""
+        return np.unique(np.concatenate((self.places, *(table.node.reshape(-1) for table in self.tables))))
+
     def in_space(self, n: int) -> Array:
         """Which of n nodes have a position in space, int64 [*]."""
         return np.setdiff1d(np.arange(n), np.concatenate((self.places, self.line)))

@@ -18,14 +18,18 @@ def nearest(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> 
     return nearest_by(mass, matrix, right, given, spin)[0]
 
 
-def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> tuple[Array, Array]:
+def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array,
+               momentum: Array | None = None, hold: float = HOLD) -> tuple[Array, Array]:
     """The x with matrix x = right that is nearest to `given` in the norm of a singular mass matrix, and among these near to it in
-    its other components. spin: which unknowns are spins.
+    its other components.
+
+    spin: which unknowns are spins; momentum: added to that of `given`, none by default; hold: the share of its inertia with which
+    an unknown is held in one solution.
 
     Every unknown is measured by its own inertia, one without by that of what it hangs together with: parts that nothing joins do
     not know of each other. The matrix of the multipliers is made regular by a small share of that, which repeated solutions take
     out again (proximal point iteration), so that the result is exact, also where constraints say the same twice. Also returned
-    are the multipliers l of the constraints, with which mass (x - given) = matrix^T l.
+    are the multipliers l of the constraints, with which mass (x - given) = momentum + matrix^T l.
     """
     from scipy import sparse
     from scipy.sparse.csgraph import connected_components
@@ -48,10 +52,11 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) 
     rows = sparse.diags(1.0 / size) @ rows
     weight = unit @ mass @ unit
     exact = sparse.bmat([[weight, rows.T], [rows, None]]).tocsr()
-    held = exact + sparse.diags(np.concatenate((np.full(n, HOLD), np.full(m, -GIVE))))
+    held = exact + sparse.diags(np.concatenate((np.full(n, hold), np.full(m, -GIVE))))
     factors = splu(held.tocsc())
     start = given * np.sqrt(scale)
-    goal = np.concatenate((weight @ start, right / size))
+    pull = weight @ start if momentum is None else weight @ start + unit @ momentum
+    goal = np.concatenate((pull, right / size))
     solution = np.concatenate((start, np.zeros(m)))
     best, kept = np.inf, solution
     for _ in range(SOLUTIONS):

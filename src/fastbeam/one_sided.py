@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .impacts import jump
+from .jumps import jump
 from .kernels.along import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
 from .kernels.nearest_place import Sides, nearest_place_of
 from .kernels.contact_entries import Contact

@@ -14,7 +14,7 @@ from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow
-from .maps import free_unknowns, mass_map, share_map, tie_map, velocity_map
+from .maps import free_unknowns, mass_map, rates_map, share_map
 from .model import Model
 from .multipliers import KeptLink, gap_matrix
 from .nearest import nearest
@@ -285,11 +285,11 @@ def _standing(model: Model, state: State) -> Array:
 def moving_supports(model: Model, state: State) -> list[tuple[Any, int]]:
     """Motions that hold their nodes from the start on, and these; not those that take hold on the way, from wherever their nodes
     are then."""
-    return [(motion, node) for motion, node in _motions(model, state) if motion.since is None]
+    return [(motion, node) for _, motion, node in active_motions(model, state) if motion.since is None]
 
 
-def _motions(model: Model, state: State) -> list[tuple[Any, int]]:
-    """Motions of supports that have not let go, and their nodes."""
+def active_motions(model: Model, state: State) -> list[tuple[int, Any, int]]:
+    """Motions of supports that hold now, their numbers and nodes."""
     if model.prescribed is None:
         return []
     gone: set[int] = set()
@@ -297,7 +297,7 @@ def _motions(model: Model, state: State) -> list[tuple[Any, int]]:
         off = model.released.off(state.history[model.release_place:model.motion_place])
         gone = set(model.released.motion[off].tolist())
     pairs = zip(model.prescribed.motions, model.prescribed.own.tolist())
-    return [pair for k, pair in enumerate(pairs) if k not in gone]
+    return [(k, *pair) for k, pair in enumerate(pairs) if k not in gone]
 
 
 def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]]:
@@ -377,7 +377,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     found = given[free]
     moved = _moved_unknowns(model, state)
     # supports that move go on as they do
-    led = _rates(model, q)[:, moved] @ given[moved]
+    led = rates_map(model, q)[:, moved] @ given[moved]
     if model.n_constraints:
         mass = (lift.T @ inertia @ lift).tocsr()
         right = _given_rates(model, across @ state.v) - across @ led
@@ -390,12 +390,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
 def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:
     """Free velocities and spins -> rates of all coordinates, sparse [12 N, F], and their numbers [F]."""
     free = free_unknowns(model, state)
-    return _rates(model, q)[:, free], free
-
-
-def _rates(model: Model, q: Array) -> Any:
-    """Velocities and spins of rows -> rates of all coordinates, sparse [12 N, 6 N]."""
-    return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()
+    return rates_map(model, q)[:, free], free
 
 
 def _moved_unknowns(model: Model, state: State) -> Array:
@@ -404,7 +399,7 @@ def _moved_unknowns(model: Model, state: State) -> Array:
     row_of = model.pattern.row_of
     if model.prescribed is not None:
         first = {int(row): k for k, row in reversed(list(enumerate(row_of.tolist())))}
-        for motion, node in _motions(model, state):
+        for _, motion, node in active_motions(model, state):
             bits[first[int(row_of[node])]] |= motion.mask
     return np.flatnonzero((bits[:, None] >> np.arange(6) & 1).reshape(-1))
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from .impacts import before_joints, values_of
+from .impacts import before_joints
+from .jumps import values_of
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .newton import Stepper

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import fastbeam as fb
 from fastbeam.impacts import strike_joint
+from fastbeam.kernels.joint_coordinates import WORK
 from fastbeam.kernels.joint_friction import AGAINST, STOP_LOSS
 from restarts import assert_goes_on
 
@@ -170,6 +171,48 @@ def test_an_impact_beside_a_joint_at_rest_is_that_of_lagranges_equations(at_end:
     own = holds_of.numbers(after.history)
     loss = 0.5 * (before @ mass @ before - exact @ mass @ exact)
     assert own[1, STOP_LOSS] == pytest.approx(loss, rel=1e-10) and own[0, AGAINST] == (1.0 if holds else 0.0)
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.5])
+def test_a_motor_beside_a_stop_does_the_work_of_its_impulse(restitution: float) -> None:
+    """The first bar turns at a given speed while the second strikes its stop: the loss is that of the second alone, the rest of
+    what changes is work of the motor."""
+    given, rate = 1.5, -3.0
+    one = body("one", (0.1, 0, 0), mass=0.2, inertia=(1e-3, 1e-3, 1e-3), spin=(0, given, 0), velocity=(0, 0, -0.1 * given))
+    two = body("two", (0.3, 0, 0), mass=0.2, inertia=(1e-3, 1e-3, 1e-3), spin=(0, given + rate, 0),
+               velocity=(0, 0, -0.3 * given - 0.1 * rate))
+    model = fb.compile_scene(fb.Scene(one, two, hinge(fb.GROUND, one, (0, 0, 0), "motor", speed=given),
+                                      hinge(one, two, (0.2, 0, 0), "stopped",
+                                            stops=fb.Stops(0.0, None, restitution=restitution))), planar=False)
+    state, motions = model.state(), model.motions
+    after = strike_joint(model, state, 0, False, restitution)
+    mass = mass_matrix((0.0, 0.0))
+    rates = np.array([given, rate]), np.array([given, -restitution * rate])
+    np.testing.assert_allclose(motions.rates(*(x.reshape(-1, 4, 3) for x in (after.q, after.v))), rates[1], rtol=1e-11)
+    loss = 0.5 * mass[1, 1] * rate**2 * (1.0 - restitution**2)
+    work = 0.5 * (rates[1] @ mass @ rates[1] - rates[0] @ mass @ rates[0]) + loss
+    assert work > 0.02
+    assert motions.own(after.history, model.motion_place)[:, WORK] == pytest.approx([work, 0.0], rel=1e-10, abs=1e-15)
+    assert motions.holds.numbers(after.history)[0, STOP_LOSS] == pytest.approx(loss, rel=1e-10, abs=1e-14)
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.3])
+def test_a_support_that_moves_does_the_work_of_a_blow(restitution: float) -> None:
+    """An arm on a carriage that is driven strikes its stop: the loss is that of its own turning."""
+    speed = 2.0
+    carriage, part = body("carriage", (0, 0, 0), velocity=(0, 0, speed)), body("arm", (LEVER, 0, 0), velocity=(0, 0, speed))
+    scene = fb.Scene(carriage, part, hinge(carriage, part, (0, 0, 0), "pivot", torque=1.0,
+                                           stops=fb.Stops(None, 0.2, restitution=restitution)),
+                     fb.PrescribedMotion("drive", carriage, displacement=lambda t: (0.0, 0.0, speed * t)))
+    result = run(fb.compile_scene(scene), 1.0, 2e-3, every=1)
+    spin = np.sqrt(2.0 * 0.2 / INERTIA)
+    lost = result.balance()["stops of joint 'pivot'"]
+    n = int(np.argmax(result.t >= impacts(result)[0] - 1e-12))
+    assert lost[n] == pytest.approx(0.5 * INERTIA * spin**2 * (1.0 - restitution**2), rel=1e-4, abs=1e-13)
+    if restitution == 1.0:
+        assert len(impacts(result)) > 1
+    # of all impacts none gives energy, and the books close
+    assert np.min(np.diff(lost)) > -1e-13 and result.drift("balance") < 1e-13
 
 
 def test_a_stop_in_a_closed_loop_of_bodies_is_hit_and_holds() -> None:

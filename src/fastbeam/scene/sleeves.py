@@ -20,6 +20,9 @@ from fastbeam.scene.paths import ABeam
 from fastbeam.scene.sliders import CURVES, Slider
 from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
+# shares of the length of a beam below which means over a bore are round-off
+LEAST_BORE = 1e-6
+
 
 @checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES),
          friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided(),
@@ -43,9 +46,9 @@ class Sleeve(Slider):
     keyed : bool
         Whether the beam's twist is held, too; False lets it turn about its axis in the sleeve.
     length : float, optional
-        Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.8). The default
-        is that of an element of the beam. 0 holds those of a single point; the force that drives a bent beam out of it then
-        depends on where in an element it is, whatever the mesh.
+        Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.8), at least
+        1e-6 of the length of the beam. The default is that of an element of the beam. 0 holds those of a single point; the force
+        that drives a bent beam out of it then depends on where in an element it is, whatever the mesh.
     key_radius : float, optional
         Where splines hold the twist, m from the axis: with friction the torsion moment adds |M_1|/key_radius to |F_n|, by default
         nothing.
@@ -59,9 +62,9 @@ class Sleeve(Slider):
     Raises
     ------
     SceneError
-        An argument is of the wrong kind or not finite, the holder is a point mass, which has no direction, or there is friction
-        and no length of the bore; `radius` with a twist that is held, or without Coulomb friction. `compile_scene` tests the
-        axis.
+        An argument is of the wrong kind or not finite, the bore is longer than the beam or too short, the holder is a point mass,
+        which has no direction, or there is friction and no length of the bore; `radius` with a twist that is held, or without
+        Coulomb friction. `compile_scene` tests the axis.
     """
 
     kind: ClassVar[str] = "sleeve"
@@ -93,6 +96,9 @@ class Sleeve(Slider):
         if self.length > self.beam.length:
             raise SceneError(f"{who}: length={self.length:.6g} m of its bore exceeds that of {self.beam.label}, "
                              f"{self.beam.length:.6g} m")
+        if 0.0 < self.length < LEAST_BORE * self.beam.length:
+            raise SceneError(f"{who}: length={self.length:.6g} m of its bore is less than {LEAST_BORE:.0g} of that of "
+                             f"{self.beam.label}; give length=0 for a sleeve that holds a single point, or a longer bore")
         self._put_on_curve(who)
         if self.axis is not None and not np.linalg.norm(self.axis) > 0.0:
             raise SceneError(f"{who}: axis=(0, 0, 0) is no direction; give that of the bore in the triad of the holder")

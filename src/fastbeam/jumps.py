@@ -1,0 +1,294 @@
+"""Velocities that jump at an instant: impacts on rigid stops, locks that engage, supports that catch; theory.md 5.6."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .coordinates import Coordinate
+from .kernels import joint_friction
+from .kernels.along import AGAINST, DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS
+from .kernels.joint_coordinates import VALUE, WORK
+from .kernels.work import State
+from .maps import free_unknowns, gap_rates, mass_map, rates_map
+from .model import Model
+from .multipliers import gap_matrix
+from .nearest import nearest_by
+from .starting import active_motions, direction_rates
+
+Array = np.ndarray
+# rates below this share of the largest are none behind an impact
+MOVES = 1e-9
+# a coordinate of a joint stands at a stop within this share of a large value
+AT_STOP = 1e-9
+# changes of what rests at stops behind an impact
+MOST_PIVOTS = 200
+# as of nearest.py, of velocities by momenta: a mesh that moves along a beam which does not has next to no inertia
+HOLD = 1e-13
+
+
+def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
+         rest: dict[int, float] | None = None) -> tuple[State, float]:
+    """The state after an impact at slider k, and the energy that it took, J.
+
+    Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
+    the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
+    alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam;
+    impulses of supports that move and of drives that prescribe a motion do work, which counts as theirs. Joints that stand at a
+    stop are at rest behind it where that takes an impulse that pushes, and leave it else.
+
+    Parameters
+    ----------
+    k : int or None
+        Of a slider; -1 - i: of coordinate i of joints that may stick; None: of a support.
+    lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N]
+    change : float64 [m]
+        m/s, of joints and supports m/s or rad/s.
+    rest : dict, optional
+        Coordinates of joints that come to rest at stops, and on which side.
+    """
+    equations = Equations(model, state, k, lead, change)
+    history = state.history.copy()
+    bounces = -1 - k if k is not None and k < 0 and change.size else -1
+    by = _with_stops(model, state, history, bounces, rest or {}, equations.least)
+    v = state.v + by
+    if model.slider_forces is not None:
+        own = history[:model.work_place].reshape(-1, HISTORY)
+        after = equations.along_beams(v)
+        moves = ~equations.given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(v)))
+        if k is not None and k >= 0:
+            moves[k] = False
+        own[moves, SIGN] = np.sign(after[moves])
+        own[moves, STICKS] = 0.0
+    return equations.behind(by, history)
+
+
+def settled(model: Model, state: State, i: int) -> tuple[State, float]:
+    """The state at an instant with velocities that joints allow exactly, and the energy that this takes, J: at the end of a step
+    they hold them to second order in the step. Coordinate i of joints that may stick, which meets a stop, is free; others that
+    rest at stops stay there."""
+    from scipy import sparse
+    equations = Equations(model, state, -1 - i, sparse.csr_matrix((0, state.q.size)), np.zeros(0))
+    holds = model.motions.holds
+    rests = np.flatnonzero(holds.numbers(state.history)[:, joint_friction.AGAINST])
+    rows = [gap_matrix([holds.link(model.kept, j)], state.q.reshape(-1, 4, 3)) for j in rests.tolist() if j != i]
+    by = equations.least(rows, [-float((row @ state.v)[0]) for row in rows])
+    return equations.behind(by, state.history.copy())
+
+
+def of_momenta(model: Model, state: State) -> State:
+    """The state with the velocities that are nearest to its momenta: those of moving meshes are unknowns of their own, from which
+    velocities differ to second order in the step."""
+    from scipy import sparse
+    assert model.moving is not None
+    q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+    to_rates, free = rates_map(model, q), free_unknowns(model, state)
+    lift = to_rates[:, free]
+    of_bodies = mass_map(model)
+    inertia = of_bodies + model.moving.inertia(state.q)
+    found = np.concatenate((v[:, 0], 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)), axis=1).reshape(-1)
+    ahead = of_bodies @ state.v + model.moving.momentum(state.history, state.q) - inertia @ (to_rates @ found)
+    mass, no_rows = (lift.T @ inertia @ lift).tocsr(), sparse.csr_matrix((0, free.size))
+    found[free] = nearest_by(mass, no_rows, np.zeros(0), found[free], free % 6 >= 3, lift.T @ ahead, HOLD)[0]
+    return State(state.q, to_rates @ found, state.s, state.force, state.history)
+
+
+def with_momenta(model: Model, state: State, before: State, after: State) -> State:
+    """A state with moving meshes behind a jump from `before`, its own by `of_momenta`, to `after`: momenta change as the
+    velocities, and those of moving meshes become the ones of `after`."""
+    assert model.moving is not None
+    by = after.v - before.v
+    history = after.history.copy()
+    model.moving.put_blow(history, state.q, by)
+    v = (state.v + by).reshape(-1, 12)
+    moves = model.moving.nodes
+    v[moves] = after.v.reshape(-1, 12)[moves]
+    return State(state.q.copy(), v.reshape(-1), state.s.copy(), state.force.copy(), history)
+
+
+def values_of(model: Model, state: State) -> Array:
+    """Values of the coordinates of joints that may stick, as the history has them, m or rad, [R]."""
+    motions = model.motions
+    if motions is None:
+        return np.zeros(0)
+    return motions.own(state.history, model.motion_place)[motions.holds.rubs, VALUE]
+
+
+class Equations:
+    """What connections, supports, sliders and joints ask of a jump of the velocities; arguments as of `jump`.
+
+    Attributes
+    ----------
+    given : bool [S]
+        Sliders that keep their velocities along the beam.
+    """
+
+    def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
+        from scipy import sparse
+        self.model, self.state = model, state
+        own = state.history[:model.work_place].reshape(-1, HISTORY)
+        self._matrix, self._tangents, _ = gap_rates(model, state)
+        self.given = driven = np.zeros(0, bool)
+        if model.slider_forces is not None:
+            driven = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT))
+            self.given = driven | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
+        slides = k is not None and k >= 0
+        self._rows: list[Any] = [] if slides else [lead]
+        right: list[Array] = [] if slides else [change]
+        # where the equations of sliders begin whose drives prescribe a motion
+        self._drives: dict[int, int] = {}
+        for j, tangent in enumerate(self._tangents):
+            relative = self._of_slider(j)
+            if model.slider_forces is None:
+                self._rows.append(sparse.csr_matrix(np.linalg.svd(tangent[None])[2][1:]) @ relative)
+                right.append(np.zeros(2))
+                continue
+            if j != k and own[j, HELD] == OFF:
+                continue
+            leads = lead if j == k else np.eye(3) if self.given[j] else np.linalg.svd(tangent[None])[2][1:]
+            if driven[j] and j != k and own[j, HELD] == FREE and own[j, AGAINST] == 0.0:
+                self._drives[j] = sum(x.size for x in right)
+            self._rows.append(sparse.csr_matrix(leads) @ relative)
+            right.append(change if j == k else np.zeros(len(leads)))
+        of_joints = self._matrix[3 * len(self._tangents):]
+        self._behind_joints = sum(x.size for x in right) + of_joints.shape[0]
+        self._rows.append(of_joints)
+        right.append(np.zeros(of_joints.shape[0]) if slides else _against_gaps(model, of_joints, state))
+        for others in direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]:
+            self._rows.append(others)
+            right.append(np.zeros(others.shape[0]))
+        self._goal = np.concatenate(right)
+        self._free = free_unknowns(model, state)
+        self._to_rates = rates_map(model, state.q.reshape(-1, 4, 3))
+        self._lift = self._to_rates[:, self._free]
+        self._inertia = mass_map(model)
+        if model.moving is not None:
+            self._inertia = self._inertia + model.moving.inertia(state.q)
+        self._mass = (self._lift.T @ self._inertia @ self._lift).tocsr()
+        # the last jumps with their impulses, and all equations of these
+        self._tried: list[tuple[Array, Array, Any]] = []
+
+    def _of_slider(self, j: int) -> Any:
+        """The velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
+        return self._matrix[3 * j:3 * j + 3]
+
+    def along_beams(self, v: Array) -> Array:
+        """ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
+        return np.array([float((self._of_slider(j) @ v) @ x / (x @ x)) for j, x in enumerate(self._tangents)])
+
+    def least(self, more: list[Any], goals: list[float]) -> Array:
+        """The jump of all coordinates [12 N] with which these rates change, too: rows sparse [1, 12 N] each."""
+        from scipy import sparse
+        every = sparse.vstack([*self._rows, *more], format="csr")
+        x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
+                                 np.zeros(self._free.size), self._free % 6 >= 3)
+        self._tried.append((np.asarray(self._lift @ x), impulses, every))
+        return self._tried[-1][0]
+
+    def behind(self, by: Array, history: Array) -> tuple[State, float]:
+        """The state behind one of these jumps, with a history that is changed, and the energy that it took, J."""
+        state, put_in = self.state, self._put_in(by, history)
+        after = State(state.q.copy(), state.v + by, state.s.copy(), state.force.copy(), history)
+        return after, put_in - float(by @ (self._inertia @ (state.v + 0.5 * by)))
+
+    def _put_in(self, by: Array, history: Array) -> float:
+        """Work of drives that prescribe a motion and of supports that move in a jump, J, which is added to theirs."""
+        model, state = self.model, self.state
+        impulses, every = next((impulses, every) for way, impulses, every in self._tried if way is by)
+        own = history[:model.work_place].reshape(-1, HISTORY)
+        total = 0.0
+        for j, at in self._drives.items():
+            work = float(impulses[at:at + 3] @ (self._of_slider(j) @ state.v))
+            own[j, DRIVE_WORK] += work
+            total += work
+        if model.motions is not None and model.motions.holds.given.size:
+            given = model.motions.holds.given
+            at = self._behind_joints - given.size + np.arange(given.size)
+            works = impulses[at] * (every[at] @ state.v)
+            model.motions.own(history, model.motion_place)[given, WORK] += works
+            total += float(np.sum(works))
+        supports = active_motions(model, state)
+        if supports:
+            force = self._to_rates.T @ (self._inertia @ by - every.T @ impulses)
+            row_of = model.pattern.row_of
+            q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+            for k, motion, node in supports:
+                first = int(np.argmax(row_of == row_of[node]))
+                velocity = np.concatenate((v[node, 0], 0.5 * np.cross(q[node, 1:], v[node, 1:]).sum(axis=0)))
+                held = (motion.mask >> np.arange(6) & 1).astype(bool)
+                work = float(force[6 * first:6 * first + 6][held] @ velocity[held])
+                history[model.drive_place + k] += work
+                total += work
+        return total
+
+
+def _against_gaps(model: Model, rows: Any, state: State) -> Array:
+    """Changes of the rates of gaps of joints that take away what velocities at the end of a step have of them: they are met to
+    second order, and a short step after the impact would turn them around with huge forces. Given coordinates keep theirs."""
+    out = -np.asarray(rows @ state.v)
+    at = 0
+    for link in (x for x in model.kept if x.law.holds):
+        m = link.forces(3)
+        if isinstance(link.law, Coordinate):
+            out[at:at + m] = 0.0
+        at += m
+    return out
+
+
+def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Array:
+    """The jump of all coordinates [12 N] beside joints at stops, which push only; bounces: the coordinate that does, or -1;
+    rest: as of `jump`; `least` gives it for rows and changes of their rates. Which of them rest behind it, and signs of the
+    velocities of others that rub, go to the history.
+
+    Rates into stops are zero, impulses push, and one of both is zero (a linear complementarity problem): Murty's least index
+    method, which ends for every inertia."""
+    if model.motions is None or not model.motions.holds.rubs.size:
+        return np.asarray(least([], []))
+    holds = model.motions.holds
+    own = holds.numbers(history)
+    rows = [gap_matrix([holds.link(model.kept, i)], state.q.reshape(-1, 4, 3)) for i in range(len(own))]
+    rates = np.array([float((row @ state.v)[0]) for row in rows])
+    off = values_of(model, state)[:, None] - holds.ends
+    near = np.abs(off) <= AT_STOP * holds.scales[:, None]
+    side = np.where(near[:, 1], 1.0, np.where(near[:, 0], -1.0, 0.0))
+    rests = own[:, joint_friction.AGAINST] != 0.0
+    side[rests] = own[rests, joint_friction.AGAINST]
+    for i, of in rest.items():
+        side[i] = of
+    if bounces >= 0:
+        side[bounces] = 0.0
+    at_stop = np.flatnonzero(side).tolist()
+    active = [i for i in at_stop if rests[i] or i in rest or side[i] * rates[i] > 0.0]
+
+    def jump_with(some: list[int]) -> tuple[Array, Array, float]:
+        """With these at rest: the jump, rates into stops behind it, and what counts as none."""
+        by = np.asarray(least([rows[i] for i in some], [-rates[i] for i in some]))
+        found = state.v + by
+        into = np.array([side[i] * float((rows[i] @ found)[0]) for i in at_stop])
+        return by, into, MOVES * float(np.max(np.abs(found), initial=0.0))
+
+    for _ in range(MOST_PIVOTS):
+        by, into, none = jump_with(active)
+        for n, i in enumerate(at_stop):
+            if i in rest:
+                continue
+            if i in active:
+                # without the stop it would leave it: its impulse pulls
+                others = [j for j in active if j != i]
+                _, alone, none = jump_with(others)
+                if alone[n] < -none:
+                    active = others
+                    break
+            elif into[n] > none:
+                active = sorted([*active, i])
+                break
+        else:
+            break
+    found = state.v + by
+    for i in range(len(own)):
+        rate = float((rows[i] @ found)[0])
+        if i in active:
+            own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = 0.0, 0.0, side[i]
+        elif side[i] != 0.0 or abs(rate) > MOVES * float(np.max(np.abs(found))):
+            own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = np.sign(rate), 0.0, 0.0
+    return by
