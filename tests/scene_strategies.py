@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from hypothesis import assume
 from hypothesis import strategies as st
 
 import fastbeam as fb
+from fastbeam.scene.moving_mesh import NEAREST
 
 Array = np.ndarray
 Draw = Any
@@ -221,6 +223,9 @@ def moving_scenes(draw: Draw, held: bool = False) -> Drawn:
     friction, which a straight beam has."""
     drawn = draw(sliding_scenes(held=held))
     made, ways = list(drawn.beams), [dict(of) for of in drawn.rest["sliding"]]
+    # an element fits between contacts
+    places = sorted((on, share) for on, share, *_ in drawn.rest["sliders"])
+    assume(all(a != b or y - x > NEAREST for (a, x), (b, y) in zip(places[:-1], places[1:])))
     for (on, *_), of in zip(drawn.rest["sliders"], ways):
         kind, shape, section, common = made[on]
         is_bore = of["kind"] == "sleeve" and of["friction"] == "coulomb"

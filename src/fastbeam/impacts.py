@@ -4,13 +4,12 @@ from __future__ import annotations
 import numpy as np
 
 from .errors import SceneError
-from .jumps import jump, of_momenta, settled, with_momenta
+from .jumps import jump, of_momenta, row_of_joint, settled, with_momenta
 from .kernels import joint_friction
 from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, STOP_LOSS
 from .kernels.work import State
 from .mapping import contact
 from .model import Model
-from .multipliers import gap_matrix
 
 Array = np.ndarray
 # time of an impact where there was none, s
@@ -108,7 +107,7 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
     holds = model.motions.holds
     start = state if model.moving is None else of_momenta(model, state)
     free, before = settled(model, start, i)
-    row = gap_matrix([holds.link(model.kept, i)], state.q.reshape(-1, 4, 3))
+    row = row_of_joint(model, state, i)
     rate = float((row @ free.v)[0])
     bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
     rest = {} if bounces else {**(together or {}), i: 1.0 if at_end else -1.0}

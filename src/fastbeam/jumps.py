@@ -1,7 +1,7 @@
 """Velocities that jump at an instant: impacts on rigid stops, locks that engage, supports that catch; theory.md 5.6."""
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from .kernels import joint_friction
 from .kernels.along import AGAINST, DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS
 from .kernels.joint_coordinates import VALUE, WORK
 from .kernels.work import State
-from .maps import free_unknowns, gap_rates, mass_map, rates_map
+from .maps import free_unknowns, gap_rates, mass_map, rates_map, spins
 from .model import Model
 from .multipliers import gap_matrix
 from .nearest import nearest_by
@@ -34,8 +34,8 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
     the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
     alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam;
-    impulses of supports that move and of drives that prescribe a motion do work, which counts as theirs. Joints that stand at a
-    stop are at rest behind it where that takes an impulse that pushes, and leave it else.
+    impulses of supports that move and of drives and motors that prescribe a motion do work, which counts as theirs. Joints that
+    stand at a stop are at rest behind it where that takes an impulse that pushes, and leave it else.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     equations = Equations(model, state, k, lead, change)
     history = state.history.copy()
     bounces = -1 - k if k is not None and k < 0 and change.size else -1
-    by = _with_stops(model, state, history, bounces, rest or {}, equations.least)
-    v = state.v + by
+    found = _with_stops(model, state, history, bounces, rest or {}, equations.least)
+    v = state.v + found.by
     if model.slider_forces is not None:
         own = history[:model.work_place].reshape(-1, HISTORY)
         after = equations.along_beams(v)
@@ -60,7 +60,7 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
             moves[k] = False
         own[moves, SIGN] = np.sign(after[moves])
         own[moves, STICKS] = 0.0
-    return equations.behind(by, history)
+    return equations.behind(found, history)
 
 
 def settled(model: Model, state: State, i: int) -> tuple[State, float]:
@@ -71,14 +71,15 @@ def settled(model: Model, state: State, i: int) -> tuple[State, float]:
     equations = Equations(model, state, -1 - i, sparse.csr_matrix((0, state.q.size)), np.zeros(0))
     holds = model.motions.holds
     rests = np.flatnonzero(holds.numbers(state.history)[:, joint_friction.AGAINST])
-    rows = [gap_matrix([holds.link(model.kept, j)], state.q.reshape(-1, 4, 3)) for j in rests.tolist() if j != i]
-    by = equations.least(rows, [-float((row @ state.v)[0]) for row in rows])
-    return equations.behind(by, state.history.copy())
+    rows = [row_of_joint(model, state, j) for j in rests.tolist() if j != i]
+    found = equations.least(rows, [-float((row @ state.v)[0]) for row in rows])
+    return equations.behind(found, state.history.copy())
 
 
 def of_momenta(model: Model, state: State) -> State:
-    """The state with the velocities that are nearest to its momenta: those of moving meshes are unknowns of their own, from which
-    velocities differ to second order in the step."""
+    """The state with velocities of moving meshes, and of what is tied to them, that are nearest to its momenta: these are
+    unknowns of their own, from which velocities differ to second order in the step. Jumps of such scenes begin here and end with
+    `with_momenta`."""
     from scipy import sparse
     assert model.moving is not None
     q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
@@ -86,24 +87,43 @@ def of_momenta(model: Model, state: State) -> State:
     lift = to_rates[:, free]
     of_bodies = mass_map(model)
     inertia = of_bodies + model.moving.inertia(state.q)
-    found = np.concatenate((v[:, 0], 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)), axis=1).reshape(-1)
-    ahead = of_bodies @ state.v + model.moving.momentum(state.history, state.q) - inertia @ (to_rates @ found)
+    found = np.concatenate((v[:, 0], spins(q, v)), axis=1).reshape(-1)
+    missing = of_bodies @ state.v + model.moving.momentum(state.history, state.q) - inertia @ (to_rates @ found)
     mass, no_rows = (lift.T @ inertia @ lift).tocsr(), sparse.csr_matrix((0, free.size))
-    found[free] = nearest_by(mass, no_rows, np.zeros(0), found[free], free % 6 >= 3, lift.T @ ahead, HOLD)[0]
-    return State(state.q, to_rates @ found, state.s, state.force, state.history)
+    found[free] = nearest_by(mass, no_rows, np.zeros(0), found[free], free % 6 >= 3, lift.T @ missing, HOLD)[0]
+    out, tied = state.v.copy().reshape(-1, 12), _on_meshes(model)[0]
+    out[tied] = (to_rates @ found).reshape(-1, 12)[tied]
+    return State(state.q, out.reshape(-1), state.s, state.force, state.history)
 
 
 def with_momenta(model: Model, state: State, before: State, after: State) -> State:
-    """A state with moving meshes behind a jump from `before`, its own by `of_momenta`, to `after`: momenta change as the
-    velocities, and those of moving meshes become the ones of `after`."""
+    """A state with moving meshes behind a jump from `before`, its own by `of_momenta`, to `after`: momenta, and velocities that
+    are these, change as the velocities; those of nodes that only meshes have become the ones of `after`."""
     assert model.moving is not None
     by = after.v - before.v
     history = after.history.copy()
     model.moving.put_blow(history, state.q, by)
-    v = (state.v + by).reshape(-1, 12)
-    moves = model.moving.nodes
-    v[moves] = after.v.reshape(-1, 12)[moves]
+    v, alone = (state.v + by).reshape(-1, 12), _on_meshes(model)[1]
+    v[alone] = after.v.reshape(-1, 12)[alone]
     return State(state.q.copy(), v.reshape(-1), state.s.copy(), state.force.copy(), history)
+
+
+def _on_meshes(model: Model) -> Array:
+    """Nodes of moving meshes with what is tied to them, and those of these that no other nodes are tied to, bool [2, N]."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    assert model.moving is not None
+    n, ties = model.n_nodes, model.ties
+    shares = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)
+    pairs = [np.stack((np.arange(n), shares[1][shares[2]]))]
+    if ties is not None:
+        pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target)))
+    a, b = np.concatenate(pairs, axis=1)
+    _, piece = connected_components(coo_matrix((np.ones(a.size, np.int8), (a, b)), shape=(n, n)), directed=False)
+    mesh = np.zeros(n, bool)
+    mesh[model.moving.nodes] = True
+    has_mesh, has_others = (np.bincount(piece, x)[piece] > 0.0 for x in (mesh, ~mesh))
+    return np.stack((has_mesh, has_mesh & ~has_others))
 
 
 def values_of(model: Model, state: State) -> Array:
@@ -112,6 +132,28 @@ def values_of(model: Model, state: State) -> Array:
     if motions is None:
         return np.zeros(0)
     return motions.own(state.history, model.motion_place)[motions.holds.rubs, VALUE]
+
+
+def row_of_joint(model: Model, state: State, i: int) -> Any:
+    """The rate of coordinate i of those of joints that may stick from the rates of all coordinates, sparse [1, 12 N]."""
+    return gap_matrix([model.motions.holds.link(model.kept, i)], state.q.reshape(-1, 4, 3))
+
+
+class Least(NamedTuple):
+    """A jump of least kinetic energy.
+
+    Attributes
+    ----------
+    by : float64 [12 N]
+        Of the rates of all coordinates.
+    impulses : float64 [m]
+    rows : sparse [m, 12 N]
+        What they act on.
+    """
+
+    by: Array
+    impulses: Array
+    rows: Any
 
 
 class Equations:
@@ -165,8 +207,6 @@ class Equations:
         if model.moving is not None:
             self._inertia = self._inertia + model.moving.inertia(state.q)
         self._mass = (self._lift.T @ self._inertia @ self._lift).tocsr()
-        # the last jumps with their impulses, and all equations of these
-        self._tried: list[tuple[Array, Array, Any]] = []
 
     def _of_slider(self, j: int) -> Any:
         """The velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
@@ -176,25 +216,23 @@ class Equations:
         """ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
         return np.array([float((self._of_slider(j) @ v) @ x / (x @ x)) for j, x in enumerate(self._tangents)])
 
-    def least(self, more: list[Any], goals: list[float]) -> Array:
-        """The jump of all coordinates [12 N] with which these rates change, too: rows sparse [1, 12 N] each."""
+    def least(self, more: list[Any], goals: list[float]) -> Least:
+        """The jump with which these rates change, too: rows sparse [1, 12 N] each."""
         from scipy import sparse
         every = sparse.vstack([*self._rows, *more], format="csr")
         x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
                                  np.zeros(self._free.size), self._free % 6 >= 3)
-        self._tried.append((np.asarray(self._lift @ x), impulses, every))
-        return self._tried[-1][0]
+        return Least(np.asarray(self._lift @ x), impulses, every)
 
-    def behind(self, by: Array, history: Array) -> tuple[State, float]:
+    def behind(self, found: Least, history: Array) -> tuple[State, float]:
         """The state behind one of these jumps, with a history that is changed, and the energy that it took, J."""
-        state, put_in = self.state, self._put_in(by, history)
+        state, by, put_in = self.state, found.by, self._add_works(found, history)
         after = State(state.q.copy(), state.v + by, state.s.copy(), state.force.copy(), history)
         return after, put_in - float(by @ (self._inertia @ (state.v + 0.5 * by)))
 
-    def _put_in(self, by: Array, history: Array) -> float:
-        """Work of drives that prescribe a motion and of supports that move in a jump, J, which is added to theirs."""
-        model, state = self.model, self.state
-        impulses, every = next((impulses, every) for way, impulses, every in self._tried if way is by)
+    def _add_works(self, found: Least, history: Array) -> float:
+        """Work of drives and motors that prescribe a motion and of supports that move in a jump, J, which is added to theirs."""
+        model, state, impulses = self.model, self.state, found.impulses
         own = history[:model.work_place].reshape(-1, HISTORY)
         total = 0.0
         for j, at in self._drives.items():
@@ -204,17 +242,17 @@ class Equations:
         if model.motions is not None and model.motions.holds.given.size:
             given = model.motions.holds.given
             at = self._behind_joints - given.size + np.arange(given.size)
-            works = impulses[at] * (every[at] @ state.v)
+            works = impulses[at] * (found.rows[at] @ state.v)
             model.motions.own(history, model.motion_place)[given, WORK] += works
             total += float(np.sum(works))
         supports = active_motions(model, state)
         if supports:
-            force = self._to_rates.T @ (self._inertia @ by - every.T @ impulses)
+            force = self._to_rates.T @ (self._inertia @ found.by - found.rows.T @ impulses)
             row_of = model.pattern.row_of
             q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
             for k, motion, node in supports:
                 first = int(np.argmax(row_of == row_of[node]))
-                velocity = np.concatenate((v[node, 0], 0.5 * np.cross(q[node, 1:], v[node, 1:]).sum(axis=0)))
+                velocity = np.concatenate((v[node, 0], spins(q[node:node + 1], v[node:node + 1])[0]))
                 held = (motion.mask >> np.arange(6) & 1).astype(bool)
                 work = float(force[6 * first:6 * first + 6][held] @ velocity[held])
                 history[model.drive_place + k] += work
@@ -235,18 +273,18 @@ def _against_gaps(model: Model, rows: Any, state: State) -> Array:
     return out
 
 
-def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Array:
-    """The jump of all coordinates [12 N] beside joints at stops, which push only; bounces: the coordinate that does, or -1;
-    rest: as of `jump`; `least` gives it for rows and changes of their rates. Which of them rest behind it, and signs of the
-    velocities of others that rub, go to the history.
+def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Least:
+    """The jump beside joints at stops, which push only; bounces: the coordinate that does, or -1; rest: as of `jump`; `least`
+    gives it for rows and changes of their rates. Which of them rest behind it, and signs of the velocities of others that rub, go
+    to the history.
 
     Rates into stops are zero, impulses push, and one of both is zero (a linear complementarity problem): Murty's least index
     method, which ends for every inertia."""
     if model.motions is None or not model.motions.holds.rubs.size:
-        return np.asarray(least([], []))
+        return least([], [])
     holds = model.motions.holds
     own = holds.numbers(history)
-    rows = [gap_matrix([holds.link(model.kept, i)], state.q.reshape(-1, 4, 3)) for i in range(len(own))]
+    rows = [row_of_joint(model, state, i) for i in range(len(own))]
     rates = np.array([float((row @ state.v)[0]) for row in rows])
     off = values_of(model, state)[:, None] - holds.ends
     near = np.abs(off) <= AT_STOP * holds.scales[:, None]
@@ -260,15 +298,15 @@ def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: 
     at_stop = np.flatnonzero(side).tolist()
     active = [i for i in at_stop if rests[i] or i in rest or side[i] * rates[i] > 0.0]
 
-    def jump_with(some: list[int]) -> tuple[Array, Array, float]:
+    def jump_with(some: list[int]) -> tuple[Least, Array, float]:
         """With these at rest: the jump, rates into stops behind it, and what counts as none."""
-        by = np.asarray(least([rows[i] for i in some], [-rates[i] for i in some]))
-        found = state.v + by
-        into = np.array([side[i] * float((rows[i] @ found)[0]) for i in at_stop])
-        return by, into, MOVES * float(np.max(np.abs(found), initial=0.0))
+        found = least([rows[i] for i in some], [-rates[i] for i in some])
+        v = state.v + found.by
+        into = np.array([side[i] * float((rows[i] @ v)[0]) for i in at_stop])
+        return found, into, MOVES * float(np.max(np.abs(v), initial=0.0))
 
     for _ in range(MOST_PIVOTS):
-        by, into, none = jump_with(active)
+        found, into, none = jump_with(active)
         for n, i in enumerate(at_stop):
             if i in rest:
                 continue
@@ -284,11 +322,11 @@ def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: 
                 break
         else:
             break
-    found = state.v + by
+    v = state.v + found.by
     for i in range(len(own)):
-        rate = float((rows[i] @ found)[0])
+        rate = float((rows[i] @ v)[0])
         if i in active:
             own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = 0.0, 0.0, side[i]
-        elif side[i] != 0.0 or abs(rate) > MOVES * float(np.max(np.abs(found))):
+        elif side[i] != 0.0 or abs(rate) > MOVES * float(np.max(np.abs(v))):
             own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = np.sign(rate), 0.0, 0.0
-    return by
+    return found

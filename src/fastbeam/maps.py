@@ -69,6 +69,11 @@ def share_map(model: Model) -> Any:
     return sparse.kron(pick, sparse.eye(6), format="csr")
 
 
+def spins(q: Array, v: Array) -> Array:
+    """Spins of nodes at coordinates and rates [n, 4, 3], rad/s: float64 [n, 3]."""
+    return np.asarray(0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1))
+
+
 def rates_map(model: Model, q: Array) -> Any:
     """Velocities and spins of rows -> rates of all coordinates, sparse [12 N, 6 N], at coordinates [N, 4, 3]."""
     return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()

@@ -21,10 +21,9 @@ def nearest(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> 
 def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array,
                momentum: Array | None = None, hold: float = HOLD) -> tuple[Array, Array]:
     """The x with matrix x = right that is nearest to `given` in the norm of a singular mass matrix, and among these near to it in
-    its other components.
+    its other components; with a momentum, nearest to what `given` is once that has been added to its own.
 
-    spin: which unknowns are spins; momentum: added to that of `given`, none by default; hold: the share of its inertia with which
-    an unknown is held in one solution.
+    spin: which unknowns are spins; hold: the share of its inertia with which an unknown is held in one solution.
 
     Every unknown is measured by its own inertia, one without by that of what it hangs together with: parts that nothing joins do
     not know of each other. The matrix of the multipliers is made regular by a small share of that, which repeated solutions take

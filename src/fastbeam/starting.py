@@ -14,7 +14,7 @@ from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow
-from .maps import free_unknowns, mass_map, rates_map, share_map
+from .maps import free_unknowns, mass_map, rates_map, share_map, spins
 from .model import Model
 from .multipliers import KeptLink, gap_matrix
 from .nearest import nearest
@@ -190,7 +190,7 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, MENDABLE * speed)
     for motion, node in moving_supports(model, state) if t is not None else ():
         rates = np.array(motion.rates(t))
-        off = np.array((v[node, 0], 0.5 * np.cross(q[node, 1:], v[node, 1:]).sum(axis=0))) - rates
+        off = np.array((v[node, 0], spins(q[node:node + 1], v[node:node + 1])[0])) - rates
         off *= held_axes(np.array([motion.mask]))[0], [float(motion.mask & 56 != 0)] * 3
         size = float(np.linalg.norm(off[0])) + length * float(np.linalg.norm(off[1]))
         # taken as it is from solve_static, and nothing against it: a word, and mended on request
@@ -210,8 +210,8 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
     for (k, _), section in zip(model.sleeve_pairs, sections(model, state.s, q)):
         name = f"sleeve {model.names['sliders'][k]!r}"
         _, tangent, relative = contact(model, int(k), state.s[k], q, v)
-        spins = np.concatenate((np.zeros_like(v[:, 0]), 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)), axis=1).reshape(-1)
-        rate = section.row(0, len(q)) @ spins + section.values(1) * (relative @ tangent) / (tangent @ tangent)
+        turning = np.concatenate((np.zeros_like(v[:, 0]), spins(q, v)), axis=1).reshape(-1)
+        rate = section.row(0, len(q)) @ turning + section.values(1) * (relative @ tangent) / (tangent @ tangent)
         out.append(Misfit(f"{name}: its direction is", _angle(section.values()), "rad", GAP, MENDABLE))
         out.append(Misfit(f"{name}: its spin against the section of the beam, times the size of the scene, is",
                           float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
@@ -373,7 +373,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     lift, free = _lift(model, q, state)
     given = np.zeros(6 * model.n_nodes)
     given.reshape(-1, 6)[:, :3] = v[:, 0]
-    given.reshape(-1, 6)[:, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+    given.reshape(-1, 6)[:, 3:] = spins(q, v)
     found = given[free]
     moved = _moved_unknowns(model, state)
     # supports that move go on as they do

@@ -196,15 +196,21 @@ def test_a_motor_beside_a_stop_does_the_work_of_its_impulse(restitution: float) 
     assert motions.holds.numbers(after.history)[0, STOP_LOSS] == pytest.approx(loss, rel=1e-10, abs=1e-14)
 
 
-@pytest.mark.parametrize("restitution", [1.0, 0.3])
-def test_a_support_that_moves_does_the_work_of_a_blow(restitution: float) -> None:
-    """An arm on a carriage that is driven strikes its stop: the loss is that of its own turning."""
+@pytest.mark.parametrize(("restitution", "turns"), [(1.0, False), (0.3, False), (1.0, True), (0.3, True)])
+def test_a_support_that_moves_does_the_work_of_a_blow(restitution: float, turns: bool) -> None:
+    """An arm on a carriage, or a hub, that is driven strikes its stop: the loss is that of its own turning."""
     speed = 2.0
-    carriage, part = body("carriage", (0, 0, 0), velocity=(0, 0, speed)), body("arm", (LEVER, 0, 0), velocity=(0, 0, speed))
+    if turns:
+        carriage, part = body("hub", (0, 0, 0), spin=(0, speed, 0)), body("arm", (LEVER, 0, 0), velocity=(0, 0, -LEVER * speed),
+                                                                          spin=(0, speed, 0))
+    else:
+        carriage, part = body("carriage", (0, 0, 0), velocity=(0, 0, speed)), body("arm", (LEVER, 0, 0), velocity=(0, 0, speed))
+    drive = fb.PrescribedMotion("drive", carriage, displacement=lambda t: (0.0, 0.0, 0.0 if turns else speed * t),
+                                rotation=lambda t: (0.0, speed * t if turns else 0.0, 0.0))
     scene = fb.Scene(carriage, part, hinge(carriage, part, (0, 0, 0), "pivot", torque=1.0,
                                            stops=fb.Stops(None, 0.2, restitution=restitution)),
-                     fb.PrescribedMotion("drive", carriage, displacement=lambda t: (0.0, 0.0, speed * t)))
-    result = run(fb.compile_scene(scene), 1.0, 2e-3, every=1)
+                     drive)
+    result = run(fb.compile_scene(scene), 1.2, 2e-3, every=1)
     spin = np.sqrt(2.0 * 0.2 / INERTIA)
     lost = result.balance()["stops of joint 'pivot'"]
     n = int(np.argmax(result.t >= impacts(result)[0] - 1e-12))
@@ -212,7 +218,7 @@ def test_a_support_that_moves_does_the_work_of_a_blow(restitution: float) -> Non
     if restitution == 1.0:
         assert len(impacts(result)) > 1
     # of all impacts none gives energy, and the books close
-    assert np.min(np.diff(lost)) > -1e-13 and result.drift("balance") < 1e-13
+    assert np.min(np.diff(lost)) > -1e-13 and result.drift("balance") < 1e-12
 
 
 def test_a_stop_in_a_closed_loop_of_bodies_is_hit_and_holds() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from restarts import assert_goes_on
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "study"))
@@ -189,6 +190,28 @@ def test_a_stop_on_a_beam_that_waves_in_flight_gives_no_energy(restitution: floa
         behind = (result.t > hits[0] - 1e-12) & (np.abs(run["s"] - 1.15) < 1e-12)
         assert run["stop_loss"][-1] > 1e-3 * size and behind.sum() > 3
         assert np.max(np.abs(run["slide_rate"][behind])) < 1e-12
+
+
+@pytest.mark.parametrize(("restitution", "what"), [(0.5, "bead"), (0.0, "bead"), (0.5, "body"), (0.5, "friction"),
+                                                   (0.0, "sleeve")])
+def test_a_run_goes_on_behind_a_rigid_stop(restitution: float, what: str, tmp_path: Any) -> None:
+    """Velocities of what is tied to a node of the mesh stay those of the node, which a start is tested for."""
+    beam = fb.Beam.straight("beam", (0, 0, 0), (2, 0, 0), section=fb.Section.circle(radius=0.02, E=1e6, rho=1000.0), elements=6,
+                            interpolation="lagrange")
+    motion: dict[str, Any] = dict(mass=0.3, position=(1, 0, 0), velocity=(0.8, 0.2, 0.3))
+    bead = fb.PointMass("bead", **motion) if what == "bead" else fb.RigidBody("body", inertia=(0.01, 0.02, 0.03), **motion)
+    contact: dict[str, Any] = dict(at=1.0, rate=0.8, stops=fb.Stops(0.8, 1.15, restitution=restitution),
+                                   friction=0.2 if what == "friction" else None)
+    slider = fb.Sleeve("run", bead, beam, **contact) if what == "sleeve" else fb.Slider("run", bead, beam, **contact)
+    scene = fb.Scene(beam, bead, slider, fb.InitialVelocity(beam, spin=(0, 0.5, 0.7)), project_velocities=True)
+    model = fb.compile_scene(fb.with_moving_meshes(scene))
+    settings: dict[str, Any] = dict(t_end=0.3, step=2e-3, every=1, progress=False)
+    whole = fb.simulate(model, **settings)
+    hits = [int(np.argmin(np.abs(whole.t - x["time"]))) for x in whole.events if x["kind"] == "impact"]
+    assert hits and whole.drift("balance") < 1e-11
+    for n in (hits[0], hits[-1] + 5):
+        assert_goes_on(model, whole, n, tmp_path / "c", settings)
+    fb.simulate(model, start=whole.state, t_end=0.01, step=2e-3, progress=False)
 
 
 def test_joints_with_rigid_stops_beside_a_moving_mesh() -> None:

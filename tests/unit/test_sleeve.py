@@ -209,3 +209,20 @@ def test_a_body_on_a_beam_however_little_curved_holds_a_sleeve(radius: float) ->
     body = fb.RigidBody("holder", mass=1.0, inertia=(0.1, 0.1, 0.1), position=beam.reference(0.1)[0][0])
     model = fb.compile_scene(fb.Scene(beam, body, fb.Clamp(beam.start), fb.Sleeve("sleeve", body, beam, at=0.1, length=0.012)))
     assert fb.simulate(model, t_end=1e-3, step=1e-3, every=1, progress=False).slider("sleeve")["gap"][0] < 1e-15 * 4.0
+
+
+@pytest.mark.parametrize("length", [5e-324, 1e-200, 1e-8])
+def test_a_bore_that_is_round_off_is_refused(length: float) -> None:
+    beam = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=SECTION, elements=4)
+    body = fb.RigidBody("body", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0))
+    with pytest.raises(fb.SceneError, match="give length=0 for a sleeve that holds a single point, or a longer bore"):
+        fb.Sleeve("ring", body, beam, at=1.0, length=length)
+    basis = beam.basis
+    thin, own = averaged_curve(basis, 2e-7 * 1.1), basis.curve("own")
+    s = np.linspace(0.01, 1.99, 50)
+    nodes = np.sin(np.arange(basis.n_nodes))
+    values = []
+    for curve in (thin, own):
+        first, weights, _ = curve.evaluate(s)
+        values.append([w[:basis.n_nodes - a] @ nodes[a:a + len(w)] for a, w in zip(first, weights)])
+    np.testing.assert_allclose(*values, rtol=0.0, atol=1e-7)

@@ -6,7 +6,7 @@ Which of the two holds is decided as for sliders (along.py): the sign is that of
 the increment of a step that goes on with the velocity at its start, zero where it stood still; a force that would put energy in
 is refused. G_max may grow with the forces of the joint, (4.31): its derivatives stand in the columns of those. A coordinate at
 rest against a rigid stop sticks as long as the stop would not have to pull; the step in which it is met is shortened (ways.py),
-and the velocity jumps (impacts.py).
+and the velocity jumps (jumps.py).
 
 Arrays: counts_out [4 or 5].
 """

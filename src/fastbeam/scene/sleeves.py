@@ -21,7 +21,7 @@ from fastbeam.scene.sliders import CURVES, Slider
 from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 # shares of the length of a beam below which means over a bore are round-off
-LEAST_BORE = 1e-6
+LEAST_BORE = 1e-7
 
 
 @checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES),
@@ -47,7 +47,7 @@ class Sleeve(Slider):
         Whether the beam's twist is held, too; False lets it turn about its axis in the sleeve.
     length : float, optional
         Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.8), at least
-        1e-6 of the length of the beam. The default is that of an element of the beam. 0 holds those of a single point; the force
+        1e-7 of the length of the beam. The default is that of an element of the beam. 0 holds those of a single point; the force
         that drives a bent beam out of it then depends on where in an element it is, whatever the mesh.
     key_radius : float, optional
         Where splines hold the twist, m from the axis: with friction the torsion moment adds |M_1|/key_radius to |F_n|, by default
