@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from .errors import SceneError
-from .jumps import jump, of_momenta, row_of_joint, settled, with_momenta
+from .jumps import jump, of_momenta, row_of_joint, settled, with_momenta, without_gain
 from .kernels import joint_friction
 from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, STOP_LOSS
 from .kernels.work import State
@@ -106,7 +106,7 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
     it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
     holds = model.motions.holds
     start = state if model.moving is None else of_momenta(model, state)
-    free, before = settled(model, start, i)
+    free, before = settled(model, start, -1 - i)
     row = row_of_joint(model, state, i)
     rate = float((row @ free.v)[0])
     bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
@@ -122,8 +122,8 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
 def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
     """The state after slider k has met a rigid stop.
 
-    The velocity of k along its beam is -restitution times the one before, see `jump`. The energy that is lost goes to the history
-    of the slider.
+    The velocity of k along its beam is -restitution times the one before, see `jump`, or zero where that leads away from the stop
+    already. The energy that is lost goes to the history of the slider.
 
     Parameters
     ----------
@@ -136,14 +136,23 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
         Whether the stop is the one towards the end of the beam.
     restitution : float
     """
-    tangent, rate = along(model, state, k)
-    after, loss = jump(model, state, k, np.eye(3), -(1.0 + restitution) * rate * tangent)
+    def into(begin: State) -> tuple[Array, float, float]:
+        """Tangent and rate, and e, which is zero where the rate leads away from the stop already."""
+        tangent, rate = along(model, begin, k)
+        return tangent, rate, restitution if rate * (1.0 if at_end else -1.0) > 0.0 else 0.0
+
+    def change(begin: State) -> Array:
+        tangent, rate, e = into(begin)
+        return -(1.0 + e) * rate * tangent
+
+    begin, after, loss = without_gain(model, state, k, np.eye(3), change)
+    _, rate, e = into(begin)
     own = after.history[:model.work_place].reshape(-1, HISTORY)
     own[k, STOP_LOSS] += loss
     own[k, SIGN] = -np.sign(rate)
     if rate != 0.0:
         own[k, STICKS] = 0.0
-    if restitution * abs(rate) == 0.0:
+    if e == 0.0:
         own[k, SIGN], own[k, AGAINST] = 0.0, 1.0 if at_end else -1.0
     return after
 

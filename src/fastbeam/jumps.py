@@ -1,6 +1,7 @@
 """Velocities that jump at an instant: impacts on rigid stops, locks that engage, supports that catch; theory.md 5.6."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,10 @@ AT_STOP = 1e-9
 MOST_PIVOTS = 200
 # as of nearest.py, of velocities by momenta: a mesh that moves along a beam which does not has next to no inertia
 HOLD = 1e-13
+# share of the largest rate
+ROUND_OFF = 1e-15
+# share of the energy that jumps may give
+NO_GAIN = 1e-15
 
 
 def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
@@ -63,23 +68,52 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     return equations.behind(found, history)
 
 
-def settled(model: Model, state: State, i: int) -> tuple[State, float]:
-    """The state at an instant with velocities that joints allow exactly, and the energy that this takes, J: at the end of a step
-    they hold them to second order in the step. Coordinate i of joints that may stick, which meets a stop, is free; others that
-    rest at stops stay there."""
-    from scipy import sparse
-    equations = Equations(model, state, -1 - i, sparse.csr_matrix((0, state.q.size)), np.zeros(0))
-    holds = model.motions.holds
-    rests = np.flatnonzero(holds.numbers(state.history)[:, joint_friction.AGAINST])
-    rows = [row_of_joint(model, state, j) for j in rests.tolist() if j != i]
-    found = equations.least(rows, [-float((row @ state.v)[0]) for row in rows])
-    return equations.behind(found, state.history.copy())
+def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
+    """The state at an instant with velocities that sliders, sleeves and joints allow exactly, the nearest ones, and the energy
+    that this takes, J. At the end of a step they hold velocities to second order in the step, and what is left would turn around
+    in the next one.
+
+    k: as of `jump`, what meets a stop and is free along its way; other sliders with a prescribed motion, that are locked or rest
+    keep their velocities along the beam.
+    """
+    meets = -1 - k if k is not None and k < 0 else -1
+    rows, goals = [], []
+    if model.motions is not None and model.motions.holds.rubs.size:
+        rests = np.flatnonzero(model.motions.holds.numbers(state.history)[:, joint_friction.AGAINST])
+        rows = [row_of_joint(model, state, j) for j in rests.tolist() if j != meets]
+        goals = [-float((row @ state.v)[0]) for row in rows]
+    equations = Equations(model, state, k, None, np.zeros(0))
+    if not equations.ask(goals):
+        return state, 0.0
+    return equations.behind(equations.least(rows, goals), state.history.copy())
+
+
+def without_gain(model: Model, state: State, k: int | None, lead: Any,
+                 change: Callable[[State], Array]) -> tuple[State, State, float]:
+    """The state that a jump begins at, that behind it, and the energy that it took, which is not negative but for round-off.
+
+    At the end of a step rates across what holds are zero to second order in the step. Impulses do work on these, and where a blow
+    takes hardly anything that may be more: then the jump begins at the state that `settled` finds, with what that takes.
+
+    Parameters
+    ----------
+    k, lead
+        As of `jump`; k is a slider or None.
+    change : callable
+        The change of rates from a state.
+    """
+    after, loss = jump(model, state, k, lead, change(state))
+    if loss >= -NO_GAIN * float(state.v @ (mass_map(model) @ state.v)):
+        return state, after, loss
+    begin, before = settled(model, state, k)
+    after, loss = jump(model, begin, k, lead, change(begin))
+    return begin, after, before + loss
 
 
 def of_momenta(model: Model, state: State) -> State:
-    """The state with velocities of moving meshes, and of what is tied to them, that are nearest to its momenta: these are
-    unknowns of their own, from which velocities differ to second order in the step. Jumps of such scenes begin here and end with
-    `with_momenta`."""
+    """The state with velocities of moving meshes, and of what hangs together with them, that are nearest to its momenta: these
+    are unknowns of their own, from which velocities differ to second order in the step. Jumps of such scenes begin here and end
+    with `with_momenta`."""
     from scipy import sparse
     assert model.moving is not None
     q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
@@ -91,7 +125,7 @@ def of_momenta(model: Model, state: State) -> State:
     missing = of_bodies @ state.v + model.moving.momentum(state.history, state.q) - inertia @ (to_rates @ found)
     mass, no_rows = (lift.T @ inertia @ lift).tocsr(), sparse.csr_matrix((0, free.size))
     found[free] = nearest_by(mass, no_rows, np.zeros(0), found[free], free % 6 >= 3, lift.T @ missing, HOLD)[0]
-    out, tied = state.v.copy().reshape(-1, 12), _on_meshes(model)[0]
+    out, tied = state.v.copy().reshape(-1, 12), _on_meshes(model, inertia)[0]
     out[tied] = (to_rates @ found).reshape(-1, 12)[tied]
     return State(state.q, out.reshape(-1), state.s, state.force, state.history)
 
@@ -108,16 +142,19 @@ def with_momenta(model: Model, state: State, before: State, after: State) -> Sta
     return State(state.q.copy(), v.reshape(-1), state.s.copy(), state.force.copy(), history)
 
 
-def _on_meshes(model: Model) -> Array:
-    """Nodes of moving meshes with what is tied to them, and those of these that no other nodes are tied to, bool [2, N]."""
+def _on_meshes(model: Model, inertia: Any = None) -> Array:
+    """Nodes that hang together with those of moving meshes by ties, and by an inertia, sparse [12 N, 12 N], where it is given;
+    and those of meshes that hang together with no others, bool [2, N]."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     assert model.moving is not None
     n, ties = model.n_nodes, model.ties
-    shares = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)
-    pairs = [np.stack((np.arange(n), shares[1][shares[2]]))]
+    _, first, row = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)
+    pairs = [np.stack((np.arange(n), first[row]))]
     if ties is not None:
         pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target)))
+    if inertia is not None:
+        pairs.append(np.stack(inertia.nonzero()) // 12)
     a, b = np.concatenate(pairs, axis=1)
     _, piece = connected_components(coo_matrix((np.ones(a.size, np.int8), (a, b)), shape=(n, n)), directed=False)
     mesh = np.zeros(n, bool)
@@ -157,7 +194,8 @@ class Least(NamedTuple):
 
 
 class Equations:
-    """What connections, supports, sliders and joints ask of a jump of the velocities; arguments as of `jump`.
+    """What connections, supports, sliders and joints ask of a jump of the velocities; arguments as of `jump`, without `lead`
+    those of `settled`.
 
     Attributes
     ----------
@@ -170,35 +208,34 @@ class Equations:
         self.model, self.state = model, state
         own = state.history[:model.work_place].reshape(-1, HISTORY)
         self._matrix, self._tangents, _ = gap_rates(model, state)
-        self.given = driven = np.zeros(0, bool)
+        self.given = driven = np.zeros(len(self._tangents), bool)
         if model.slider_forces is not None:
             driven = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT))
             self.given = driven | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
-        slides = k is not None and k >= 0
-        self._rows: list[Any] = [] if slides else [lead]
-        right: list[Array] = [] if slides else [change]
+        settles, slides = lead is None, k is not None and k >= 0
+        self._rows: list[Any] = [] if slides or settles else [lead]
+        right: list[Array] = [] if slides or settles else [change]
         # where the equations of sliders begin whose drives prescribe a motion
         self._drives: dict[int, int] = {}
         for j, tangent in enumerate(self._tangents):
-            relative = self._of_slider(j)
-            if model.slider_forces is None:
-                self._rows.append(sparse.csr_matrix(np.linalg.svd(tangent[None])[2][1:]) @ relative)
-                right.append(np.zeros(2))
+            if model.slider_forces is not None and own[j, HELD] == OFF and (settles or j != k):
                 continue
-            if j != k and own[j, HELD] == OFF:
-                continue
-            leads = lead if j == k else np.eye(3) if self.given[j] else np.linalg.svd(tangent[None])[2][1:]
+            across = np.linalg.svd(tangent[None])[2][1:]
+            leads = lead if j == k and not settles else np.eye(3) if self.given[j] and j != k else across
             if driven[j] and j != k and own[j, HELD] == FREE and own[j, AGAINST] == 0.0:
                 self._drives[j] = sum(x.size for x in right)
-            self._rows.append(sparse.csr_matrix(leads) @ relative)
-            right.append(change if j == k else np.zeros(len(leads)))
+            self._rows.append(sparse.csr_matrix(leads) @ self._of_slider(j))
+            if settles:
+                right.append(-leads @ across.T @ across @ (self._of_slider(j) @ state.v))
+            else:
+                right.append(change if j == k else np.zeros(len(leads)))
         of_joints = self._matrix[3 * len(self._tangents):]
         self._behind_joints = sum(x.size for x in right) + of_joints.shape[0]
         self._rows.append(of_joints)
-        right.append(np.zeros(of_joints.shape[0]) if slides else _against_gaps(model, of_joints, state))
+        right.append(_against_gaps(model, of_joints, state) if settles else np.zeros(of_joints.shape[0]))
         for others in direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]:
             self._rows.append(others)
-            right.append(np.zeros(others.shape[0]))
+            right.append(-np.asarray(others @ state.v) if settles else np.zeros(others.shape[0]))
         self._goal = np.concatenate(right)
         self._free = free_unknowns(model, state)
         self._to_rates = rates_map(model, state.q.reshape(-1, 4, 3))
@@ -207,6 +244,11 @@ class Equations:
         if model.moving is not None:
             self._inertia = self._inertia + model.moving.inertia(state.q)
         self._mass = (self._lift.T @ self._inertia @ self._lift).tocsr()
+
+    def ask(self, goals: list[float]) -> bool:
+        """Whether there is anything to change but round-off, with changes of further rates."""
+        wanted = float(np.max(np.abs(np.concatenate((self._goal, goals))), initial=0.0))
+        return wanted > ROUND_OFF * float(np.max(np.abs(self.state.v), initial=0.0))
 
     def _of_slider(self, j: int) -> Any:
         """The velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
@@ -261,8 +303,7 @@ class Equations:
 
 
 def _against_gaps(model: Model, rows: Any, state: State) -> Array:
-    """Changes of the rates of gaps of joints that take away what velocities at the end of a step have of them: they are met to
-    second order, and a short step after the impact would turn them around with huge forces. Given coordinates keep theirs."""
+    """Changes of the rates of gaps of joints that take away what velocities have of them; given coordinates keep theirs."""
     out = -np.asarray(rows @ state.v)
     at = 0
     for link in (x for x in model.kept if x.law.holds):

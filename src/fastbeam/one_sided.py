@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .jumps import jump
+from .jumps import jump, without_gain
 from .kernels.along import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
 from .kernels.nearest_place import Sides, nearest_place_of
 from .kernels.contact_entries import Contact
@@ -71,13 +71,14 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
     state = State(*(x.copy() for x in state))
     state.s[k] = place.s
     _, tangent, relative = contact(model, k, place.s, *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
-    towards = min(float(place.normal @ relative), 0.0)
-    stays = restitution * towards == 0.0
-    if stays:
-        lead = np.linalg.svd(tangent[None])[2][1:]
-        state, loss = jump(model, state, k, lead, -lead @ relative)
-    else:
-        state, loss = jump(model, state, k, place.normal[None], np.array([-(1.0 + restitution) * towards]))
+    stays = restitution * min(float(place.normal @ relative), 0.0) == 0.0
+    lead = np.linalg.svd(tangent[None])[2][1:] if stays else place.normal[None]
+
+    def change(begin: State) -> Array:
+        rates = lead @ contact(model, k, place.s, *(x.reshape(-1, 4, 3) for x in (begin.q, begin.v)))[2]
+        return -rates if stays else -(1.0 + restitution) * np.minimum(rates, 0.0)
+
+    _, state, loss = without_gain(model, state, k, lead, change)
     own = state.history[:model.work_place].reshape(-1, HISTORY)
     own[k, STOP_LOSS] += loss
     if stays:

@@ -9,6 +9,7 @@ import pytest
 import fastbeam as fb
 import fastbeam.run
 from fastbeam.impacts import Impacts, along, strike
+from fastbeam.jumps import jump
 from fastbeam.kernels.along import DRIVE_WORK, HISTORY, STOP_LOSS
 from fastbeam.maps import mass_map
 from restarts import assert_goes_on
@@ -246,3 +247,32 @@ def test_the_impulse_of_a_drive_that_prescribes_a_motion_counts_as_its_work(rest
     assert abs(work) > 1e-3 and loss >= 0.0
     energy = [0.5 * float(x.v @ (mass_map(model) @ x.v)) for x in (before, after)]
     assert energy[1] - energy[0] == pytest.approx(work - loss, rel=1e-9)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_blow_on_what_hardly_moves_gives_no_energy(restitution: float) -> None:
+    """Rates across the beam, which the end of a step leaves, are larger than that into the stop: impulses put work in on them."""
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0.2), section=SOFT, elements=4)
+    body = fb.RigidBody("body", mass=0.2, inertia=(1e-4, 2e-4, 3e-4), position=(0.55, 0.05, 0.2))
+    stops = fb.Stops(0.2, 0.5, restitution=restitution)
+    at = beam.reference(0.5)[0][0] - body.position
+    model = fb.compile_scene(fb.Scene(beam, body, fb.Slider("s", body.point(at), beam, at=0.5, stops=stops)), planar=False)
+    losses, rng, energy = [], np.random.default_rng(3), mass_map(model)
+    nodes = np.arange(model.numbers.start(body), model.n_nodes)
+    for _ in range(20):
+        state = model.state()
+        tangent, _ = along(model, state, 0)
+        across = np.linalg.svd(tangent[None])[2][1:]
+        state.v.reshape(-1, 4, 3)[nodes, 0] = 1e-4 * tangent + 1e-2 * rng.standard_normal(2) @ across
+        after = strike(model, state, 0, True, restitution)
+        losses.append(after.history[:model.work_place].reshape(-1, HISTORY)[0, STOP_LOSS])
+        before = 0.5 * state.v @ (energy @ state.v)
+        assert losses[-1] == pytest.approx(before - 0.5 * after.v @ (energy @ after.v), abs=1e-15 * before)
+        assert losses[-1] > -2e-15 * before
+    # it does without what is asked for here
+    plain = []
+    for _ in range(20):
+        state = model.state()
+        state.v.reshape(-1, 4, 3)[nodes, 0] = 1e-4 * tangent + 1e-2 * rng.standard_normal(2) @ across
+        plain.append(jump(model, state, 0, np.eye(3), -(1.0 + restitution) * 1e-4 * tangent)[1])
+    assert min(plain) < -1e-9
