@@ -254,7 +254,9 @@ def has_converged(size, before, expected):
     left = min(size, 100.0 * expected) if size <= SMALLEST_INCREMENT else size
     if next_increment(left, before) <= 1e-20:
         return True
-    return size <= SMALL_INCREMENT and size > 0.1 * before
+    # where increments shrink by the same share time and again they are no round-off
+    stays = size > 0.1 * before and (size > 100.0 * expected or size > 0.5 * before)
+    return size <= SMALL_INCREMENT and stays
 
 
 @kernel
