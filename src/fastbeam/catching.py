@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .jumps import jump
+from .jumps import jump, settled
 from .kernels.work import State
 from .maps import mass_map
 from .model import Model
@@ -39,7 +39,8 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     if motion >= 0:
         target[:3], target[3:] = model.prescribed.motions[motion].rates(t)
     rows = _motion_of(state.q, node)[new]
-    after, lost = jump(model, state, None, rows, target[new] - rows @ state.v)
+    begin, before = settled(model, state, None)
+    after, lost = jump(model, begin, None, rows, target[new] - rows @ begin.v)
     after.history[model.release_place + k] += 1.0
     # what rests does so to the last bit
     mine = np.flatnonzero(model.pattern.row_of == model.pattern.row_of[node])
@@ -48,10 +49,11 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     if bits & 56 == 56 and not target[3:].any():
         v[mine, 1:] = 0.0
     if motion >= 0:
-        by = after.v - state.v
+        by = after.v - begin.v
         loss = 0.5 * float(by @ (mass_map(model) @ by))
         after.history[model.drive_place + motion] += loss - lost
         lost = loss
+    lost += before
     after.history[model.catch_place + int(np.sum(of.waits[:k]))] += lost
     return after, lost
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from .errors import SceneError
-from .jumps import jump, of_momenta, row_of_joint, settled, with_momenta, without_gain
+from .jumps import blow, jump, of_momenta, row_of_joint, settled, with_momenta
 from .kernels import joint_friction
 from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, STOP_LOSS
 from .kernels.work import State
@@ -105,7 +105,7 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
     """The state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`. Where it does not bounce
     it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
     holds = model.motions.holds
-    start = state if model.moving is None else of_momenta(model, state)
+    start = of_momenta(model, state)
     free, before = settled(model, start, -1 - i)
     row = row_of_joint(model, state, i)
     rate = float((row @ free.v)[0])
@@ -116,7 +116,7 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
     own[i, joint_friction.STOP_LOSS] += before + loss
     if bounces:
         own[i, joint_friction.SIGN], own[i, joint_friction.STICKS] = -np.sign(rate), 0.0
-    return after if model.moving is None else with_momenta(model, state, start, after)
+    return with_momenta(model, state, start, after)
 
 
 def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
@@ -145,7 +145,7 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
         tangent, rate, e = into(begin)
         return -(1.0 + e) * rate * tangent
 
-    begin, after, loss = without_gain(model, state, k, np.eye(3), change)
+    begin, after, loss = blow(model, state, k, np.eye(3), change)
     _, rate, e = into(begin)
     own = after.history[:model.work_place].reshape(-1, HISTORY)
     own[k, STOP_LOSS] += loss

@@ -88,9 +88,9 @@ def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
     return equations.behind(equations.least(rows, goals), state.history.copy())
 
 
-def without_gain(model: Model, state: State, k: int | None, lead: Any,
-                 change: Callable[[State], Array]) -> tuple[State, State, float]:
-    """The state that a jump begins at, that behind it, and the energy that it took, which is not negative but for round-off.
+def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State], Array]) -> tuple[State, State, float]:
+    """The state whose velocities a jump begins at, the state behind it, and the energy that it took, which is not negative but
+    for round-off.
 
     At the end of a step rates across what holds are zero to second order in the step. Impulses do work on these, and where a blow
     takes hardly anything that may be more: then the jump begins at the state that `settled` finds, with what that takes.
@@ -98,53 +98,53 @@ def without_gain(model: Model, state: State, k: int | None, lead: Any,
     Parameters
     ----------
     k, lead
-        As of `jump`; k is a slider or None.
+        As of `jump`, of a slider.
     change : callable
         The change of rates from a state.
     """
-    after, loss = jump(model, state, k, lead, change(state))
-    if loss >= -NO_GAIN * float(state.v @ (mass_map(model) @ state.v)):
-        return state, after, loss
-    begin, before = settled(model, state, k)
+    start = of_momenta(model, state)
+    begin, before = start, 0.0
     after, loss = jump(model, begin, k, lead, change(begin))
-    return begin, after, before + loss
+    if loss < -NO_GAIN * float(state.v @ (mass_map(model) @ state.v)):
+        begin, before = settled(model, start, k)
+        after, loss = jump(model, begin, k, lead, change(begin))
+    return begin, with_momenta(model, state, start, after), before + loss
 
 
 def of_momenta(model: Model, state: State) -> State:
-    """The state with velocities of moving meshes, and of what hangs together with them, that are nearest to its momenta: these
-    are unknowns of their own, from which velocities differ to second order in the step. Jumps of such scenes begin here and end
-    with `with_momenta`."""
+    """The state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none, to
+    second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own: jumps
+    begin here and end with `with_momenta`."""
     from scipy import sparse
-    assert model.moving is not None
     q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
     to_rates, free = rates_map(model, q), free_unknowns(model, state)
     lift = to_rates[:, free]
-    of_bodies = mass_map(model)
-    inertia = of_bodies + model.moving.inertia(state.q)
+    inertia = mass_map(model)
+    momentum = inertia @ state.v
+    if model.moving is not None:
+        inertia = inertia + model.moving.inertia(state.q)
+        momentum += model.moving.momentum(state.history, state.q)
     found = np.concatenate((v[:, 0], spins(q, v)), axis=1).reshape(-1)
-    missing = of_bodies @ state.v + model.moving.momentum(state.history, state.q) - inertia @ (to_rates @ found)
+    missing = momentum - inertia @ (to_rates @ found)
     mass, no_rows = (lift.T @ inertia @ lift).tocsr(), sparse.csr_matrix((0, free.size))
     found[free] = nearest_by(mass, no_rows, np.zeros(0), found[free], free % 6 >= 3, lift.T @ missing, HOLD)[0]
-    out, tied = state.v.copy().reshape(-1, 12), _on_meshes(model, inertia)[0]
-    out[tied] = (to_rates @ found).reshape(-1, 12)[tied]
-    return State(state.q, out.reshape(-1), state.s, state.force, state.history)
+    return State(state.q, to_rates @ found, state.s, state.force, state.history)
 
 
 def with_momenta(model: Model, state: State, before: State, after: State) -> State:
-    """A state with moving meshes behind a jump from `before`, its own by `of_momenta`, to `after`: momenta, and velocities that
-    are these, change as the velocities; those of nodes that only meshes have become the ones of `after`."""
-    assert model.moving is not None
-    by = after.v - before.v
-    history = after.history.copy()
-    model.moving.put_blow(history, state.q, by)
-    v, alone = (state.v + by).reshape(-1, 12), _on_meshes(model)[1]
-    v[alone] = after.v.reshape(-1, 12)[alone]
+    """A state behind a jump from `before`, its own by `of_momenta`, to `after`: momenta, and velocities that are these, change as
+    the velocities; those of nodes that only moving meshes have become the ones of `after`."""
+    by, history = after.v - before.v, after.history.copy()
+    v = (state.v + by).reshape(-1, 12)
+    if model.moving is not None:
+        model.moving.put_blow(history, state.q, by)
+        alone = _alone_on_meshes(model)
+        v[alone] = after.v.reshape(-1, 12)[alone]
     return State(state.q.copy(), v.reshape(-1), state.s.copy(), state.force.copy(), history)
 
 
-def _on_meshes(model: Model, inertia: Any = None) -> Array:
-    """Nodes that hang together with those of moving meshes by ties, and by an inertia, sparse [12 N, 12 N], where it is given;
-    and those of meshes that hang together with no others, bool [2, N]."""
+def _alone_on_meshes(model: Model) -> Array:
+    """Nodes of moving meshes to which no others are tied, bool [N]."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     assert model.moving is not None
@@ -153,14 +153,11 @@ def _on_meshes(model: Model, inertia: Any = None) -> Array:
     pairs = [np.stack((np.arange(n), first[row]))]
     if ties is not None:
         pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target)))
-    if inertia is not None:
-        pairs.append(np.stack(inertia.nonzero()) // 12)
     a, b = np.concatenate(pairs, axis=1)
     _, piece = connected_components(coo_matrix((np.ones(a.size, np.int8), (a, b)), shape=(n, n)), directed=False)
     mesh = np.zeros(n, bool)
     mesh[model.moving.nodes] = True
-    has_mesh, has_others = (np.bincount(piece, x)[piece] > 0.0 for x in (mesh, ~mesh))
-    return np.stack((has_mesh, has_mesh & ~has_others))
+    return mesh & (np.bincount(piece, ~mesh)[piece] == 0.0)
 
 
 def values_of(model: Model, state: State) -> Array:
@@ -226,7 +223,9 @@ class Equations:
                 self._drives[j] = sum(x.size for x in right)
             self._rows.append(sparse.csr_matrix(leads) @ self._of_slider(j))
             if settles:
-                right.append(-leads @ across.T @ across @ (self._of_slider(j) @ state.v))
+                # only a drive keeps a rate along the beam
+                relative = self._of_slider(j) @ state.v
+                right.append(-leads @ (across.T @ across @ relative if j in self._drives or j == k else relative))
             else:
                 right.append(change if j == k else np.zeros(len(leads)))
         of_joints = self._matrix[3 * len(self._tangents):]
@@ -278,7 +277,8 @@ class Equations:
         own = history[:model.work_place].reshape(-1, HISTORY)
         total = 0.0
         for j, at in self._drives.items():
-            work = float(impulses[at:at + 3] @ (self._of_slider(j) @ state.v))
+            tangent = self._tangents[j]
+            work = float((impulses[at:at + 3] @ tangent) * (self._of_slider(j) @ state.v @ tangent) / (tangent @ tangent))
             own[j, DRIVE_WORK] += work
             total += work
         if model.motions is not None and model.motions.holds.given.size:

@@ -12,7 +12,7 @@ from .arguments import Refusal, real, shown
 from .catching import catch
 from .errors import SceneError
 from .impacts import along
-from .jumps import without_gain
+from .jumps import blow
 from .kernels.along import AGAINST, CAME_BY, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, OFFSET, SIGN, STICKS, STOP_LOSS, TURNS
 from .kernels.observe import slider_motion
 from .kernels.work import State
@@ -336,7 +336,7 @@ class Locking:
         s, loss = float(state.s[k]), 0.0
         state = State(*(x.copy() for x in state))
         if awaited.action == LOCK:
-            _, state, loss = without_gain(self.model, state, k, np.eye(3), lambda x: -np.multiply(*along(self.model, x, k)))
+            _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -np.multiply(*along(self.model, x, k)))
         own = state.history[:self.model.work_place].reshape(-1, HISTORY)
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0
         if awaited.action == LOCK:

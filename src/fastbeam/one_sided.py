@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .jumps import jump, without_gain
+from .jumps import blow, jump
 from .kernels.along import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
 from .kernels.nearest_place import Sides, nearest_place_of
 from .kernels.contact_entries import Contact
@@ -78,7 +78,7 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
         rates = lead @ contact(model, k, place.s, *(x.reshape(-1, 4, 3) for x in (begin.q, begin.v)))[2]
         return -rates if stays else -(1.0 + restitution) * np.minimum(rates, 0.0)
 
-    _, state, loss = without_gain(model, state, k, lead, change)
+    _, state, loss = blow(model, state, k, lead, change)
     own = state.history[:model.work_place].reshape(-1, HISTORY)
     own[k, STOP_LOSS] += loss
     if stays:

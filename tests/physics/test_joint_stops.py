@@ -214,11 +214,25 @@ def test_a_support_that_moves_does_the_work_of_a_blow(restitution: float, turns:
     spin = np.sqrt(2.0 * 0.2 / INERTIA)
     lost = result.balance()["stops of joint 'pivot'"]
     n = int(np.argmax(result.t >= impacts(result)[0] - 1e-12))
-    assert lost[n] == pytest.approx(0.5 * INERTIA * spin**2 * (1.0 - restitution**2), rel=1e-4, abs=1e-13)
+    # rates across the hinge, which the end of a step leaves, are lost: fourth order in the step
+    assert lost[n] == pytest.approx(0.5 * INERTIA * spin**2 * (1.0 - restitution**2), rel=1e-4, abs=1e-10)
     if restitution == 1.0:
         assert len(impacts(result)) > 1
     # of all impacts none gives energy, and the books close
     assert np.min(np.diff(lost)) > -1e-13 and result.drift("balance") < 1e-12
+
+
+@pytest.mark.parametrize("step", [2e-3, 1e-3])
+def test_a_stop_between_bodies_that_tumble_gives_no_energy_and_with_e_1_takes_none(step: float) -> None:
+    """Rates of directors at the end of a step are no motion of triads, and have energy of their own."""
+    one = body("one", (0, 0, 0), inertia=(0.1, 0.2, 0.3), spin=(1.0, 2.0, -1.0))
+    two = body("two", (1, 0.2, 0.1), mass=0.7, inertia=(0.09, 0.12, 0.2), spin=(1.0, 2.0, 3.0))
+    joint = fb.RevoluteJoint(one.point((0.5, 0.1, 0.1)), two.point((-0.5, -0.1, 0.0)), "pivot", axis=(0.2, 0.3, 1),
+                             stops=fb.Stops(-0.3, 0.3, restitution=1.0))
+    result = run(fb.compile_scene(fb.Scene(one, two, joint, project_velocities=True), planar=False), 3.0, step, every=1)
+    losses, size = np.diff(result.balance()["stops of joint 'pivot'"]), np.max(result.series["kinetic"])
+    assert len(impacts(result)) > 3 and result.drift("balance") < 1e-12
+    assert np.min(losses) > -1e-14 * size and np.max(losses) < 1e-11 * size
 
 
 def test_a_stop_in_a_closed_loop_of_bodies_is_hit_and_holds() -> None:
