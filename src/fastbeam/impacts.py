@@ -136,24 +136,21 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
         Whether the stop is the one towards the end of the beam.
     restitution : float
     """
-    def into(begin: State) -> tuple[Array, float, float]:
-        """Tangent and rate, and e, which is zero where the rate leads away from the stop already."""
-        tangent, rate = along(model, begin, k)
-        return tangent, rate, restitution if rate * (1.0 if at_end else -1.0) > 0.0 else 0.0
+    side = 1.0 if at_end else -1.0
 
     def change(begin: State) -> Array:
-        tangent, rate, e = into(begin)
-        return -(1.0 + e) * rate * tangent
+        tangent, rate = along(model, begin, k)
+        return -(1.0 + restitution * (side * rate > 0.0)) * rate * tangent
 
     begin, after, loss = blow(model, state, k, np.eye(3), change)
-    _, rate, e = into(begin)
+    rate = along(model, begin, k)[1]
     own = after.history[:model.work_place].reshape(-1, HISTORY)
     own[k, STOP_LOSS] += loss
     own[k, SIGN] = -np.sign(rate)
     if rate != 0.0:
         own[k, STICKS] = 0.0
-    if e == 0.0:
-        own[k, SIGN], own[k, AGAINST] = 0.0, 1.0 if at_end else -1.0
+    if not restitution * side * rate > 0.0:
+        own[k, SIGN], own[k, AGAINST] = 0.0, side
     return after
 
 

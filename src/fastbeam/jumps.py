@@ -6,16 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .coordinates import Coordinate
 from .kernels import joint_friction
 from .kernels.along import AGAINST, DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS
 from .kernels.joint_coordinates import VALUE, WORK
 from .kernels.work import State
-from .maps import free_unknowns, gap_rates, mass_map, rates_map, spins
+from .maps import free_unknowns, gap_rates, mass_map, rates_map, velocities_and_spins
 from .model import Model
 from .multipliers import gap_matrix
 from .nearest import nearest_by
-from .starting import active_motions, direction_rates
+from .starting import active_motions, direction_rates, given_rows
 
 Array = np.ndarray
 # rates below this share of the largest are none behind an impact
@@ -73,8 +72,8 @@ def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
     that this takes, J. At the end of a step they hold velocities to second order in the step, and what is left would turn around
     in the next one.
 
-    k: as of `jump`, what meets a stop and is free along its way; other sliders with a prescribed motion, that are locked or rest
-    keep their velocities along the beam.
+    k: as of `jump`, what meets a stop and is free along its way. Other sliders whose motion is prescribed keep their velocities
+    along the beam; those that are locked or rest against a stop have none.
     """
     meets = -1 - k if k is not None and k < 0 else -1
     rows, goals = [], []
@@ -124,7 +123,7 @@ def of_momenta(model: Model, state: State) -> State:
     if model.moving is not None:
         inertia = inertia + model.moving.inertia(state.q)
         momentum += model.moving.momentum(state.history, state.q)
-    found = np.concatenate((v[:, 0], spins(q, v)), axis=1).reshape(-1)
+    found = velocities_and_spins(q, v).reshape(-1)
     missing = momentum - inertia @ (to_rates @ found)
     mass, no_rows = (lift.T @ inertia @ lift).tocsr(), sparse.csr_matrix((0, free.size))
     found[free] = nearest_by(mass, no_rows, np.zeros(0), found[free], free % 6 >= 3, lift.T @ missing, HOLD)[0]
@@ -149,8 +148,7 @@ def _alone_on_meshes(model: Model) -> Array:
     from scipy.sparse.csgraph import connected_components
     assert model.moving is not None
     n, ties = model.n_nodes, model.ties
-    _, first, row = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)
-    pairs = [np.stack((np.arange(n), first[row]))]
+    pairs = [np.stack((np.arange(n), model.pattern.first_on_row))]
     if ties is not None:
         pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target)))
     a, b = np.concatenate(pairs, axis=1)
@@ -197,7 +195,7 @@ class Equations:
     Attributes
     ----------
     given : bool [S]
-        Sliders that keep their velocities along the beam.
+        Sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
     """
 
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
@@ -231,7 +229,8 @@ class Equations:
         of_joints = self._matrix[3 * len(self._tangents):]
         self._behind_joints = sum(x.size for x in right) + of_joints.shape[0]
         self._rows.append(of_joints)
-        right.append(_against_gaps(model, of_joints, state) if settles else np.zeros(of_joints.shape[0]))
+        # given coordinates keep their rates
+        right.append(np.where(given_rows(model), 0.0, -(of_joints @ state.v)) if settles else np.zeros(of_joints.shape[0]))
         for others in direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]:
             self._rows.append(others)
             right.append(-np.asarray(others @ state.v) if settles else np.zeros(others.shape[0]))
@@ -290,28 +289,14 @@ class Equations:
         supports = active_motions(model, state)
         if supports:
             force = self._to_rates.T @ (self._inertia @ found.by - found.rows.T @ impulses)
-            row_of = model.pattern.row_of
+            force = force.reshape(-1, 6)[model.pattern.first_on_row]
             q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
             for k, motion, node in supports:
-                first = int(np.argmax(row_of == row_of[node]))
-                velocity = np.concatenate((v[node, 0], spins(q[node:node + 1], v[node:node + 1])[0]))
                 held = (motion.mask >> np.arange(6) & 1).astype(bool)
-                work = float(force[6 * first:6 * first + 6][held] @ velocity[held])
+                work = float(force[node, held] @ velocities_and_spins(q[node], v[node])[held])
                 history[model.drive_place + k] += work
                 total += work
         return total
-
-
-def _against_gaps(model: Model, rows: Any, state: State) -> Array:
-    """Changes of the rates of gaps of joints that take away what velocities have of them; given coordinates keep theirs."""
-    out = -np.asarray(rows @ state.v)
-    at = 0
-    for link in (x for x in model.kept if x.law.holds):
-        m = link.forces(3)
-        if isinstance(link.law, Coordinate):
-            out[at:at + m] = 0.0
-        at += m
-    return out
 
 
 def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Least:

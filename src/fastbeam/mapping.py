@@ -23,8 +23,7 @@ Array = np.ndarray
 def follow(model: Model, x: Array) -> Array:
     """Coordinates, or their rates, [N, 4, 3], with those of tied nodes and of welded ends from the nodes they follow."""
     out = x.copy()
-    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
-    root = first[of]
+    root = model.pattern.first_on_row
     welded = np.flatnonzero(root != np.arange(len(x)))
     if welded.size:
         # the triads of welded ends turn alike

@@ -64,14 +64,18 @@ def share_map(model: Model) -> Any:
     [6 N, 6 N]."""
     from scipy import sparse
     n = model.n_nodes
-    first, row_of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
-    pick = sparse.csr_matrix((np.ones(n), (np.arange(n), first[row_of])), shape=(n, n))
+    pick = sparse.csr_matrix((np.ones(n), (np.arange(n), model.pattern.first_on_row)), shape=(n, n))
     return sparse.kron(pick, sparse.eye(6), format="csr")
 
 
 def spins(q: Array, v: Array) -> Array:
-    """Spins of nodes at coordinates and rates [n, 4, 3], rad/s: float64 [n, 3]."""
-    return np.asarray(0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1))
+    """Spins of nodes at coordinates and rates [..., 4, 3], rad/s: float64 [..., 3]."""
+    return np.asarray(0.5 * np.cross(q[..., 1:, :], v[..., 1:, :]).sum(axis=-2))
+
+
+def velocities_and_spins(q: Array, v: Array) -> Array:
+    """Of nodes at coordinates and rates [..., 4, 3], m/s and rad/s: float64 [..., 6], as `velocity_map` takes them."""
+    return np.concatenate((v[..., 0, :], spins(q, v)), axis=-1)
 
 
 def rates_map(model: Model, q: Array) -> Any:

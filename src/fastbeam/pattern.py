@@ -39,6 +39,12 @@ class Pattern:
     coupled: Array
 
     @property
+    def first_on_row(self) -> Array:
+        """Of every node the first one on its row, int64 [N]."""
+        _, first, of = np.unique(self.row_of, return_index=True, return_inverse=True)
+        return np.asarray(first[of])
+
+    @property
     def rows(self) -> Array:
         """Block row of every block."""
         return self.keys // self.n

@@ -14,7 +14,7 @@ from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow
-from .maps import free_unknowns, mass_map, rates_map, share_map, spins
+from .maps import free_unknowns, mass_map, rates_map, share_map, spins, velocities_and_spins
 from .model import Model
 from .multipliers import KeptLink, gap_matrix
 from .nearest import nearest
@@ -190,7 +190,7 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, MENDABLE * speed)
     for motion, node in moving_supports(model, state) if t is not None else ():
         rates = np.array(motion.rates(t))
-        off = np.array((v[node, 0], spins(q[node:node + 1], v[node:node + 1])[0])) - rates
+        off = velocities_and_spins(q[node], v[node]).reshape(2, 3) - rates
         off *= held_axes(np.array([motion.mask]))[0], [float(motion.mask & 56 != 0)] * 3
         size = float(np.linalg.norm(off[0])) + length * float(np.linalg.norm(off[1]))
         # taken as it is from solve_static, and nothing against it: a word, and mended on request
@@ -259,8 +259,7 @@ def _at_start(model: Model, link: KeptLink) -> Array:
 
 def _follows(model: Model) -> Array:
     """Whether a node is tied to others, or shares the row of one before it, bool [N]."""
-    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
-    out = first[of] != np.arange(model.n_nodes)
+    out = model.pattern.first_on_row != np.arange(model.n_nodes)
     if model.ties is not None:
         out[model.ties.slave] = True
     return out
@@ -371,9 +370,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
         q = follow(model, q)
     across, _ = _across(model, q, s)
     lift, free = _lift(model, q, state)
-    given = np.zeros(6 * model.n_nodes)
-    given.reshape(-1, 6)[:, :3] = v[:, 0]
-    given.reshape(-1, 6)[:, 3:] = spins(q, v)
+    given = velocities_and_spins(q, v).reshape(-1)
     found = given[free]
     moved = _moved_unknowns(model, state)
     # supports that move go on as they do
@@ -396,11 +393,9 @@ def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:
 def _moved_unknowns(model: Model, state: State) -> Array:
     """Numbers 6 node + c of the unknowns that supports move, of nodes that share a row those of the first."""
     bits = np.zeros(model.n_nodes, np.int64)
-    row_of = model.pattern.row_of
-    if model.prescribed is not None:
-        first = {int(row): k for k, row in reversed(list(enumerate(row_of.tolist())))}
-        for _, motion, node in active_motions(model, state):
-            bits[first[int(row_of[node])]] |= motion.mask
+    first = model.pattern.first_on_row
+    for _, motion, node in active_motions(model, state):
+        bits[first[node]] |= motion.mask
     return np.flatnonzero((bits[:, None] >> np.arange(6) & 1).reshape(-1))
 
 
@@ -435,15 +430,16 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
 
 def _given_rates(model: Model, rates: Array) -> Array:
     """Of all rows of `_across` what they are to be: those of joints that are given as functions of time stay, others are zero."""
-    out = np.zeros_like(rates)
-    at = 2 * model.n_sliders
-    for link in model.kept:
-        if link.law.holds:
-            m = link.forces(3)
-            if isinstance(link.law, Coordinate):
-                out[at:at + m] = rates[at:at + m]
-            at += m
+    out, given = np.zeros_like(rates), given_rows(model)
+    of_joints = slice(2 * model.n_sliders, 2 * model.n_sliders + given.size)
+    out[of_joints] = np.where(given, rates[of_joints], 0.0)
     return out
+
+
+def given_rows(model: Model) -> Array:
+    """Which of the rows of joints with multipliers are coordinates that are given as functions of time, bool [J]."""
+    links = [link for link in model.kept if link.law.holds]
+    return np.repeat(np.array([isinstance(link.law, Coordinate) for link in links], bool), [link.forces(3) for link in links])
 
 
 def direction_rates(model: Model, q: Array, s: Array) -> tuple[list[Any], list[Array]]:

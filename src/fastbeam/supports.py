@@ -163,8 +163,7 @@ def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> 
 def standing_supports(model: Model) -> Array:
     """Of every node which unknowns its own support holds, int64 [N]: none of those that follow another node."""
     held = model.held_mask
-    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
-    held[first[of] != np.arange(model.n_nodes)] = 0
+    held[model.pattern.first_on_row != np.arange(model.n_nodes)] = 0
     if model.ties is not None:
         held[model.ties.slave] = 0
     return held

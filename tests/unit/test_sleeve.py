@@ -217,7 +217,10 @@ def test_a_bore_that_is_round_off_is_refused(length: float) -> None:
     body = fb.RigidBody("body", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0))
     with pytest.raises(fb.SceneError, match="give length=0 for a sleeve that holds a single point, or a longer bore"):
         fb.Sleeve("ring", body, beam, at=1.0, length=length)
-    basis = beam.basis
+
+
+def test_the_shortest_bore_has_the_curve_of_the_beam() -> None:
+    basis = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=SECTION, elements=4).basis
     thin, own = averaged_curve(basis, 2e-7 * 1.1), basis.curve("own")
     s = np.linspace(0.01, 1.99, 50)
     nodes = np.sin(np.arange(basis.n_nodes))
