@@ -31,6 +31,8 @@ def test_the_exponent_tells_linear_from_quadratic_convergence() -> None:
     ([1e-6, 1e-8, 1e-10, 2e-11, 1e-11], 3),
     # shrinks by the same factor each time: goes on until nothing is left
     ([20.0**-k for k in range(2, 20)], 10),
+    # and where it grew before it shrank: a body that turns by 1e4 rad in a step
+    ([1.2e-9, 2.5e-9, 6.2e-10, 1.2e-9], 2),
     # slower for once, not round-off yet
     ([1e-4, 2e-8, 9e-10, 1e-12, 1e-15], 4), ([1e-4, 1e-8, 9e-10, 8e-11, 7e-12, 6e-13, 5e-14, 4e-15, 3e-16], 8),
     # large, growing, or no number

@@ -238,8 +238,11 @@ def update_step(terms, system):
 # --- Newton's method ----------------------------------------------------------------------------------------------------
 @kernel
 def next_increment(size, before):
-    """What Newton's method leaves for the next iteration, which squares the increment: about size (size/before)^2."""
-    return size * (size / before)**2 if size < before < np.inf else np.inf
+    """What Newton's method leaves for the next iteration, which squares the increment: about size (size/before)^2; as much again
+    where it did not shrink, anything after the first."""
+    if not before < np.inf:
+        return np.inf
+    return size * (size / before)**2 if size < before else size
 
 
 @kernel
@@ -254,8 +257,8 @@ def has_converged(size, before, expected):
     left = min(size, 100.0 * expected) if size <= SMALLEST_INCREMENT else size
     if next_increment(left, before) <= 1e-20:
         return True
-    # where increments shrink by the same share time and again they are no round-off
-    stays = size > 0.1 * before and (size > 100.0 * expected or size > 0.5 * before)
+    # where increments shrink by the same share time and again they are no round-off; those that grew the time before are
+    stays = size > 0.1 * before and (size > 100.0 * expected or size > 0.5 * before or before <= expected < np.inf)
     return size <= SMALL_INCREMENT and stays
 
 
