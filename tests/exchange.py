@@ -27,3 +27,11 @@ def balanced(result: fb.Result, limit: float = 1e-12) -> bool:
     found = error_of_balance(result)
     print(f"balance: {found:.1e} of {exchanged(result):.2g} J exchanged, largest part {largest(result):.2g} J")
     return found < limit and ("balance" not in result.series or result.drift("balance") < limit)
+
+
+def unit_of_strains(section: fb.Section, length: float, elements: int, energy: float) -> float:
+    """What one unit in the last place of the strains is worth of a strain energy E, J: directors off by eps make a curvature of
+    an element h wrong by eps/h, and an energy of a stiffness C over a length L by eps/h sqrt(2 E C L). Steps add such errors up
+    as a random walk does."""
+    of = np.sqrt(2.0 * energy * np.diag(section.C) * length) / np.repeat((1.0, length / elements), 3)
+    return float(np.finfo(float).eps * np.max(of))

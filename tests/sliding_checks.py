@@ -14,7 +14,7 @@ from hypothesis import assume
 import fastbeam as fb
 
 sys.path.insert(0, str(Path(__file__).parent / "physics"))
-from exchange import balanced, exchanged, largest  # noqa: E402
+from exchange import balanced, exchanged, largest, unit_of_strains  # noqa: E402
 from restarts import assert_goes_on  # noqa: E402
 from scene_strategies import Drawn, DrawnPath, build, build_path, moving_scenes, sliding_scenes  # noqa: E402
 from test_scene_properties import SAME, STEPS  # noqa: E402
@@ -68,11 +68,8 @@ def of_both(one: fb.Result, other: fb.Result) -> None:
 
 
 def round_off_of_strains(drawn: Drawn | DrawnPath, energy: float) -> float:
-    """What round-off of strains is worth of a strain energy, J: directors off by eps make a curvature of an element h wrong by
-    eps/h, and an energy E of a stiffness C over a length L by eps/h sqrt(2 E C L). Four units in the last place."""
-    of = [np.sqrt(2.0 * energy * np.diag(x.section.C) * x.length) / np.repeat((1.0, x.length / x.basis.n_elements), 3)
-          for x in scene_of(drawn).beams]
-    return 4.0 * float(np.finfo(float).eps * np.max(of))
+    """What round-off of strains is worth of a strain energy in a few steps, J: four units in the last place."""
+    return 4.0 * max(unit_of_strains(x.section, x.length, x.basis.n_elements, energy) for x in scene_of(drawn).beams)
 
 
 def check_balance(drawn: Drawn | DrawnPath) -> None:

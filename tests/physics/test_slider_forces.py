@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from exchange import balanced
+from exchange import balanced, exchanged, unit_of_strains
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.along import AGAINST
 from fastbeam.kernels.doubt import MOST_FLIPS
@@ -312,8 +312,10 @@ ALL: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", ALL)
 def test_balance_and_momenta_with_a_flying_beam(name: str, planar: Any, body: bool) -> None:
     result = run(flying(planar, body, **ALL[name]), 0.2)
-    # of 0.2 J exchanged at rigid stops round-off is more: up to 1.6e-12
-    assert balanced(result, 2e-12 if name == "rigid stops" else 1e-12) and result.drift("balance") < 1e-12
+    # behind an impact waves store 0.1 J in strains; round-off of these in 200 steps is more than 1e-12 of what the stop exchanges
+    walk = 2.0 * np.sqrt(200.0) * unit_of_strains(SOFT, np.sqrt(1.04), 4, float(np.max(result.series["strain"])))
+    least = walk / exchanged(result) if name == "rigid stops" else 0.0
+    assert balanced(result, 1e-12 + least) and result.drift("balance") < 1e-12
     assert result.drift("lin_mom") < 1e-13 and result.drift("ang_mom") < 1e-12
     assert result.drift("gap") < 1e-14 and np.ptp(result.slider("s")["s"]) > 0.01
     assert not [x for x in result.events if x["kind"] not in ("impact", "projected", "coarse", "massless")]
