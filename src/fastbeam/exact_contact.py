@@ -20,7 +20,7 @@ from .kernels.work import State
 from .mapping import follow
 from .model import Model
 from .observe import Observer
-from .reactions import StaticReactions
+from .reactions import reactions_of
 from .scene import Sleeve
 from .static_along import RESERVE
 from .static_contact import ALONG_ONLY, Border, reduced
@@ -412,7 +412,8 @@ class ExactSolver(SlidingSolver):
         observer = Observer(model, observed.kinds, {name: found.cut.point(what) for name, what in observed.points.items()})
         row = observer.row(t, solver.state)
         if observer.needs_forces:
-            reactions = StaticReactions(solver).at(factors, solver.state) if observer.reactions else ()
+            asked = reactions_of(solver, observer)
+            reactions = () if asked is None else asked.at(factors, solver.state)
             observer.add_forces(row, np.concatenate((solver.state.force, reactions)), share)
         if "force_along" in row:
             # the curve has a kink at the contact

@@ -21,7 +21,7 @@ from .model import Model
 from .outcome import Outcome
 from .observe import Observer
 from .progress import Progress
-from .reactions import StaticReactions
+from .reactions import reactions_of
 from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .scene.checks import Place
@@ -135,7 +135,7 @@ class LoadSteps:
         Observer(model, task.observe, task.points)  # refuses what does not exist; at rest there is only energy to record
         self.observed = "slider", *(kind for kind in task.observe if kind in RECORDED)
         self.observer = Observer(model, self.observed, task.points)
-        self.reactions = StaticReactions(self.solver) if self.observer.reactions else None
+        self.reactions = reactions_of(self.solver, self.observer)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
                                      **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
         self.buffer = ResultBuffer(self.observer.header(self.info))

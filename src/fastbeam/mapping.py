@@ -86,6 +86,23 @@ def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
     return each_once(curves, c, int(curves.first[p + e]) + np.arange(count), np.array(values))
 
 
+def nodes_passed(model: Model, k: int, s0: float, s1: float) -> Array:
+    """Nodes [n] that are under the contact of slider k anywhere between two arc lengths."""
+    curves, sliders = model.curves, model.sliders
+    assert curves is not None and sliders is not None
+    c = int(sliders.curve[k])
+    _, n, o, p, _ = (int(i) for i in curves.meta[c])
+    at = [within_round(curves, c, s) for s in (s0, s1)]
+    low, high = np.sort(np.clip(np.searchsorted(curves.ends[o:o + n + 1], at, side="right") - 1, 0, n - 1)).tolist()
+    # on a closed path the short way round
+    across = isinstance(curves, Paths) and curves.period[c] > 0.0 and high - low > n // 2
+    elements = [*range(high, n), *range(low + 1)] if across else range(low, high + 1)
+    local = np.unique(np.concatenate([int(curves.first[p + e]) + np.arange(int(curves.count[p + e])) for e in elements]))
+    if isinstance(curves, Paths):
+        return np.unique(each_once(curves, c, local, local)[0])
+    return int(curves.meta[c, FIRST_NODE]) + local
+
+
 def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:
     """Nodes [n] under the contact of slider k at s, their shape functions and slopes [n]."""
     nodes, (values, slopes, _) = shapes_at(model, k, s)

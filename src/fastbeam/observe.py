@@ -68,6 +68,8 @@ class Observer:
         self.points = points if isinstance(points, PointRows) else PointRows(model, kinds, points)
         self.of_nodes = "velocity" in kinds
         self.reactions = model.reaction_names if "reaction" in kinds else []
+        # points whose section is balanced with them
+        self.cut = [k for k, x in enumerate(self.points.sections) if x is not None] if "reaction" in kinds else []
         self._p = np.zeros(12 * model.n_nodes)
         self._out = np.zeros(9)
         self._work = np.zeros(6)
@@ -126,12 +128,14 @@ class Observer:
         out |= self.points.series()
         if self.reactions:
             out["reaction"] = (len(self.reactions), 2, 3)
+        if self.cut:
+            out["section_balance"] = (len(self.points.places), 2, 3)
         return out
 
     @property
     def needs_forces(self) -> bool:
         """Whether rows hold forces that steps tell."""
-        return self.slider or bool(self.reactions) or self.held or self.meshes.acts or self.points.measured > 0
+        return self.slider or bool(self.reactions or self.cut) or self.held or self.meshes.acts or self.points.measured > 0
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Everything except iterations, step size and contact force, which the run knows."""
@@ -235,9 +239,13 @@ class Observer:
     def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
         """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for,
         in time what else steps tell of points; share: load factor of an equilibrium."""
-        own = self.model.n_forces + 6 * len(self.reactions)
+        of_supports = self.model.n_forces + 6 * len(self.reactions)
+        own = of_supports + 6 * len(self.cut)
         if self.reactions:
-            row["reaction"] = force[self.model.n_forces:own].reshape(-1, 2, 3)
+            row["reaction"] = force[self.model.n_forces:of_supports].reshape(-1, 2, 3)
+        if self.cut:
+            row["section_balance"] = np.full((len(self.points.places), 2, 3), np.nan)
+            row["section_balance"][self.cut] = force[of_supports:own].reshape(-1, 2, 3)
         if force.size > own:
             self.points.add(row, force[own:])
         if self.slider:

@@ -18,7 +18,7 @@ from .observe import Observer
 from .out_of_plane import OutOfPlane
 from .path_stops import Wanted
 from .progress import Progress
-from .reactions import StaticReactions
+from .reactions import reactions_of
 from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .scene.checks import Place
@@ -53,7 +53,7 @@ class PathWalk:
         self.wanted, self.off = wanted, np.zeros(0)
         self.resolution = Resolution(model)
         self.observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
-        self.reactions = StaticReactions(solver) if self.observer.reactions else None
+        self.reactions = reactions_of(solver, self.observer)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
                                      "conservative": not solver.is_unsymmetric,
                                      "counted_in": "space" if solver.stepper.plane is None else "plane"}

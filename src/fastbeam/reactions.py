@@ -1,6 +1,7 @@
 """Forces and moments of supports and joints: what is missing in the equations of the nodes without them (theory.md 4.2)."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from .assembly import LAWS, system_of, terms_of
 from .connections import held_axes
 from .equilibrium import StaticSolver
 from .errors import SceneError
+from .free_bodies import FreeBodies
 from .kernels import step as kernels
 from .kernels.drag import Drag
 from .kernels.joint_conditions import JointConditions
@@ -21,8 +23,10 @@ from .kernels.work import State
 from .load_times import load_factors
 from .multipliers import Distance, KeptLink
 from .newton import Stepper
+from .observe import Observer
 from .outcome import Outcome
 from .released import OwnSupports
+from .resultants import Sections
 from .twisting import with_known_twist
 
 Array = np.ndarray
@@ -30,19 +34,20 @@ Array = np.ndarray
 
 class Reactions:
     """Forces [R, 3] and moments [R, 3] of all supports, eliminated joints and joints with multipliers, from the equations of the
-    nodes as they stand without them.
+    nodes as they stand without them, and of sections of beams (free_bodies.py).
 
-    Forces of supports act on what they hold, those of joints on side b. Moments are about the node of the support, for joints
-    about that of side a, N and N m.
+    Forces of supports act on what they hold, those of joints on side b, those of sections on the part before them. Moments are
+    about the node of the support, for joints about that of side a, for sections about these, N and N m.
 
     Parameters
     ----------
     stepper : Stepper
         With the conserving step, or in statics; its state is left alone.
     static : bool
+    sections : sequence of Sections or None
     """
 
-    def __init__(self, stepper: Stepper, static: bool = False) -> None:
+    def __init__(self, stepper: Stepper, static: bool = False, sections: Sequence[Sections | None] = ()) -> None:
         self.stepper = stepper
         self.own = stepper if stepper.pivots_everywhere else stepper.fallback
         core = self.own.core
@@ -53,6 +58,9 @@ class Reactions:
         running = {type(term): term for term in of.terms}
         known = with_known_twist(tuple(_as_running(term, running.get(type(term))) for term in terms), of.terms)
         self.terms = Record(tuple(_at_nodes(term, core.pattern.row_of) for term in known if id(term) not in left_out))
+        some = [x for x in sections if x is not None]
+        self.bodies = FreeBodies(stepper.model, self.terms.of, some, stepper.plane, core.pattern.row_of) if some else None
+        self._sliding = Record(tuple(term for term in self.terms.of if isinstance(term, Sliding)))
         self.ties = None if core.ties is None else Record((core.ties,))
         self._system: Record | None = None
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
@@ -79,7 +87,7 @@ class Reactions:
     @property
     def size(self) -> int:
         """Numbers of one evaluation."""
-        return 6 * self.count
+        return 6 * (self.count + (0 if self.bodies is None else len(self.bodies.sections)))
 
     def _left_free(self, state: State | None) -> tuple[Array, Array]:
         """Which supports turn freely [S], and axes along which they do not hold [S, 3]; state: where that changes in a run."""
@@ -92,32 +100,46 @@ class Reactions:
             turns_freely |= masks == 0
         return turns_freely, ~held_axes(masks)
 
-    def of_step(self, before: State, middle: Array, t: float, h: float) -> Array:
-        """Means over the step that the stepper has just taken, [6 R].
+    def of_step(self, before: State, middle: Array, second: Array, t: float, h: float) -> Array:
+        """Means over the step that the stepper has just taken, [6 (R + C)].
 
         Parameters
         ----------
         before : State
             At its begin, as the tables of the run have it.
-        middle : float64 [N, 4, 3]
-            Coordinates in its middle.
+        middle, second : float64 [N, 4, 3]
+            Coordinates in its middle, and their mean second rates.
         t, h : float
             When it began, and its size, s.
         """
         own = self.own
+        factors = np.ones(len(own.model.load_times))
         if any(time is not None for time in own.model.load_times):
-            kernels.external_forces(own.core.loads, load_factors(own.model, np.full(1, t), np.full(1, h))[0], own.work.f_ext)
+            factors = load_factors(own.model, np.full(1, t), np.full(1, h))[0]
+            kernels.external_forces(own.core.loads, factors, own.work.f_ext)
         if own.motion is not None:
             own.motion.follow(self.stepper.motion)
         state = before._replace(force=own.core_state.force)
-        return self._evaluate(system_of(own.core, Conserving(), own.contact, None, state, own.work), middle, h)
+        system = system_of(own.core, Conserving(), own.contact, None, state, own.work)
+        return self._evaluate(system, middle, h, factors, second, self._of_slider)
 
-    def of_equilibrium(self, q: Array) -> Array:
-        """Of the equilibrium [6 R] at q [N, 4, 3] whose loads are in `work.f_ext`."""
+    def of_equilibrium(self, q: Array, factors: Array, pushes: Any) -> Array:
+        """Of the equilibrium [6 (R + C)] at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`; pushes: as in
+        `FreeBodies.forces`."""
         own = self.own
-        return self._evaluate(system_of(own.core, Equilibrium(), None, None, own.core_state, own.work), q, 0.0)
+        system = system_of(own.core, Equilibrium(), None, None, own.core_state, own.work)
+        return self._evaluate(system, q, 0.0, factors, None, lambda k, _: pushes(k))
 
-    def _evaluate(self, system: Any, q: Array, h: float) -> Array:
+    def _of_slider(self, k: int, system: Any) -> Array:
+        """What slider k exerts in the step on the rows of nodes, [rows, 8]."""
+        first = np.full_like(system.contact.first, -1)
+        first[k] = self.own.contact.first[k]
+        work = system.work._replace(r=np.zeros_like(system.work.r))
+        one = Record(system._replace(contact=system.contact._replace(first=first), work=work))
+        kernels.assemble_some(self._sliding, one, 0.0)
+        return -work.r.reshape(-1, 8)
+
+    def _evaluate(self, system: Any, q: Array, h: float, factors: Array, second: Array | None, of_slider: Any) -> Array:
         holding, x = self.holding, q[:, 0]
         self._system = record_of(system, self._system)
         # nodes that share the spin of another turn like it
@@ -125,6 +147,9 @@ class Reactions:
         before = theta.copy()
         theta[:] = theta[self.own.model.spin_root]
         kernels.assemble_all(self.terms, self._system, h)
+        sections = np.zeros((0, 2, 3))
+        if self.bodies is not None:
+            sections = self.bodies.forces(system, q, h, factors, second, lambda k: of_slider(k, system))
         theta[:] = before
         force, moment = self._rows()
         out = np.full((self.count, 2, 3), np.nan)
@@ -160,7 +185,7 @@ class Reactions:
             kept[k, 0] += push
             kept[k, 1] += by_spin.T @ multipliers[at:at + m] + np.cross(x[b] - x[link.node[0]], push)
             at += m
-        return out.reshape(-1)
+        return np.concatenate((out, sections)).reshape(-1)
 
     def _length(self, link: KeptLink) -> float:
         a, b = (self.stepper.model.q0.reshape(-1, 12)[k, :3] for k in link.node)
@@ -213,20 +238,25 @@ def _as_running(term: Any, run: Any) -> Any:
 class StaticReactions:
     """Those of the equilibria of a solver."""
 
-    def __init__(self, solver: StaticSolver) -> None:
+    def __init__(self, solver: StaticSolver, sections: Sequence[Sections | None] = ()) -> None:
         self.main = solver
         self.solver = solver if solver.stepper.pivots_everywhere else solver.fallback
-        self.reactions = Reactions(self.solver.stepper, static=True)
+        self.reactions = Reactions(self.solver.stepper, static=True, sections=sections)
 
     def at(self, factors: Array, state: State) -> Array:
-        """At the last equilibrium, whose state in space this is, that of load factors [K]: [6 R]."""
+        """At the last equilibrium, whose state in space this is, that of load factors [K]: [6 (R + C)]."""
         self.solver.set_time(*self.main.stepper.law_work[:2])
         self.solver.load_all(factors)
-        return self.reactions.of_equilibrium(state.q.reshape(-1, 4, 3))
+        return self.reactions.of_equilibrium(state.q.reshape(-1, 4, 3), factors, getattr(self.solver, "push_of", None))
+
+
+def reactions_of(solver: StaticSolver, observer: Observer) -> StaticReactions | None:
+    """Those of a solver that rows hold; None where they hold none."""
+    return StaticReactions(solver, observer.points.sections) if observer.reactions or observer.cut else None
 
 
 class ReactingStepper(Stepper):
-    """A stepper whose outcomes hold forces and moments of supports and joints behind those of constraints."""
+    """A stepper whose outcomes hold forces and moments of supports, joints and sections behind those of constraints."""
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
@@ -238,6 +268,10 @@ class ReactingStepper(Stepper):
                              "leave out 'reaction'")
         self.reactions = Reactions(self)
 
+    def cut(self, sections: Sequence[Sections | None]) -> None:
+        """Sections whose forces are asked for, before the first step."""
+        self.reactions = Reactions(self, sections=sections)
+
     @property
     def recorded(self) -> int:
         return super().recorded + self.reactions.size
@@ -245,11 +279,12 @@ class ReactingStepper(Stepper):
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         result = None
         for k in range(n):
-            before, q = State(*(y.copy() for y in self.core_state)), self._coordinates()
+            before, (q, v) = State(*(y.copy() for y in self.core_state)), self._motion()
             one = super().advance(t, h, 1, done + k)
             found = np.zeros((2, self.reactions.size))
             if one.steps:
-                found[:] = self.reactions.of_step(before, 0.5 * (q + self._coordinates()), t + h * (done + k), h)
+                end = self._motion()
+                found[:] = self.reactions.of_step(before, 0.5 * (q + end[0]), (end[1] - v) / h, t + h * (done + k), h)
             one.force = np.hstack((one.force, found))
             result = one if result is None else one.after(result)
             if not one.steps or one.status != OK or self.stop():
@@ -257,5 +292,7 @@ class ReactingStepper(Stepper):
         assert result is not None
         return result
 
-    def _coordinates(self) -> Array:
-        return self.state.q.reshape(-1, 4, 3).copy()
+    def _motion(self) -> tuple[Array, Array]:
+        """Coordinates and their rates [N, 4, 3], as copies."""
+        state = self.state
+        return state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()

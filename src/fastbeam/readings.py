@@ -33,7 +33,7 @@ ROWS: dict[str, tuple[int | str, ...]] = {
     **{f"bushing_{name}": ("bushings", 3) for name in BUSHINGS[:-1]},
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
     **dict.fromkeys(("points", "point_velocity", "point_spin", "point_acceleration", "section_force", "section_moment"),
-                    ("points", 3)), "point_directors": ("points", 3, 3)}
+                    ("points", 3)), "point_directors": ("points", 3, 3), "section_balance": ("points", 2, 3)}
 # a series with a column for each name of a kind
 COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value",
            "springs": "spring_length", "bushings": "bushing_energy", "winches": "winch_length"}
@@ -58,6 +58,7 @@ SECTION = (("section_force", ("N", "Q2", "Q3")), ("section_moment", ("T", "M2", 
 class Readings:
     """Of a result: `_series(name)` and `_index(kind, noun, name)` find what was recorded."""
 
+    series: Any
     _series: Any
     _index: Any
 
@@ -124,6 +125,10 @@ class Readings:
         Of damped sections (`damping=`) with the stresses of rates of strains, means of the steps around a row as contact forces
         are, of second order in the step.
 
+        With `observe=("section", "reaction", ...)` also 'force' (N) and 'moment' about the section (N m) in space, [n, 3] each,
+        from the balance of what lies behind it: in equilibrium with reactions, loads and inertia to round-off (theory.md (4.35));
+        means of the steps around a row, as reactions are.
+
         Raises
         ------
         SceneError
@@ -131,7 +136,11 @@ class Readings:
         """
         series = [(self._series(what), names) for what, names in SECTION]
         k = self._index("points", "point", name)
-        return {component: x[:, k, c] for x, names in series for c, component in enumerate(names)}
+        out = {component: x[:, k, c] for x, names in series for c, component in enumerate(names)}
+        if "section_balance" in self.series:
+            balance = self._series("section_balance")
+            out |= {"force": balance[:, k, 0], "moment": balance[:, k, 1]}
+        return out
 
     @checked(name=NAMED)
     def spring(self, name: str) -> dict[str, np.ndarray]:

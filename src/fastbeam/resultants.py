@@ -114,7 +114,7 @@ class Sections:
         except KeyError:
             raise SceneError(f"section: {beam.label} is not in scene {model.scene_name!r}; name a beam of the compiled "
                              "scene") from None
-        basis = beam.basis
+        self.beam, basis = beam, beam.basis
         self.s = basis.element_ends if s is None else _lengths(beam, s)
         self.count = basis.n_nodes
         reference = model.q0.reshape(-1, 4, 3)

@@ -91,7 +91,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'spin', 'orientation',
             'acceleration', 'section', 'reaction'}
         What is recorded: 'velocity' (snapshots keep velocities and spins of all nodes, too), 'spin', 'orientation',
-        'acceleration' and 'section' of points, 'reaction' of supports and joints (an assembly a step, order 2).
+        'acceleration' and 'section' of points, 'reaction' of supports and joints (an assembly a step, order 2); with both
+        'section' and 'reaction' forces of sections from balance, too.
     points : mapping
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
     every : int
@@ -199,6 +200,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         make = measuring(make, chosen, rows_of_points)
     stepper = make(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
     stepper.points = rows_of_points
+    if isinstance(stepper, ReactingStepper):
+        stepper.cut(rows_of_points.sections)
     observer = Observer(model, observe, rows_of_points, stepper.lost if chosen.filters else None)
     run = _Run(model, stepper, observer, clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)

@@ -17,7 +17,7 @@ from .model import Model
 from .observe import Observer
 from .objective import Linear, Objective
 from .parameters import CHANGES, Build, Family
-from .reactions import StaticReactions
+from .reactions import reactions_of
 from .response import OutOfPlane, Response, Solver, at_shape
 from .result import Result
 from .scene.checks import Place
@@ -153,7 +153,8 @@ class Sensitivity:
         t, factor = (float(x) for x in at.stepper.law_work[:2])
         row = observer.row(t, at.state)
         if observer.needs_forces:
-            reactions = StaticReactions(at).at(at.factors, at.state) if observer.reactions else np.zeros(0)
+            asked = reactions_of(at, observer)
+            reactions = np.zeros(0) if asked is None else asked.at(at.factors, at.state)
             observer.add_forces(row, np.concatenate((at.state.force, reactions)), factor)
         return {key: np.asarray(x) for key, x in row.items()}
 

@@ -123,6 +123,17 @@ class SlidingSolver(SaddleSolver):
         if self.steady is not None:
             self.work.f_ext[:] += self.steady.loads(self.state.q)
 
+    def push_of(self, k: int) -> Array:
+        """What slider k exerts at the last equilibrium on the rows of nodes [rows, 8], moments at the nodes themselves."""
+        model, all_forces = self.core, self.stepper.core_state.force
+        of = [k, *(model.n_sliders + len(model.kept) + o for o, pair in enumerate(model.sleeve_pairs) if pair[0] == k)]
+        force = np.zeros_like(all_forces)
+        for c in of:
+            at = slice(model.first_force[c], model.first_force[c] + model.forces[c])
+            force[at] = all_forces[at]
+        assert self._weights is not None
+        return self.contacts.loads(self._weights, self.state.q, force, False).reshape(-1, 8)
+
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         if in_plane != (self.stepper.plane is not None):
             # where friction or a stop holds a slider, it stays

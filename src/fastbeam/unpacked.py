@@ -188,17 +188,23 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
 
 def distributed(load: DistributedLoad, nodes: NodeList) -> list[tuple[slice, Array]]:
     """Forces and moments of a distributed load on all nodes, with their columns: [N, 3] each."""
+    at, out = nodes.start(load.beam) + load.beam.basis.element_nodes, []
+    for columns, nodal in of_elements(load):
+        target = np.zeros((len(nodes), 3))
+        np.add.at(target, at, nodal)
+        out.append((columns, target))
+    return out
+
+
+def of_elements(load: DistributedLoad) -> list[tuple[slice, Array]]:
+    """Its forces and moments on the nodes of every element of the beam, with their columns: [E, n, 3] each."""
     basis, out = load.beam.basis, []
-    at = nodes.start(load.beam) + basis.element_nodes
     # forces work on positions, moments on the spins of the directors: each with its own basis
     for field, s, weight_s, shape, columns in (
             (load.force_at, basis.mass_point_s, basis.mass_weight, basis.mass_phi_values, slice(0, 3)),
             (load.moment_at, basis.point_s, basis.weight, basis.dir, slice(3, 6))):
         values = field(s.reshape(-1)).reshape(*s.shape, 3)
-        nodal = np.einsum("eg,egn,egc->enc", weight_s, shape, values)
-        target = np.zeros((len(nodes), 3))
-        np.add.at(target, at, nodal)
-        out.append((columns, target))
+        out.append((columns, np.einsum("eg,egn,egc->enc", weight_s, shape, values)))
     return out
 
 

@@ -41,6 +41,7 @@ class UserForces(NamedTuple):
     row: np.ndarray        # int64 [K]
     block: np.ndarray      # int64 [K]: diagonal block
     share: np.ndarray      # float64 [K]: 1, along beams the length that belongs to the node, m
+    along: np.ndarray      # int64 [K]: 1 along beams, 0 at nodes
     first: np.ndarray      # int64 [K]: first of its parameters
     parameters: np.ndarray  # float64 [*]
     place: np.ndarray      # int64 [1]: where the work stands in the history

@@ -1,0 +1,380 @@
+"""Forces and moments in sections of beams from the balance of what lies behind them, theory.md (4.35): with reactions, loads and
+inertia they are in equilibrium to round-off, where those of the strains are so to the error of the mesh."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ._records import Record, record_of
+from .basis import Basis
+from .kernels import step as kernels
+from .kernels.added_mass import AddedMass
+from .kernels.beams import Beams
+from .kernels.drag import Drag
+from .kernels.layout import LIST, NODES
+from .kernels.planar_follower import PlanarFollowers
+from .kernels.user_force import UserForces
+from .kernels.work import aligned
+from .mapping import nodes_passed
+from .model import Model
+from .resultants import Sections
+from .scene import DistributedLoad
+from .unpacked import of_elements
+
+Array = np.ndarray
+# a section that is nearer to the end of an element lies there, as a share of the length of the beam
+AT_END = 1e-12
+# entries on nodes that belong to the whole of a beam
+ON_NODES = Drag, AddedMass, UserForces, PlanarFollowers
+
+
+class Cut(NamedTuple):
+    """A beam cut at the end of an element; what the elements on one side of it put on the nodes that both sides have."""
+
+    section: Sections
+    s: float          # arc length, m
+    behind: bool      # on which side of the cut: that of larger arc lengths
+    elements: Array   # int64 [m]: those on that side with nodes of both sides
+    shared: Array     # int64 [a]: nodes of both sides among those of the beam; at an end of the beam the one there
+    place: Array      # float64 [A]: weights of the nodes of the beam that make up the position of the cut
+
+
+class Piece(NamedTuple):
+    """Of a beam from the cut at the start of an element to a section inside it."""
+
+    section: Sections
+    cut: int          # at its start
+    element: int
+    s: Array          # float64 [g]: points of a quadrature along it, m
+    weight: Array     # float64 [g], m
+    shape: Array      # float64 [g, A]: shape functions of the nodes of the beam there
+    whole: Array      # float64 [g, A]: and at the points of the mass in the whole element
+    place: Array      # float64 [A]: and at the section
+    length: Array     # float64 [A]: that belongs to a node, m
+
+
+def places_on(section: Sections, s: Array) -> Array:
+    """Shape functions of all nodes of a beam at arc lengths [g]: [g, A]."""
+    basis: Basis = section.beam.basis
+    first, values, _ = basis.curve("own").evaluate(s)
+    out = np.zeros((s.size, basis.n_nodes))
+    np.put_along_axis(out, first[:, None] + np.arange(values.shape[1]), values, axis=1)
+    return out
+
+
+def nodal(basis: Basis, values: Array) -> Array:
+    """Sums [A, 3] of what all elements have on their nodes [E, n, 3]."""
+    out = np.zeros((basis.n_nodes, 3))
+    np.add.at(out, basis.element_nodes, values)
+    return out
+
+
+def lengths_of(basis: Basis, elements: Any = slice(None)) -> Array:
+    """Length that belongs to every node of a beam, or of it what some elements have, m [A]."""
+    out = np.zeros(basis.n_nodes)
+    np.add.at(out, basis.element_nodes[elements], basis.mass_phi[elements].sum(axis=2))
+    return out
+
+
+def cut_at(section: Sections, k: int) -> Cut:
+    """At end k of an element."""
+    basis: Basis = section.beam.basis
+    nodes, s = basis.element_nodes, float(basis.element_ends[k])
+    last = basis.n_elements
+    if k in (0, last):
+        shared = nodes[0, :1] if k == 0 else nodes[last - 1, -1:]
+    else:
+        shared = np.intersect1d(nodes[k - 1], nodes[k])
+    behind = k < last
+    side = np.arange(k, last) if behind else np.arange(last)
+    elements = side[np.isin(nodes[side], shared).any(axis=1)]
+    return Cut(section, s, behind, elements, shared, places_on(section, np.array([s]))[0])
+
+
+def piece_to(section: Sections, cut: int, element: int) -> Piece:
+    """From the start of an element."""
+    basis: Basis = section.beam.basis
+    at, weight = np.polynomial.legendre.leggauss(basis.degree + 2)
+    half = 0.5 * (float(section.s[0]) - float(basis.element_ends[element]))
+    s = basis.element_ends[element] + half * (1.0 + at)
+    return Piece(section, cut, element, s, half * weight, places_on(section, s),
+                 places_on(section, basis.mass_point_s[element]), places_on(section, section.s)[0], lengths_of(basis))
+
+
+class FreeBodies:
+    """Sections of beams, and the parts of elements and loads behind them.
+
+    Parameters
+    ----------
+    model : Model
+        In space.
+    terms : sequence of kernels/terms.py
+        Of the run, with equations of the nodes themselves.
+    sections : sequence of Sections
+        One arc length each.
+    plane : Plane or None
+        Where nodes have three unknowns.
+    rows : int64 [N]
+        Of the nodes in residuals of the run.
+    """
+
+    def __init__(self, model: Model, terms: Sequence[Any], sections: Sequence[Sections], plane: Any, rows: Array) -> None:
+        self.model, self.plane, self.sections, self.rows = model, plane, list(sections), rows
+        self.cuts: list[Cut] = []
+        # of every section the cut at which it lies, or the piece that ends there
+        self.of: list[int | Piece] = []
+        for section in self.sections:
+            ends, s = section.beam.basis.element_ends, float(section.s[0])
+            near = int(np.argmin(np.abs(ends - s)))
+            if abs(ends[near] - s) <= AT_END * section.beam.length:
+                self.of.append(self._number(section, near))
+            else:
+                k = int(np.searchsorted(ends, s)) - 1
+                self.of.append(piece_to(section, self._number(section, k), k))
+        # rows of nodes of elements, then of nodes
+        wanted = {(cut.section.first, int(e)): cut.section.first + cut.section.beam.basis.element_nodes[e]
+                  for cut in self.cuts for e in cut.elements}
+        self.row_of: dict[Any, int] = {}
+        for key, nodes in wanted.items():
+            for node in nodes.tolist():
+                self.row_of[(*key, node)] = len(self.row_of)
+        pieces = [x for x in self.of if isinstance(x, Piece)]
+        for first, nodes in [*((x.section.first, x.shared) for x in self.cuts),
+                             *((x.section.first, x.section.beam.basis.element_nodes[x.element]) for x in pieces)]:
+            for node in (first + nodes).tolist():
+                self.row_of.setdefault(node, len(self.row_of))
+        rows = len(self.row_of)
+        self._r = aligned(8 * (rows + 1))
+        self.beams = Record(tuple(x for x in (self._elements(term, wanted, rows) for term in terms if isinstance(term, Beams))
+                                  if x is not None))
+        node_row = np.full(model.n_nodes, rows)
+        for key, row in self.row_of.items():
+            if not isinstance(key, tuple):
+                node_row[key] = row
+        self.on_nodes = Record(tuple(_routed(term, node_row, rows) for term in terms if isinstance(term, ON_NODES)))
+        self._system: Any = None
+        self._gather()
+
+    def _number(self, section: Sections, k: int) -> int:
+        cut = cut_at(section, k)
+        for number, known in enumerate(self.cuts):
+            if known.section.first == section.first and known.s == cut.s:
+                return number
+        self.cuts.append(cut)
+        return len(self.cuts) - 1
+
+    def _elements(self, term: Beams, wanted: dict[tuple[int, int], Array], rows: int) -> Beams | None:
+        """The groups of elements that are wanted, each with rows of its own."""
+        tables, idle = term.tables, self.rows.max() + 1
+        # elements of splines may have the same nodes: which of these it is, in their order along the beam, as in tables
+        by_nodes = {}
+        for (first, e), nodes in wanted.items():
+            same = np.all(self._basis(first).element_nodes[:e] == nodes - first, axis=1)
+            by_nodes[(*sorted(nodes.tolist()), int(np.sum(same)))] = first, e
+        firsts = np.array([nodes[0] for nodes in by_nodes])
+        seen: dict[tuple[int, ...], int] = {}
+        out, groups = np.full_like(tables.rows, rows), []
+        for g, meta in enumerate(tables.meta):
+            at, count = int(meta[LIST]), int(meta[NODES])
+            nodes, live, own = (x[at:at + 8 * count].reshape(count, 8) for x in (tables.nodes, tables.rows, out))
+            for lane in np.flatnonzero(np.isin(nodes.min(axis=0), firsts) & (live[0] != idle)):
+                key = tuple(sorted(nodes[:, lane].tolist()))
+                seen[key] = seen.get(key, -1) + 1
+                found = by_nodes.get((*key, seen[key]))
+                if found is not None:
+                    own[:, lane] = [self.row_of[(*found, int(node))] for node in nodes[:, lane]]
+                    groups.append(g)
+        if not groups:
+            return None
+        return term._replace(tables=tables._replace(meta=np.ascontiguousarray(tables.meta[np.unique(groups)]), rows=out))
+
+    def _basis(self, first: int) -> Basis:
+        """Of the beam whose nodes begin there."""
+        return next(x.beam.basis for x in self.sections if x.first == first)
+
+    def _gather(self) -> None:
+        """Where the numbers of every pair of a cut and a node stand, and which shares of loads they have."""
+        model, entries = self.model, []
+        loads = np.zeros((len(model.load_times), 0, 6))
+        slots: list[Array] = []
+        for c, cut in enumerate(self.cuts):
+            beam, first = cut.section.beam, cut.section.first
+            basis = beam.basis
+            length, own = lengths_of(basis), lengths_of(basis, cut.elements)
+            parts = np.zeros((len(model.load_times), basis.n_nodes, 6))
+            for k, load in self._distributed(beam):
+                for columns, values in of_elements(load):
+                    if columns.start and basis.interpolation == "bspline":
+                        parts[k, :, columns] += (own / length)[:, None] * nodal(basis, values)
+                    else:
+                        np.add.at(parts[k, :, columns], basis.element_nodes[cut.elements], values[cut.elements])
+            if np.any(model.gravity):
+                k = self._group(model.gravity_time)
+                parts[k, :, :3] += beam.section.inertia[0] * own[:, None] * model.gravity
+            loads = np.concatenate((loads, parts[:, cut.shared]), axis=1)
+            for a in cut.shared.tolist():
+                rows = [self.row_of[first, int(e), first + a] for e in cut.elements if a in basis.element_nodes[e]]
+                slots += [np.array([len(entries), row]) for row in rows]
+                entries.append((c, first + a, own[a] / length[a], self.row_of[first + a]))
+        self.entry_cut, self.node, _, self.node_row = (np.array(x) for x in zip(*entries))
+        self.share = np.array([x[2] for x in entries])
+        self.loads = loads
+        self.slot_entry, self.slot_row = np.array(slots).T
+        self.sign = np.array([-1.0 if cut.behind else 1.0 for cut in self.cuts])
+
+    def _group(self, time: Any) -> int:
+        return next(k for k, known in enumerate(self.model.load_times) if known is time)
+
+    def _distributed(self, beam: Any) -> list[tuple[int, DistributedLoad]]:
+        return [(self._group(load.time), load) for load in self.model.load_parts.values()
+                if isinstance(load, DistributedLoad) and load.beam is beam and not load.follower]
+
+    # --- one evaluation ---------------------------------------------------------------------------------------------------
+    def forces(self, system: Any, q: Array, h: float, factors: Array, second: Array | None, pushes: Any) -> Array:
+        """Force and moment [C, 2, 3] that the part behind each section exerts on the part before it.
+
+        Parameters
+        ----------
+        system : System
+            As it is assembled; residuals are left alone.
+        q : float64 [N, 4, 3]
+            Coordinates in the middle of the step.
+        h : float
+            The step, s; 0 in statics.
+        factors : float64 [K]
+            Of the loads.
+        second : float64 [N, 4, 3] or None
+            Mean second rates of the coordinates in the step.
+        pushes : function of the number of a slider -> float64 [rows, 8]
+            What it exerts on the rows of the nodes.
+        """
+        own = system._replace(work=system.work._replace(r=self._r))
+        self._system = record_of(own, self._system)
+        rows = self._assembled(self.beams, h)
+        entry = np.zeros((len(self.node), 6))
+        np.add.at(entry, self.slot_entry, rows[self.slot_row])
+        # what distributed loads bring into the equations has the sign of inertia
+        on_nodes = self._assembled(self.on_nodes, h) if self.on_nodes.of else np.zeros_like(rows)
+        entry += self.share[:, None] * on_nodes[self.node_row]
+        entry -= np.einsum("k,kec->ec", factors, self.loads)
+        s = system.state.s
+        ends = s, system.work.s_end if h > 0.0 else s
+        under = [nodes_passed(self.model, k, *(float(x[k]) for x in ends)) for k in range(self.model.n_sliders)]
+        self._under = np.concatenate([np.zeros(0, np.int64), *under])
+        self._under_of = np.repeat(np.arange(len(under)), [len(x) for x in under])
+        x = q[:, 0]
+        at = np.array([cut.place @ x[cut.section.span] for cut in self.cuts])
+        out = np.zeros((len(self.cuts), 2, 3))
+        signed = self.sign[self.entry_cut, None] * entry
+        np.add.at(out[:, 0], self.entry_cut, signed[:, :3])
+        np.add.at(out[:, 1], self.entry_cut, signed[:, 3:] + np.cross(x[self.node] - at[self.entry_cut], signed[:, :3]))
+        for c, cut in enumerate(self.cuts):
+            for k in self._sliders(cut.section.first + cut.shared):
+                out[c] += self._across(cut, at[c], x[cut.section.span], self.in_space(pushes(k)))
+        found = []
+        for of in self.of:
+            if isinstance(of, Piece):
+                sliders = self._sliders(of.section.first + of.section.beam.basis.element_nodes[of.element])
+                span = of.section.span
+                found.append(self._at_end_of(of, out[of.cut], q[span], factors, None if second is None else second[span],
+                                             on_nodes, [self.in_space(pushes(k)) for k in sliders]))
+            else:
+                found.append(out[of])
+        return np.array(found)
+
+    def _assembled(self, terms: Record, h: float) -> Array:
+        """Forces and moments [rows, 6] that terms put on rows of their own."""
+        self._r[:] = 0.0
+        kernels.assemble_some(terms, self._system, h)
+        return self.in_space(self._r.reshape(-1, 8))
+
+    def in_space(self, r: Array) -> Array:
+        """Forces and moments [rows, 6] of residuals [rows, 8]."""
+        if self.plane is None:
+            return r[:, :6]
+        axes = self.plane.axes
+        return np.hstack((r[:, :2] @ axes[:2], r[:, 2:3] * axes[2]))
+
+    def _sliders(self, nodes: Array) -> list[int]:
+        """Those that act on some nodes in the step."""
+        near = (self._under >= nodes.min()) & (self._under <= nodes.max())
+        return [int(k) for k in np.unique(self._under_of[near]) if np.isin(nodes, self._under[self._under_of == k]).any()]
+
+    def _on_beam(self, section: Sections, push: Array) -> tuple[Array, float]:
+        """Of what a slider exerts on rows [rows, 6] that on the nodes of a beam [A, 6], and where it stands, m; NaN: nowhere."""
+        c = push[self.rows[section.span]]
+        total = c[:, :3].sum(axis=0)
+        size = float(total @ total)
+        return c, float((c[:, :3] @ total) @ section.beam.basis.node_s) / size if size > 0.0 else np.nan
+
+    def _across(self, cut: Cut, at: Array, x: Array, push: Array) -> Array:
+        """What a slider, which stands on one side of a cut, exerts on nodes of the other [2, 3]."""
+        c, place = self._on_beam(cut.section, push)
+        if np.isnan(place):
+            return np.zeros((2, 3))
+        stands_behind = _is_behind(cut.section, place, cut.s)
+        nodes = np.arange(len(c))
+        of_both = cut.shared[-1] + 1 if cut.behind else cut.shared[0]
+        other = nodes < of_both if stands_behind else nodes >= of_both
+        return (1.0 if stands_behind else -1.0) * _about(at, x[other], c[other])
+
+    def _at_end_of(self, piece: Piece, start: Array, q: Array, factors: Array, second: Array | None, on_nodes: Array,
+                   pushes: list[Array]) -> Array:
+        """Force and moment [2, 3] at the end of a piece from those at its start. q, second: of the nodes of the beam."""
+        section, beam = piece.section, piece.section.beam
+        lacks = np.zeros((piece.s.size, 6))
+        e, basis, inertia = piece.element, beam.basis, beam.section.inertia
+        nodes = basis.element_nodes[e]
+        x, end = q[:, 0], piece.place @ q[:, 0]
+        # what the whole element has more than these densities: directors may have shape functions of their own, and loads on
+        # nodes have another moment than the same along the element
+        off = np.zeros((2, 3))
+        if second is not None:
+            lacks[:, :3] += inertia[0] * (piece.shape @ second[:, 0])
+            for i in (2, 3):
+                along = [(shape @ q[:, i], shape @ second[:, i]) for shape in (piece.shape, piece.whole)]
+                lacks[:, 3:] += inertia[i - 1] * np.cross(*along[0])
+                off[1] += inertia[i - 1] * np.cross(q[nodes, i], basis.mass_dir[e] @ second[nodes, i]).sum(axis=0)
+                off[1] -= inertia[i - 1] * basis.mass_weight[e] @ np.cross(*along[1])
+        if np.any(self.model.gravity):
+            lacks[:, :3] -= factors[self._group(self.model.gravity_time)] * beam.section.inertia[0] * self.model.gravity
+        rows = on_nodes[[self.row_of[section.first + a] for a in nodes.tolist()]]
+        for k, load in self._distributed(beam):
+            lacks[:, :3] -= factors[k] * load.force_at(piece.s)
+            if basis.interpolation == "bspline":
+                rows[:, 3:] -= factors[k] * nodal(basis, of_elements(load)[1][1])[nodes]
+            else:
+                lacks[:, 3:] -= factors[k] * load.moment_at(piece.s)
+        rows /= piece.length[nodes, None]
+        lacks += piece.shape[:, nodes] @ rows
+        out = _about(end, piece.shape @ x, piece.weight[:, None] * lacks)
+        off += _about(end, x[nodes], basis.mass_phi[e].sum(axis=1)[:, None] * rows)
+        off -= _about(end, piece.whole @ x, basis.mass_weight[e][:, None] * (piece.whole[:, nodes] @ rows))
+        start_s, end_s = basis.element_ends[e:e + 2]
+        out += (float(section.s[0]) - start_s) / (end_s - start_s) * off
+        out += _about(end, (self.cuts[piece.cut].place @ x)[None], start.reshape(1, 6))
+        for push in pushes:
+            c, place = self._on_beam(section, push)
+            if _is_behind(section, place, self.cuts[piece.cut].s) and not _is_behind(section, place, float(section.s[0])):
+                out -= _about(end, x, c)
+        return out
+
+
+def _is_behind(section: Sections, place: float, s: float) -> bool:
+    """Whether a place on the beam lies behind arc length s; one at s does not, nor one that is nowhere."""
+    return place > s + AT_END * section.beam.length
+
+
+def _about(at: Array, x: Array, c: Array) -> Array:
+    """Sum of forces and moments [n, 6] at places x [n, 3], about another place: [2, 3]."""
+    return np.array([c[:, :3].sum(axis=0), c[:, 3:].sum(axis=0) + np.cross(x - at, c[:, :3]).sum(axis=0)])
+
+
+def _routed(term: Any, row_of: Array, nowhere: int) -> Any:
+    """The term with rows of its own for wanted nodes; what acts on one node alone is no part of the beam."""
+    row = row_of[term.node]
+    if isinstance(term, (UserForces, PlanarFollowers)):
+        row = np.where(term.along == 1, row, nowhere)
+    return term._replace(row=row)
