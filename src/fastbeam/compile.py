@@ -181,7 +181,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
                                        ordered.n_panel)
     ties = _ties(joints.without_welds(), blocks)
     held = _held(joints.held, blocks)
-    curves, sliders, corners = _sliders(scene, nodes, joints)
+    curves, sliders, corners, curve_s = _sliders(scene, nodes, joints)
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of, links)
     state, length = unpacked.state, unpacked.numbered.length
@@ -195,7 +195,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at, losses_at),
         kept=unpacked.kept, kept_softness=softness_of(unpacked.kept, joints, nodes.rank), ties=ties,
         held=held, static_held=_held(joints.held | idle, blocks) if idle.any() else held,
-        curves=curves, sliders=sliders,
+        curves=curves, sliders=sliders, curve_s=curve_s,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
         spin_root=joints.spin_root, loads=loads, load_times=unpacked.loads.times, gravity=unpacked.gravity,
         gravity_time=scene.gravity_time, gravity_weight=unpacked.loads.weight, constant_load=unpacked.loads.constant,
@@ -325,10 +325,11 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
     return out
 
 
-def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None, dict[Any, tuple[int, bool]]]:
-    """Curves, sliders, and which curves lead over the corners of switches."""
+def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None, dict[Any, tuple[int, bool]],
+                                                                          tuple[Array, ...]]:
+    """Curves, sliders, which curves lead over the corners of switches, and arc lengths of the nodes of every curve."""
     if not scene.sliders:
-        return None, None, {}
+        return None, None, {}, ()
     tracks = [track_of(scene, nodes, slider) for slider in scene.sliders]
     index = {id(track): k for k, track in enumerate({id(track): track for track in tracks}.values())}
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
@@ -339,7 +340,7 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
         for place, (track, is_sharp) in corners_of(scene, nodes, slider).items():
             corners[c, *place] = -1 if track is None else len(every), is_sharp
             every += [] if track is None else [track]
-    return pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64)), corners
+    return pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64)), corners, tuple(track.node_s for track in every)
 
 
 def _spans(scene: Scene) -> dict[int, Array]:

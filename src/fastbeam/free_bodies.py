@@ -12,12 +12,13 @@ from .basis import Basis
 from .kernels import step as kernels
 from .kernels.added_mass import AddedMass
 from .kernels.beams import Beams
+from .kernels.curves import Paths
 from .kernels.drag import Drag
 from .kernels.layout import LIST, NODES
 from .kernels.planar_follower import PlanarFollowers
 from .kernels.user_force import UserForces
 from .kernels.work import aligned
-from .mapping import nodes_passed
+from .mapping import nodes_of_curve, nodes_passed
 from .model import Model
 from .resultants import Sections
 from .scene import DistributedLoad
@@ -116,12 +117,12 @@ class FreeBodies:
         One arc length each.
     plane : Plane or None
         Where nodes have three unknowns.
-    rows : int64 [N]
-        Of the nodes in residuals of the run.
+    idle : int
+        Row of idle lanes in the tables of elements, behind those of nodes.
     """
 
-    def __init__(self, model: Model, terms: Sequence[Any], sections: Sequence[Sections], plane: Any, rows: Array) -> None:
-        self.model, self.plane, self.sections, self.rows = model, plane, list(sections), rows
+    def __init__(self, model: Model, terms: Sequence[Any], sections: Sequence[Sections], plane: Any, idle: int) -> None:
+        self.model, self.plane, self.sections, self.idle = model, plane, list(sections), idle
         self.cuts: list[Cut] = []
         # of every section the cut at which it lies, or the piece that ends there
         self.of: list[int | Piece] = []
@@ -155,6 +156,7 @@ class FreeBodies:
                 node_row[key] = row
         self.on_nodes = Record(tuple(_routed(term, node_row, rows) for term in terms if isinstance(term, ON_NODES)))
         self._system: Any = None
+        self._lines: dict[int, tuple[Array, Array]] = {}
         self._gather()
 
     def _number(self, section: Sections, k: int) -> int:
@@ -167,7 +169,7 @@ class FreeBodies:
 
     def _elements(self, term: Beams, wanted: dict[tuple[int, int], Array], rows: int) -> Beams | None:
         """The groups of elements that are wanted, each with rows of its own."""
-        tables, idle = term.tables, self.rows.max() + 1
+        tables = term.tables
         # elements of splines may have the same nodes: which of these it is, in their order along the beam, as in tables
         by_nodes = {}
         for (first, e), nodes in wanted.items():
@@ -179,7 +181,7 @@ class FreeBodies:
         for g, meta in enumerate(tables.meta):
             at, count = int(meta[LIST]), int(meta[NODES])
             nodes, live, own = (x[at:at + 8 * count].reshape(count, 8) for x in (tables.nodes, tables.rows, out))
-            for lane in np.flatnonzero(np.isin(nodes.min(axis=0), firsts) & (live[0] != idle)):
+            for lane in np.flatnonzero(np.isin(nodes.min(axis=0), firsts) & (live[0] != self.idle)):
                 key = tuple(sorted(nodes[:, lane].tolist()))
                 seen[key] = seen.get(key, -1) + 1
                 found = by_nodes.get((*key, seen[key]))
@@ -247,8 +249,8 @@ class FreeBodies:
             Of the loads.
         second : float64 [N, 4, 3] or None
             Mean second rates of the coordinates in the step.
-        pushes : function of the number of a slider -> float64 [rows, 8]
-            What it exerts on the rows of the nodes.
+        pushes : function of the number of a slider -> float64 [N, 8]
+            What it exerts on nodes.
         """
         own = system._replace(work=system.work._replace(r=self._r))
         self._system = record_of(own, self._system)
@@ -259,11 +261,7 @@ class FreeBodies:
         on_nodes = self._assembled(self.on_nodes, h) if self.on_nodes.of else np.zeros_like(rows)
         entry += self.share[:, None] * on_nodes[self.node_row]
         entry -= np.einsum("k,kec->ec", factors, self.loads)
-        s = system.state.s
-        ends = s, system.work.s_end if h > 0.0 else s
-        under = [nodes_passed(self.model, k, *(float(x[k]) for x in ends)) for k in range(self.model.n_sliders)]
-        self._under = np.concatenate([np.zeros(0, np.int64), *under])
-        self._under_of = np.repeat(np.arange(len(under)), [len(x) for x in under])
+        self._find_sliders(system.state.s, system.work.s_end if h > 0.0 else system.state.s)
         x = q[:, 0]
         at = np.array([cut.place @ x[cut.section.span] for cut in self.cuts])
         out = np.zeros((len(self.cuts), 2, 3))
@@ -272,14 +270,14 @@ class FreeBodies:
         np.add.at(out[:, 1], self.entry_cut, signed[:, 3:] + np.cross(x[self.node] - at[self.entry_cut], signed[:, :3]))
         for c, cut in enumerate(self.cuts):
             for k in self._sliders(cut.section.first + cut.shared):
-                out[c] += self._across(cut, at[c], x[cut.section.span], self.in_space(pushes(k)))
+                out[c] += self._across(cut, at[c], x, k, self.in_space(pushes(k)))
         found = []
         for of in self.of:
             if isinstance(of, Piece):
                 sliders = self._sliders(of.section.first + of.section.beam.basis.element_nodes[of.element])
-                span = of.section.span
-                found.append(self._at_end_of(of, out[of.cut], q[span], factors, None if second is None else second[span],
-                                             on_nodes, [self.in_space(pushes(k)) for k in sliders]))
+                rates = None if second is None else second[of.section.span]
+                at_end = self._at_end_of(of, out[of.cut], q[of.section.span], factors, rates, on_nodes)
+                found.append(at_end - sum(self._within(of, x, k, self.in_space(pushes(k))) for k in sliders))
             else:
                 found.append(out[of])
         return np.array(found)
@@ -297,31 +295,66 @@ class FreeBodies:
         axes = self.plane.axes
         return np.hstack((r[:, :2] @ axes[:2], r[:, 2:3] * axes[2]))
 
+    # --- sliders ----------------------------------------------------------------------------------------------------------
+    def _find_sliders(self, start: Array, end: Array) -> None:
+        """Where sliders are in a step that leads them from s [S] to s [S]: which nodes they touch."""
+        self._place = 0.5 * (start + end)
+        self._local = [nodes_passed(self.model, k, float(start[k]), float(end[k])) for k in range(self.model.n_sliders)]
+        self._touched = [self._line(k)[0][local] for k, local in enumerate(self._local)]
+        self._under = np.concatenate([np.zeros(0, np.int64), *self._touched])
+        self._under_of = np.repeat(np.arange(len(self._touched)), [len(x) for x in self._touched])
+
+    def _line(self, k: int) -> tuple[Array, Array]:
+        """Nodes of the curve of slider k, and their arc lengths on it."""
+        c = int(self.model.sliders.curve[k])
+        if c not in self._lines:
+            self._lines[c] = nodes_of_curve(self.model.curves, c), self.model.curve_s[c]
+        return self._lines[c]
+
     def _sliders(self, nodes: Array) -> list[int]:
         """Those that act on some nodes in the step."""
         near = (self._under >= nodes.min()) & (self._under <= nodes.max())
-        return [int(k) for k in np.unique(self._under_of[near]) if np.isin(nodes, self._under[self._under_of == k]).any()]
+        return [int(k) for k in np.unique(self._under_of[near]) if np.isin(nodes, self._touched[k]).any()]
 
-    def _on_beam(self, section: Sections, push: Array) -> tuple[Array, float]:
-        """Of what a slider exerts on rows [rows, 6] that on the nodes of a beam [A, 6], and where it stands, m; NaN: nowhere."""
-        c = push[self.rows[section.span]]
-        total = c[:, :3].sum(axis=0)
-        size = float(total @ total)
-        return c, float((c[:, :3] @ total) @ section.beam.basis.node_s) / size if size > 0.0 else np.nan
+    def _standing(self, k: int, section: Sections) -> tuple[float, Array, Array]:
+        """Where slider k stands on a beam of its curve, m, outside it less than 0 or more than its length; and which of the nodes
+        that it touches belong to other beams of the curve, in front of this one and behind it."""
+        nodes, s = self._line(k)
+        curves = self.model.curves
+        c = int(self.model.sliders.curve[k])
+        period = float(curves.period[c]) if isinstance(curves, Paths) else 0.0
+        own = np.flatnonzero((nodes >= section.span.start) & (nodes < section.span.stop))
+        low, high = s[own[0]], s[own[-1]]
+        middle = 0.5 * (low + high)
+        local = self._local[k]
+        others = nodes[local[(nodes[local] < section.span.start) | (nodes[local] >= section.span.stop)]]
+        along = np.concatenate(([self._place[k]], s[local[np.isin(nodes[local], others)]])) - middle
+        if period:
+            along -= period * np.round(along / period)
+        # a beam that the path runs from its end to its start
+        along *= 1.0 if nodes[own[0]] < nodes[own[-1]] else -1.0
+        return float(along[0] + 0.5 * (high - low)), others[along[1:] < 0.0], others[along[1:] > 0.0]
 
-    def _across(self, cut: Cut, at: Array, x: Array, push: Array) -> Array:
-        """What a slider, which stands on one side of a cut, exerts on nodes of the other [2, 3]."""
-        c, place = self._on_beam(cut.section, push)
-        if np.isnan(place):
-            return np.zeros((2, 3))
+    def _across(self, cut: Cut, at: Array, x: Array, k: int, push: Array) -> Array:
+        """What slider k, which stands on one side of a cut, exerts on nodes of the other [2, 3]."""
+        place, front, behind = self._standing(k, cut.section)
         stands_behind = _is_behind(cut.section, place, cut.s)
-        nodes = np.arange(len(c))
+        nodes = np.arange(cut.section.count)
         of_both = cut.shared[-1] + 1 if cut.behind else cut.shared[0]
-        other = nodes < of_both if stands_behind else nodes >= of_both
-        return (1.0 if stands_behind else -1.0) * _about(at, x[other], c[other])
+        own = nodes < of_both if stands_behind else nodes >= of_both
+        other = np.concatenate((cut.section.first + nodes[own], front if stands_behind else behind))
+        return (1.0 if stands_behind else -1.0) * _about(at, x[other], push[other])
 
-    def _at_end_of(self, piece: Piece, start: Array, q: Array, factors: Array, second: Array | None, on_nodes: Array,
-                   pushes: list[Array]) -> Array:
+    def _within(self, piece: Piece, x: Array, k: int, push: Array) -> Array:
+        """What slider k exerts on the piece [2, 3], about the end of it."""
+        section, start = piece.section, self.cuts[piece.cut].s
+        place = self._standing(k, section)[0]
+        touched = self._touched[k]
+        if not _is_behind(section, place, start) or _is_behind(section, place, float(section.s[0])):
+            return np.zeros((2, 3))
+        return _about(piece.place @ x[section.span], x[touched], push[touched])
+
+    def _at_end_of(self, piece: Piece, start: Array, q: Array, factors: Array, second: Array | None, on_nodes: Array) -> Array:
         """Force and moment [2, 3] at the end of a piece from those at its start. q, second: of the nodes of the beam."""
         section, beam = piece.section, piece.section.beam
         lacks = np.zeros((piece.s.size, 6))
@@ -355,15 +388,11 @@ class FreeBodies:
         start_s, end_s = basis.element_ends[e:e + 2]
         out += (float(section.s[0]) - start_s) / (end_s - start_s) * off
         out += _about(end, (self.cuts[piece.cut].place @ x)[None], start.reshape(1, 6))
-        for push in pushes:
-            c, place = self._on_beam(section, push)
-            if _is_behind(section, place, self.cuts[piece.cut].s) and not _is_behind(section, place, float(section.s[0])):
-                out -= _about(end, x, c)
         return out
 
 
 def _is_behind(section: Sections, place: float, s: float) -> bool:
-    """Whether a place on the beam lies behind arc length s; one at s does not, nor one that is nowhere."""
+    """Whether a place lies behind arc length s of the beam; one at s does not."""
     return place > s + AT_END * section.beam.length
 
 

@@ -87,7 +87,7 @@ def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
 
 
 def nodes_passed(model: Model, k: int, s0: float, s1: float) -> Array:
-    """Nodes [n] that are under the contact of slider k anywhere between two arc lengths."""
+    """Nodes that are under the contact of slider k anywhere between two arc lengths, counted along its curve [n]."""
     curves, sliders = model.curves, model.sliders
     assert curves is not None and sliders is not None
     c = int(sliders.curve[k])
@@ -97,10 +97,8 @@ def nodes_passed(model: Model, k: int, s0: float, s1: float) -> Array:
     # on a closed path the short way round
     across = isinstance(curves, Paths) and curves.period[c] > 0.0 and high - low > n // 2
     elements = [*range(high, n), *range(low + 1)] if across else range(low, high + 1)
-    local = np.unique(np.concatenate([int(curves.first[p + e]) + np.arange(int(curves.count[p + e])) for e in elements]))
-    if isinstance(curves, Paths):
-        return np.unique(each_once(curves, c, local, local)[0])
-    return int(curves.meta[c, FIRST_NODE]) + local
+    local = np.concatenate([int(curves.first[p + e]) + np.arange(int(curves.count[p + e])) for e in elements])
+    return np.unique(local % int(curves.shape[c, NODES_OF_CURVE]))
 
 
 def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:

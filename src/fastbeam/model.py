@@ -95,6 +95,8 @@ class Model(HistoryLayout):
         Names of the joints at a node.
     load_names : list of str
         What each time function belongs to.
+    curve_s : tuple of float64 [n]
+        Arc lengths of the nodes of every curve of sliders, m.
     load_parts : dict
         Loads of the scene by their names.
     slider_forces : slider_forces.SliderForces or None
@@ -176,6 +178,7 @@ class Model(HistoryLayout):
     joints: dict[int, list[str]] = field(default_factory=dict)
     load_names: list[str] = field(default_factory=list)
     load_parts: dict[str, Any] = field(default_factory=dict)
+    curve_s: tuple[Array, ...] = ()
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     twisting: Array = field(default_factory=lambda: np.zeros(0, np.int64))

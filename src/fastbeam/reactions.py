@@ -19,7 +19,7 @@ from .kernels.joint_coordinates import JointMotion
 from .kernels.slider import Sliding
 from .kernels.step import OK
 from .kernels.terms import Conserving, Equilibrium
-from .kernels.work import State
+from .kernels.work import State, aligned
 from .load_times import load_factors
 from .multipliers import Distance, KeptLink
 from .newton import Stepper
@@ -59,7 +59,7 @@ class Reactions:
         known = with_known_twist(tuple(_as_running(term, running.get(type(term))) for term in terms), of.terms)
         self.terms = Record(tuple(_at_nodes(term, core.pattern.row_of) for term in known if id(term) not in left_out))
         some = [x for x in sections if x is not None]
-        self.bodies = FreeBodies(stepper.model, self.terms.of, some, stepper.plane, core.pattern.row_of) if some else None
+        self.bodies = FreeBodies(stepper.model, self.terms.of, some, stepper.plane, core.pattern.n) if some else None
         self._sliding = Record(tuple(term for term in self.terms.of if isinstance(term, Sliding)))
         self.ties = None if core.ties is None else Record((core.ties,))
         self._system: Record | None = None
@@ -131,13 +131,14 @@ class Reactions:
         return self._evaluate(system, q, 0.0, factors, None, lambda k, _: pushes(k))
 
     def _of_slider(self, k: int, system: Any) -> Array:
-        """What slider k exerts in the step on the rows of nodes, [rows, 8]."""
+        """What slider k exerts in the step on nodes, [N, 8]; those that share a row have their own here."""
+        n = len(self.rows)
         first = np.full_like(system.contact.first, -1)
         first[k] = self.own.contact.first[k]
-        work = system.work._replace(r=np.zeros_like(system.work.r))
-        one = Record(system._replace(contact=system.contact._replace(first=first), work=work))
+        work = system.work._replace(r=aligned(8 * (n + 1)))
+        one = Record(system._replace(contact=system.contact._replace(first=first), work=work, row_of=np.arange(n)))
         kernels.assemble_some(self._sliding, one, 0.0)
-        return -work.r.reshape(-1, 8)
+        return -work.r[:8 * n].reshape(-1, 8)
 
     def _evaluate(self, system: Any, q: Array, h: float, factors: Array, second: Array | None, of_slider: Any) -> Array:
         holding, x = self.holding, q[:, 0]

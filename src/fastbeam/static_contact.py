@@ -348,10 +348,11 @@ class StaticContacts:
             at += len(within)
         return out
 
-    def loads(self, weights: Weights, q: Array, force: Array, at_roots: bool = True) -> Array:
+    def loads(self, weights: Weights, q: Array, force: Array, at_roots: bool = True, row_of: Array | None = None) -> Array:
         """The forces of all constraints as loads on the rows, flat as `Work.f_ext` [8 (N + 1)]; moments at the nodes that spins
-        belong to, or at the nodes themselves, whose connections have to carry them."""
+        belong to, or at the nodes themselves, whose connections have to carry them. row_of: int [N], other rows of the nodes."""
         n = self.model.n_nodes
+        row_of = self.model.pattern.row_of if row_of is None else row_of
         root_of = self.model.spin_root if at_roots else np.arange(n)
         flat = self.axes is not None
         own = self.model.n_sliders * (2 if flat else 3)
@@ -367,15 +368,15 @@ class StaticContacts:
             of_node = of_node @ self.axes[:2].T  # type: ignore[index]
         out = np.zeros((n + 1, 8))
         d = of_node.shape[1]
-        np.add.at(out[:, :d], self.model.pattern.row_of, of_node)
+        np.add.at(out[:, :d], row_of, of_node)
         for root, moment in turning:
-            out[self.model.pattern.row_of[root], d:d + (1 if flat else 3)] += self.axes[2:] @ moment if flat else moment
+            out[row_of[root], d:d + (1 if flat else 3)] += self.axes[2:] @ moment if flat else moment
         for _, section, _, mu in [] if self.model.sleeves is None else self._sections(q, force):
             of_nodes, of_holder = section.by_spins()
             moments = np.einsum("p,pac->ac", mu[:section.pairs], np.concatenate((of_nodes, of_holder[:, None]), axis=1))
             if self.axes is not None:
                 moments = moments @ self.axes[2:].T
-            np.add.at(out[:, d:d + moments.shape[1]], self.model.pattern.row_of[root_of[section.nodes]], moments)
+            np.add.at(out[:, d:d + moments.shape[1]], row_of[root_of[section.nodes]], moments)
         return out.reshape(-1)
 
 

@@ -124,7 +124,7 @@ class SlidingSolver(SaddleSolver):
             self.work.f_ext[:] += self.steady.loads(self.state.q)
 
     def push_of(self, k: int) -> Array:
-        """What slider k exerts at the last equilibrium on the rows of nodes [rows, 8], moments at the nodes themselves."""
+        """What slider k exerts at the last equilibrium on nodes [N, 8]; those that share a row have their own here."""
         model, all_forces = self.core, self.stepper.core_state.force
         of = [k, *(model.n_sliders + len(model.kept) + o for o, pair in enumerate(model.sleeve_pairs) if pair[0] == k)]
         force = np.zeros_like(all_forces)
@@ -132,7 +132,8 @@ class SlidingSolver(SaddleSolver):
             at = slice(model.first_force[c], model.first_force[c] + model.forces[c])
             force[at] = all_forces[at]
         assert self._weights is not None
-        return self.contacts.loads(self._weights, self.state.q, force, False).reshape(-1, 8)
+        own = np.arange(self.stepper.model.n_nodes)
+        return self.contacts.loads(self._weights, self.state.q, force, False, own)[:8 * own.size].reshape(-1, 8)
 
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         if in_plane != (self.stepper.plane is not None):

@@ -32,12 +32,15 @@ class Track:
         Of a closed path elements may have nodes before the first and behind the last: -1 is the last, n the first.
     period : float
         Length of a closed path, m; 0 of what has ends.
+    node_s : float64 [n]
+        Arc lengths of its nodes along it, m.
     joints, smooth : int
         Places where beams of a path meet, and those of them where the curve has one tangent.
     """
 
     nodes: Array
     basis: CurveBasis
+    node_s: Array
     period: float = 0.0
     joints: int = 0
     smooth: int = 0
@@ -71,7 +74,7 @@ def track_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
         elif isinstance(on, Path):
             nodes.tracks[key] = _of_path(scene, nodes, on, slider.curve)
         else:
-            nodes.tracks[key] = Track(nodes.start(on) + np.arange(on.n_nodes), slider.contact_curve)
+            nodes.tracks[key] = Track(nodes.start(on) + np.arange(on.n_nodes), slider.contact_curve, on.basis.node_s)
     return nodes.tracks[key]
 
 
@@ -90,8 +93,10 @@ def _of_path(scene: Scene, nodes: NodeList, path: Path, kind: str) -> Track:
                              "by a RigidConnection or a BallJoint, or take beams of a net that share a node")
         kink = turns[j][0] * tangents[a] - turns[j][1] * tangents[b]
         smooth[j] = kind == "c1" and float(np.linalg.norm(kink)) < STRAIGHT
-    return Track(np.concatenate(numbers), _joined(parts, smooth, path.closed), path.length if path.closed else 0.0, len(joints),
-                 int(smooth.sum()))
+    places = [start + (beam.basis.node_s if direction > 0 else beam.length - beam.basis.node_s[::-1])
+              for start, beam, direction in zip(path.starts, path.beams, path.directions)]
+    return Track(np.concatenate(numbers), _joined(parts, smooth, path.closed), np.concatenate(places),
+                 path.length if path.closed else 0.0, len(joints), int(smooth.sum()))
 
 
 def corners_of(scene: Scene, nodes: NodeList, slider: Slider) -> dict[tuple[int, bool, int], tuple[Track | None, bool]]:
@@ -123,7 +128,8 @@ def _end_to_end(one: Track, other: Track, begin: float, meet: float) -> Track:
     ends[one.basis.element_ends.size - 1] = meet
     return Track(np.concatenate((one.nodes, other.nodes)), CurveBasis(
         ends, np.concatenate((one.basis.first_node, one.nodes.size + other.basis.first_node)),
-        np.concatenate((one.basis.n_nodes_of, other.basis.n_nodes_of)), np.concatenate(coef)))
+        np.concatenate((one.basis.n_nodes_of, other.basis.n_nodes_of)), np.concatenate(coef)),
+        np.concatenate((begin + one.node_s, meet + other.node_s)))
 
 
 def _padded(coef: Array, width: int, size: int) -> Array:
@@ -133,7 +139,7 @@ def _padded(coef: Array, width: int, size: int) -> Array:
 
 def _tracks_of(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> list[Track]:
     return [_of_path(scene, nodes, on, kind) if isinstance(on, Path) else Track(
-        nodes.start(on) + np.arange(on.n_nodes), on.basis.curve(kind)) for on in switch.tracks]
+        nodes.start(on) + np.arange(on.n_nodes), on.basis.curve(kind), on.basis.node_s) for on in switch.tracks]
 
 
 def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Track:
@@ -165,7 +171,8 @@ def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Trac
             target.extend(parts)
         node += track.nodes.size
     return Track(np.concatenate([track.nodes for track in tracks]),
-                 CurveBasis(np.concatenate(ends), np.concatenate(first), np.concatenate(count), np.concatenate(coef)), 0.0,
+                 CurveBasis(np.concatenate(ends), np.concatenate(first), np.concatenate(count), np.concatenate(coef)),
+                 np.concatenate([begin + track.node_s for track, (begin, _) in zip(tracks, switch.spans.tolist())]), 0.0,
                  sum(track.joints for track in tracks), sum(track.smooth for track in tracks))
 
 

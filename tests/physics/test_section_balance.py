@@ -160,6 +160,34 @@ def test_a_ring_at_rest_carries_its_weight_where_it_hangs(contacts: str) -> None
     assert np.abs(found.section("end")["moment"][-1]).max() < scale
 
 
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("planar", [True, False])
+def test_sections_on_both_sides_of_a_joint_agree_while_a_ring_passes_it(turned: bool, planar: bool) -> None:
+    first = fb.Beam.straight("first", (0, 0, 0), (1, 0, 0), section=BAR, elements=3)
+    ends = ((2, 0, 0), (1, 0, 0)) if turned else ((1, 0, 0), (2, 0, 0))
+    second = fb.Beam.straight("second", *ends, section=BAR, elements=3)
+    near, far = (second.end, second.start) if turned else (second.start, second.end)
+    body = fb.PointMass("ring", mass=0.5, position=(0.98, 0, 0), velocity=(4, 0, 0))
+    path = fb.Path("path", [first, (second, -1) if turned else second])
+    model = fb.compile_scene(fb.Scene(
+        first, second, body, fb.RigidConnection(first.end, near), fb.Slider("slider", body, path, at=0.98, rate=4.0),
+        fb.Clamp(first.start, name="clamp"), fb.Pin(far, name="pin"), gravity=GRAVITY), **({} if planar else {"planar": False}))
+    points = {"before": first.end, "behind": near, "start": first.start, "far": far}
+    found = fb.simulate(model, t_end=0.02, step=1e-3, every=1, observe=("section", "reaction", "slider"), points=points,
+                        progress=False)
+    assert found.slider("slider")["s"][-1] > 1.05 and np.abs(found.slider("slider")["force"]).max() > 0.5
+    sign = -1.0 if turned else 1.0
+    for kind in ("force", "moment"):
+        before, behind = (found.section(name)[kind][1:-1] for name in ("before", "behind"))
+        size = np.abs(before).max()
+        # but for round-off of strains, which steps converge to
+        np.testing.assert_allclose(before, sign * behind, rtol=0.0, atol=1e-14 * BAR.C[0, 0])
+        start = found.section("start")[kind][1:-1]
+        np.testing.assert_allclose(start, -found.reaction("clamp")[kind][1:-1], rtol=0.0, atol=1e-11 * size)
+    at_pin = found.reaction("pin")["force"][1:-1]
+    np.testing.assert_allclose(sign * found.section("far")["force"][1:-1], at_pin, rtol=0.0, atol=1e-14 * BAR.C[0, 0])
+
+
 @pytest.mark.parametrize("still", [True, False])
 def test_beams_of_a_net_are_in_equilibrium_where_they_meet(still: bool) -> None:
     nodes = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, -1.0, 0.0)])
