@@ -61,7 +61,7 @@ class Checkpoint:
         Step size that the step control proposes.
     mean_force : float64 [F] or None
         Forces of all constraints, those of sliders first, in the last step, half of what the next row records; with
-        `observe=("reaction",)` followed by forces and moments of supports and joints. None before the first step.
+        `observe=("reaction",)` followed by forces and moments of supports, joints and sections. None before the first step.
     scene, fingerprint : str
         Name and hash of the model.
     last_step : float or None

@@ -160,6 +160,7 @@ class FreeBodies:
         self._gather()
 
     def _number(self, section: Sections, k: int) -> int:
+        """Number of the cut at end k of an element."""
         cut = cut_at(section, k)
         for number, known in enumerate(self.cuts):
             if known.section.first == section.first and known.s == cut.s:
@@ -220,16 +221,17 @@ class FreeBodies:
                 rows = [self.row_of[first, int(e), first + a] for e in cut.elements if a in basis.element_nodes[e]]
                 slots += [np.array([len(entries), row]) for row in rows]
                 entries.append((c, first + a, own[a] / length[a], self.row_of[first + a]))
-        self.entry_cut, self.node, _, self.node_row = (np.array(x) for x in zip(*entries))
-        self.share = np.array([x[2] for x in entries])
+        self.entry_cut, self.node, self.share, self.node_row = (np.array(x) for x in zip(*entries))
         self.loads = loads
         self.slot_entry, self.slot_row = np.array(slots).T
         self.sign = np.array([-1.0 if cut.behind else 1.0 for cut in self.cuts])
 
     def _group(self, time: Any) -> int:
+        """Number of the load vector of loads with this factor in time."""
         return next(k for k, known in enumerate(self.model.load_times) if known is time)
 
     def _distributed(self, beam: Any) -> list[tuple[int, DistributedLoad]]:
+        """Dead loads along a beam, each with the number of its load vector."""
         return [(self._group(load.time), load) for load in self.model.load_parts.values()
                 if isinstance(load, DistributedLoad) and load.beam is beam and not load.follower]
 

@@ -248,7 +248,11 @@ class StaticReactions:
         """At the last equilibrium, whose state in space this is, that of load factors [K]: [6 (R + C)]."""
         self.solver.set_time(*self.main.stepper.law_work[:2])
         self.solver.load_all(factors)
-        return self.reactions.of_equilibrium(state.q.reshape(-1, 4, 3), factors, getattr(self.solver, "push_of", None))
+        found = self.reactions.of_equilibrium(state.q.reshape(-1, 4, 3), factors, getattr(self.solver, "push_of", None))
+        if getattr(self.solver, "steady", None) is not None:
+            # forces of inertia act on nodes there, and nothing tells their shares on both sides of a section
+            found[6 * self.reactions.count:] = np.nan
+        return found
 
 
 def reactions_of(solver: StaticSolver, observer: Observer) -> StaticReactions | None:

@@ -223,3 +223,10 @@ def test_a_run_that_is_cut_in_two_goes_on_with_the_same_bits(tmp_path: Path) -> 
     given = {"t_end": 6e-3, "step": 1e-3, "every": 1, "observe": ("section", "reaction"), "points": places(part),
              "progress": False}
     assert_goes_on(model, fb.simulate(model, **given), 3, tmp_path / "c", given)
+
+
+def test_sections_of_steady_motions_are_not_told() -> None:
+    part = beam(MESHES[0])
+    model = fb.compile_scene(fb.Scene(part, fb.Clamp(part.start, name="clamp")))
+    found = fb.solve_static(model, steady=fb.Spin(1.0), observe=("section", "reaction"), points=places(part))
+    assert np.all(np.isnan(found.section("knot")["force"])) and np.all(np.isfinite(found.reaction("clamp")["force"]))
