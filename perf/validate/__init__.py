@@ -32,6 +32,7 @@ CHECKS: dict[str, tuple[str, str]] = {
     "free_flight": ("flights", "check_free_flight"),
     "spaghetti": ("flights", "check_spaghetti"),
     "frequencies": ("flights", "check_frequencies"),
+    "sections": ("sections", "check_sections"),
     "newton": ("tangents", "check_newton"),
 }
 

@@ -8,6 +8,8 @@ import fastbeam as fb
 import numpy as np
 import pytest
 from restarts import assert_goes_on
+from validate import misses
+from validate.sections import check_sections
 
 Array = np.ndarray
 BAR = fb.Section.circle(radius=0.02, E=2e8, rho=1200.0)
@@ -230,3 +232,7 @@ def test_sections_of_steady_motions_are_not_told() -> None:
     model = fb.compile_scene(fb.Scene(part, fb.Clamp(part.start, name="clamp")))
     found = fb.solve_static(model, steady=fb.Spin(1.0), observe=("section", "reaction"), points=places(part))
     assert np.all(np.isnan(found.section("knot")["force"])) and np.all(np.isfinite(found.reaction("clamp")["force"]))
+
+
+def test_forces_of_beams_are_in_balance_with_reactions_sliders_and_inertia() -> None:
+    assert misses(check_sections(quick=True)) == []
