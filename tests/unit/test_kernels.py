@@ -599,8 +599,8 @@ class Rail:
         self.curve = self.beam.basis.curve(kind)
         # a second curve in front: offsets must count
         other = Beam.straight("other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2, degree=4)
-        self.curves: Curves = pack_curves([Track(50 + np.arange(other.n_nodes), other.basis.curve("own")),
-                                             Track(7 + np.arange(self.beam.n_nodes), self.curve)])
+        self.curves: Curves = pack_curves([Track(50 + np.arange(other.n_nodes), other.basis.curve("own"), other.basis.node_s),
+                                             Track(7 + np.arange(self.beam.n_nodes), self.curve, self.beam.basis.node_s)])
         n = max(self.beam.n_nodes, other.n_nodes)
         none, empty = np.zeros(1, np.int64), np.zeros((1, 48))
         self.contact = Contact(np.full((5, n), np.nan), np.zeros((3, int(self.curves.shape[:, 1].max()))), none,
