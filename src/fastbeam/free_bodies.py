@@ -16,6 +16,7 @@ from .kernels.curves import Paths
 from .kernels.drag import Drag
 from .kernels.layout import LIST, NODES
 from .kernels.planar_follower import PlanarFollowers
+from .kernels.slider import Sliding
 from .kernels.user_force import UserForces
 from .kernels.work import aligned
 from .mapping import nodes_of_curve, nodes_passed
@@ -157,6 +158,10 @@ class FreeBodies:
         self.on_nodes = Record(tuple(_routed(term, node_row, rows) for term in terms if isinstance(term, ON_NODES)))
         self._system: Any = None
         self._lines: dict[int, tuple[Array, Array]] = {}
+        # curves of sliders, which change in a run over corners of switches; in statics those of the model
+        running = [term.sliders.curve for term in terms if isinstance(term, Sliding)]
+        of_model = np.zeros(0, np.int64) if model.sliders is None else model.sliders.curve
+        self._curve: Array = running[0] if running else of_model
         self._gather()
 
     def _number(self, section: Sections, k: int) -> int:
@@ -301,14 +306,15 @@ class FreeBodies:
     def _find_sliders(self, start: Array, end: Array) -> None:
         """Where sliders are in a step that leads them from s [S] to s [S]: which nodes they touch."""
         self._place = 0.5 * (start + end)
-        self._local = [nodes_passed(self.model, k, float(start[k]), float(end[k])) for k in range(self.model.n_sliders)]
+        curves = self.model.curves
+        self._local = [nodes_passed(curves, int(c), float(start[k]), float(end[k])) for k, c in enumerate(self._curve)]
         self._touched = [self._line(k)[0][local] for k, local in enumerate(self._local)]
         self._under = np.concatenate([np.zeros(0, np.int64), *self._touched])
         self._under_of = np.repeat(np.arange(len(self._touched)), [len(x) for x in self._touched])
 
     def _line(self, k: int) -> tuple[Array, Array]:
         """Nodes of the curve of slider k, and their arc lengths on it."""
-        c = int(self.model.sliders.curve[k])
+        c = int(self._curve[k])
         if c not in self._lines:
             self._lines[c] = nodes_of_curve(self.model.curves, c), self.model.curve_s[c]
         return self._lines[c]
@@ -323,8 +329,7 @@ class FreeBodies:
         that it touches belong to other beams of the curve, in front of this one and behind it."""
         nodes, s = self._line(k)
         curves = self.model.curves
-        c = int(self.model.sliders.curve[k])
-        period = float(curves.period[c]) if isinstance(curves, Paths) else 0.0
+        period = float(curves.period[self._curve[k]]) if isinstance(curves, Paths) else 0.0
         own = np.flatnonzero((nodes >= section.span.start) & (nodes < section.span.stop))
         low, high = s[own[0]], s[own[-1]]
         middle = 0.5 * (low + high)

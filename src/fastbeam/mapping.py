@@ -86,11 +86,8 @@ def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
     return each_once(curves, c, int(curves.first[p + e]) + np.arange(count), np.array(values))
 
 
-def nodes_passed(model: Model, k: int, s0: float, s1: float) -> Array:
-    """Nodes that are under the contact of slider k anywhere between two arc lengths, counted along its curve [n]."""
-    curves, sliders = model.curves, model.sliders
-    assert curves is not None and sliders is not None
-    c = int(sliders.curve[k])
+def nodes_passed(curves: Curves | Paths, c: int, s0: float, s1: float) -> Array:
+    """Nodes that are under a contact on curve c anywhere between two arc lengths, counted along the curve [n]."""
     _, n, o, p, _ = (int(i) for i in curves.meta[c])
     at = [within_round(curves, c, s) for s in (s0, s1)]
     low, high = np.sort(np.clip(np.searchsorted(curves.ends[o:o + n + 1], at, side="right") - 1, 0, n - 1)).tolist()

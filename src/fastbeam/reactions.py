@@ -229,10 +229,13 @@ def _at_nodes(term: Any, row_of: Array) -> Any:
 
 
 def _as_running(term: Any, run: Any) -> Any:
-    """A term with the air, or the shares of loads by laws, of the run. Rows and blocks stay its own: those of the run are others
-    where it eliminates inner nodes."""
+    """A term with the air, the curves of sliders, or the shares of loads by laws, of the run. Rows and blocks stay its own: those
+    of the run are others where it eliminates inner nodes."""
     if isinstance(term, Drag):
         return term._replace(air=run.air, wind=run.wind)
+    if isinstance(term, Sliding):
+        # over corners of switches sliders have other curves
+        return term._replace(sliders=term.sliders._replace(curve=run.sliders.curve), limits=run.limits)
     return term._replace(share=run.share, work=run.work) if isinstance(term, LAWS) else term
 
 

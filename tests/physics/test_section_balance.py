@@ -190,6 +190,20 @@ def test_sections_on_both_sides_of_a_joint_agree_while_a_ring_passes_it(turned: 
     np.testing.assert_allclose(sign * found.section("far")["force"][1:-1], at_pin, rtol=0.0, atol=1e-14 * BAR.C[0, 0])
 
 
+def test_a_ring_that_turns_into_another_track_is_in_balance_on_the_corner() -> None:
+    first = fb.Beam.straight("first", (0, 0, 0), (1, 0, 0), section=BAR, elements=3)
+    second = fb.Beam.straight("second", (1, 0, 0), (1.9, 0.3, 0), section=BAR, elements=3)
+    body = fb.PointMass("ring", mass=0.5)
+    model = fb.compile_scene(fb.Scene(
+        first, second, body, fb.RigidConnection(first.end, second.start), fb.Clamp(first.start), fb.Clamp(second.end),
+        fb.Slider("slider", body, fb.Switch("switch", [first, second]), at=0.9, rate=3.0), project_velocities=True))
+    found = fb.simulate(model, t_end=0.06, step=4e-3, every=1, observe=("section", "reaction"), progress=False,
+                        points={"before": first.end, "behind": second.start})
+    assert "switched" in [event["kind"] for event in found.events]
+    before, behind = (found.section(name)["force"][1:-1] for name in ("before", "behind"))
+    np.testing.assert_allclose(before, behind, rtol=0.0, atol=1e-13 * BAR.C[0, 0])
+
+
 @pytest.mark.parametrize("still", [True, False])
 def test_beams_of_a_net_are_in_equilibrium_where_they_meet(still: bool) -> None:
     nodes = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, -1.0, 0.0)])
