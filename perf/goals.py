@@ -34,7 +34,8 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 import fastbeam as fb  # noqa: E402
-from fastbeam.linsolve import Pardiso, load_mkl  # noqa: E402
+from fastbeam.linsolve import Pardiso  # noqa: E402
+from fastbeam.mkl import load_mkl  # noqa: E402
 from fastbeam.kernels.sparse import FACTOR, SOLVE  # noqa: E402
 from fastbeam.newton import Stepper  # noqa: E402
 

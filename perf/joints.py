@@ -6,6 +6,7 @@
     python perf/joints.py --with friction     every hinge rubs; also: given (an angle as a function of time), stops, spring
     python perf/joints.py --scene hub         4 and 32 beams, hinged at both ends to two bodies
     python perf/joints.py --scene net         masses on grids of 5 x 5 to 30 x 30 with distance joints
+    python perf/joints.py --scene grid        chains of 10 to 100 bodies on hinges, as many side by side, springs between them
 
 A chain of up to 1000 bodies hangs from the ground between hinges whose axes are turned by a right angle from one to the next
 (planar: all the same) and swings under its weight; more bodies are more such chains. Prints the time to compile the scene, Newton
@@ -73,6 +74,20 @@ def net(n: int) -> Any:
     return fb.Scene(*(mass for row in masses for mass in row), *rods, fb.Pin(masses[0][0]), gravity=(0, 0, -9.81))
 
 
+def grid(n: int) -> Any:
+    """n chains of n bodies on revolute joints, with springs between bodies side by side."""
+    import fastbeam as fb
+    half = np.array([0.05, 0.0, 0.0])
+    rows = [[fb.RigidBody(f"link {i} {j}", mass=0.1, inertia=(1e-4, 2e-4, 2e-4), position=(0.1 * j + 0.05, 0.1 * i, 0))
+             for j in range(n)] for i in range(n)]
+    joints = [fb.RevoluteJoint(a if a is fb.GROUND else a.point(half), b.point(-half), f"joint {i} {j}", axis=axis)
+              for i, row in enumerate(rows)
+              for j, (a, b, axis) in enumerate(zip([fb.GROUND, *row], row, ((0, 1, 0), (0, 0, 1)) * n))]
+    springs = [fb.Spring(a, b, f"spring {i} {j}", stiffness=100.0)
+               for i, (row, other) in enumerate(zip(rows, rows[1:])) for j, (a, b) in enumerate(zip(row, other))]
+    return fb.Scene(*(body for row in rows for body in row), *joints, *springs, gravity=(0, 0, -9.81))
+
+
 def measure(scene: Any, joints: int, planar: bool) -> tuple[float, float, float, float]:
     """Compile time, iterations a step, seconds an iteration and joint, largest gap."""
     import fastbeam as fb
@@ -96,11 +111,12 @@ def main() -> None:
     parser.add_argument("--bodies", type=int, nargs="*", default=[1000, 10_000, 100_000])
     parser.add_argument("--planar", action="store_true")
     parser.add_argument("--with", dest="more", choices=("friction", "given", "stops", "spring"))
-    parser.add_argument("--scene", choices=("chain", "hub", "net"), default="chain")
+    parser.add_argument("--scene", choices=("chain", "hub", "net", "grid"), default="chain")
     options = parser.parse_args()
     scenes = {"chain": ((n, lambda n=n: chains(n, options.planar, options.more)) for n in options.bodies),
               "hub": ((2 * n, lambda n=n: hub(n)) for n in (4, 32)),
-              "net": ((2 * n * (n - 1), lambda n=n: net(n)) for n in (5, 10, 20, 30))}
+              "net": ((2 * n * (n - 1), lambda n=n: net(n)) for n in (5, 10, 20, 30)),
+              "grid": ((n * n, lambda n=n: grid(n)) for n in (10, 30, 60, 100))}
     print("  joints  compile s  iterations  us/iteration/joint      gap m")
     for joints, scene in scenes[options.scene]:
         compiled, iterations, seconds, gap = measure(scene(), joints, options.planar)

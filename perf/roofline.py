@@ -35,7 +35,8 @@ sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 import fastbeam as fb  # noqa: E402
 from fastbeam.kernels.sparse import ANALYSE, call_pardiso  # noqa: E402
-from fastbeam.linsolve import Pardiso, load_mkl  # noqa: E402
+from fastbeam.linsolve import Pardiso  # noqa: E402
+from fastbeam.mkl import load_mkl  # noqa: E402
 from fastbeam.newton import Stepper  # noqa: E402
 
 import counting  # noqa: E402

@@ -17,7 +17,8 @@ from fastbeam.kernels import chain
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.blocks import SIX
 from fastbeam.kernels.sparse import REFUSE_AT
-from fastbeam.linsolve import LinearSystem, load_mkl
+from fastbeam.linsolve import LinearSystem
+from fastbeam.mkl import load_mkl
 from fastbeam.newton import Stepper
 from fastbeam.pattern import Pattern, build_pattern
 from table import Row

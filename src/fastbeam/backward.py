@@ -19,7 +19,8 @@ from .kernels.section_sums import SectionSums
 from .kernels.slider import Sliding
 from .kernels.terms import Loads, NoTies
 from .kernels.work import aligned
-from .linsolve import SMALL, load_mkl
+from .linsolve import SMALL
+from .mkl import load_mkl
 from .load_times import load_factors, mean_factors
 from .maps import vector_masses
 from .model import Model

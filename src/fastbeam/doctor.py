@@ -64,7 +64,7 @@ def processor() -> Iterator[str]:
     from .kernels.algebra import WIDTH
     mine = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     yield f"processor   {name}, {mine} of {os.cpu_count()} processors for this process, kernels {WIDTH} numbers wide"
-    from .linsolve import load_mkl
+    from .mkl import load_mkl
     mkl = load_mkl()
     yield ("MKL         not found: nets and long loops are solved by SuperLU, several times slower; pip install pypardiso"
            if mkl is None else f"MKL         {mkl._name}, {mkl.MKL_Get_Max_Threads()} threads")
@@ -102,7 +102,7 @@ def conserving_run() -> tuple[bool, str]:
 
 def sparse_solver() -> tuple[bool, str]:
     """Whether PARDISO solves a sparse system; its absence is no failure."""
-    from .linsolve import load_mkl
+    from .mkl import load_mkl
     if load_mkl() is None:
         return True, "not there"
     import pypardiso

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from .eigen import GIVE, IDLE, NOISE, Pencil, SingularError, grown, refined, scales, stiffest, upper
-from .linsolve import SMALL, load_mkl
+from .linsolve import SMALL
+from .mkl import load_mkl
 from .saddle import Factors
 
 Array = np.ndarray

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .linsolve import SMALL, load_mkl
+from .linsolve import SMALL
+from .mkl import load_mkl
 from .orthonormal import NOTHING, TINY, orthonormal
 from .saddle import Factors, equilibrated, signs_between
 

@@ -6,8 +6,7 @@ the same bits on any number of them, do not make its solutions faster; two halve
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from ctypes import c_void_p
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from .kernels import sparse as kernels
 from .kernels.sparse import PardisoTables
+from .mkl import on_threads, settings
 
 Array = np.ndarray
 Each = Callable[[Callable[[int, Any], Any], Sequence[Any]], Any]
@@ -41,15 +41,6 @@ def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
     rest = np.ones(n, bool)
     rest[between] = False
     return np.flatnonzero(rest & (place < n // 2)), np.flatnonzero(rest & (place >= n // 2)), between
-
-
-def settings(more: dict[int, int]) -> Array:
-    """PARDISO's iparm: METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of
-    its own, which would take the present matrix and cost two more solutions; and `more`, by place."""
-    iparm = np.zeros(64, np.int32)
-    for k, value in ({0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 34: 1} | more).items():
-        iparm[k] = value
-    return iparm
 
 
 def unknowns(nodes: Array, size: int) -> Array:
@@ -205,13 +196,3 @@ class Halves:
     def _call(self, name: str, *pointers: Any) -> None:
         with on_threads(self._mkl, 1):
             getattr(self._mkl, name)(*(x if isinstance(x, bytes) else c_void_p(x) for x in pointers))
-
-
-@contextmanager
-def on_threads(mkl: Any, n: int) -> Iterator[None]:
-    """MKL on so many threads, the calling one among them."""
-    before = mkl.MKL_Set_Num_Threads_Local(n)
-    try:
-        yield
-    finally:
-        mkl.MKL_Set_Num_Threads_Local(before)

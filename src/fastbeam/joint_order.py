@@ -6,8 +6,8 @@ Nodes that eliminated joints connect are a component. While it is free, it has a
 with a node outside may be eliminated before that node, as if that were the ground, whatever is inside. The component is open,
 then, until the node follows. Two joints like that, or one beside a support, need not be independent: two rods in line.
 
-Where loops are many, as in nets, joints that wait for others make fill, and the usual order is the better one: nodes by rank, and
-every joint behind the last of its nodes.
+Where loops are many, as in nets, the order of METIS for nodes and joints together is taken instead, in which every joint comes as
+soon as it may; or the usual order, where that makes less fill: nodes by rank, and every joint behind the last of its nodes.
 """
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .pattern import breadth_first, elimination_cost
+from .pattern import MUCH, breadth_first, dissected, elimination_cost
 
 Array = np.ndarray
 FREE, OPEN, GROUND = 0, 1, 2
@@ -54,9 +54,6 @@ def places_of(n: int, coupled: Array, joints: list[Joint], grounded: Array, by_r
     """
     if n + len(joints) > LARGE or n > FEW * len(joints):
         return None
-    order = least_degree(n, coupled, joints, grounded)
-    if order is None:
-        return None
     touched = [(*joint.rows, *joint.held) for joint in joints]
     pairs = np.array([pair for rows in touched for pair in combinations(rows, 2)], np.int64).reshape(-1, 2)
     rank = np.arange(n) if by_rows else breadth_first(n, np.concatenate((coupled, pairs)))
@@ -64,9 +61,20 @@ def places_of(n: int, coupled: Array, joints: list[Joint], grounded: Array, by_r
     usual = np.lexsort((np.arange(n + len(joints)), np.concatenate((rank, last))))
     edges = np.array([(a, k) for k, rows in enumerate(touched, n) for a in rows])
     low, high = np.concatenate((coupled, edges)).T
-    place, behind = np.argsort(order), np.argsort(usual)
-    cost = elimination_cost(place[low], place[high], len(order))
-    if cost is None or elimination_cost(behind[low], behind[high], len(order), cost) is not None:
+
+    def cost_of(order: list[int] | Array, limit: float = np.inf) -> float:
+        place = np.argsort(order)
+        cost = elimination_cost(place[low], place[high], len(order), limit)
+        return np.inf if cost is None else cost
+
+    order = least_degree(n, coupled, joints, grounded)
+    cost = np.inf if order is None else cost_of(order)
+    if cost > MUCH * len(usual):
+        other = by_dissection(n, low, high, joints, grounded)
+        less = np.inf if other is None else cost_of(other, cost)
+        if less < cost:
+            order, cost = other, less
+    if order is None or cost_of(usual, cost) <= cost:
         return None
     rows = [r for v in order for r in ([v] if v < n else [n + k for k in joints[v - n].constraints])]
     return np.argsort(rows).astype(np.int32)
@@ -78,12 +86,19 @@ def least_degree(n: int, coupled: Array, joints: list[Joint], grounded: Array) -
     return _Search(n, coupled, joints, grounded).run()
 
 
+def by_dissection(n: int, low: Array, high: Array, joints: list[Joint], grounded: Array) -> list[int] | None:
+    """The same by nested dissection of the graph of nodes and joints, of edges between `low` and `high`; a joint that may not be
+    eliminated yet comes as soon as it may. None without METIS."""
+    rank = dissected(n + len(joints), low, high)
+    return None if rank is None else _Search(n, np.zeros((0, 2), np.int64), joints, grounded, rank.tolist()).run()
+
+
 class _Search:
     """Vertices are nodes, then joints. Components of eliminated nodes as trees of parents; what is said of them stands at the
-    root."""
+    root. Those that may be eliminated are in the order of `rank`, by default of their degree."""
 
-    def __init__(self, n: int, coupled: Array, joints: list[Joint], grounded: Array) -> None:
-        self.n, self.joints = n, joints
+    def __init__(self, n: int, coupled: Array, joints: list[Joint], grounded: Array, rank: list[int] | None = None) -> None:
+        self.n, self.joints, self.rank = n, joints, rank
         self.near: list[set[int]] = [set() for _ in range(n + len(joints))]
         for a, b in coupled.tolist():
             self.near[a].add(b)
@@ -108,19 +123,20 @@ class _Search:
             self._push(v)
         order = []
         while self.heap:
-            degree, v = heapq.heappop(self.heap)
-            if self.done[v] or degree != len(self.near[v]) or (v >= self.n and not self._may_follow(v)):
+            key, v = heapq.heappop(self.heap)
+            if self.done[v] or key != self._key(v) or (v >= self.n and not self._may_follow(v)):
                 continue
-            if degree > MOST:
+            if self.rank is None and key > MOST:
                 return None
             self.done[v] = True
             order.append(v)
             around = self.near[v]
             self.near[v] = set()
             for a in around:
-                self.near[a] |= around
-                self.near[a] -= {a, v}
-                if a < self.n or self._may_follow(a):
+                if self.rank is None:
+                    self.near[a] |= around
+                    self.near[a] -= {a, v}
+                if not self.done[a] and (a < self.n or self._may_follow(a)):
                     self._push(a)
             changed = self._after_node(v) if v < self.n else self._after_joint(v)
             if changed >= 0:
@@ -129,8 +145,11 @@ class _Search:
                         self._push(k)
         return order
 
+    def _key(self, v: int) -> int:
+        return len(self.near[v]) if self.rank is None else self.rank[v]
+
     def _push(self, v: int) -> None:
-        heapq.heappush(self.heap, (len(self.near[v]), v))
+        heapq.heappush(self.heap, (self._key(v), v))
 
     def _root(self, a: int) -> int:
         while self.parent[a] != a:

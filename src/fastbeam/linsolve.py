@@ -5,24 +5,19 @@ warning there is.
 """
 from __future__ import annotations
 
-import ctypes
-import ctypes.util
-import glob
-import os
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from ._jit import link_library
 from .errors import BackendError, SceneError
-from .halves import Each, Halves, cut, on_threads, settings
+from .halves import Each, Halves, cut
 from .inertia import Blocks, Signs
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
+from .mkl import load_mkl, on_threads, settings
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -46,36 +41,6 @@ def check_backend(backend: str) -> None:
     """
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
-
-
-def load_mkl() -> Any | None:
-    """The MKL runtime, or None where it is not installed."""
-    return None if os.environ.get("FASTBEAM_NO_MKL") else _found_mkl()
-
-
-@cache
-def _found_mkl() -> Any | None:
-    """The same, looked for once."""
-    names = ["libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll"]
-    folders = [os.path.join(sys.prefix, "lib"), os.path.join(sys.prefix, "Library", "bin"), os.path.join(sys.base_prefix, "lib")]
-    found = [path for folder in folders for name in names for path in sorted(glob.glob(os.path.join(folder, name)), key=len)]
-    for path in found:
-        if (library := _loaded(path)) is not None:
-            return library
-    # asks compilers and linkers, which takes a tenth of a second
-    system = ctypes.util.find_library("mkl_rt")
-    return _loaded(system) if system else None
-
-
-def _loaded(path: str) -> Any | None:
-    """A library, None where it cannot be loaded."""
-    try:
-        library = ctypes.CDLL(path)
-    except OSError:
-        return None
-    # compiled code finds the symbol `pardiso` by name
-    link_library(path)
-    return library
 
 
 class Pardiso:

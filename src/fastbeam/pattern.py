@@ -8,10 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from .kernels.chain import Elimination
+from .mkl import nested_dissection
 
 Array = np.ndarray
 # rows beyond which orders other than that of the nodes are not tried, and fill is not followed where there is much of it
 LARGE = 20000
+# updates a row from which on nets of joints are eliminated in the order of METIS, and all that there may be then: a table has 4
+# bytes for each, and those of the joints' rows come on top
+MUCH, MOST_UPDATES = 100, 10**8
 
 
 @dataclass(frozen=True)
@@ -109,11 +113,26 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
             found = None if rank is None else _symbolic(n, rank[low], rank[high], limit if best is None else best.cost)
             if found is not None and (best is None or found.cost < best.cost):
                 best, order = found, rank
+        if joints and low.size and (best is None or best.cost > MUCH * n):
+            rank = dissected(n, low, high)
+            most = MOST_UPDATES if best is None else best.cost
+            found = None if rank is None else _symbolic(n, rank[low], rank[high], most, patient=True)
+            if rank is not None and found is not None and (best is None or found.cost < best.cost):
+                best, order = found, rank
         if best is not None:
             return _with_plan(order, best, np.stack((order[low], order[high]), axis=1))
     row = np.concatenate((low, high, natural))
     column = np.concatenate((high, low, natural))
     return Pattern(natural, np.sort(row * n + column), None, n, np.stack((low, high), axis=1))
+
+
+def dissected(n: int, low: Array, high: Array) -> Array | None:
+    """Rank of every node in the order of METIS; None without it."""
+    from scipy import sparse
+    own = np.arange(n)
+    i, j = np.concatenate((low, high, own)), np.concatenate((high, low, own))
+    found = nested_dissection(sparse.csr_array((np.ones(i.size), (i, j)), (n, n)))
+    return None if found is None else np.argsort(found)
 
 
 def breadth_first(n: int, coupled: Array) -> Array:
@@ -168,8 +187,8 @@ class _Fill:
     column: Array
 
 
-def _symbolic(n: int, a: Array, b: Array, limit: float) -> _Fill | None:
-    """Fill of the elimination of edges between rows a, b; None beyond the limit."""
+def _symbolic(n: int, a: Array, b: Array, limit: float, patient: bool = False) -> _Fill | None:
+    """Fill of the elimination of edges between rows a, b; None beyond the limit or, unless `patient`, where many rows have it."""
     i, j = np.minimum(a, b), np.maximum(a, b)
     key = np.sort(i * n + j)
     i, j = key // n, key % n
@@ -185,7 +204,7 @@ def _symbolic(n: int, a: Array, b: Array, limit: float) -> _Fill | None:
     missing = int(np.sum(key[np.minimum(np.searchsorted(key, inherited), key.size - 1)] != inherited)) if inherited.size else 0
     if missing == 0:
         return _Fill(cost, start, j)
-    if n > LARGE and missing > n // 100:
+    if n > LARGE and missing > n // 100 and not patient:
         return None
     columns = j.tolist()
     upper: list[list[int]] = [columns[start[k]:start[k + 1]] for k in range(n)]
@@ -207,7 +226,7 @@ def _symbolic(n: int, a: Array, b: Array, limit: float) -> _Fill | None:
 
 def elimination_cost(a: Array, b: Array, n: int, limit: float = np.inf) -> int | None:
     """Updates of the elimination of n rows with edges between places a, b; None beyond the limit."""
-    found = _symbolic(n, a, b, limit)
+    found = _symbolic(n, a, b, limit, patient=True)
     return None if found is None else found.cost
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from .kernels.work import State
-from .linsolve import SMALL, load_mkl
+from .linsolve import SMALL
+from .mkl import load_mkl
 from .mapping import follow
 from .model import Model
 from .maps import velocity_map

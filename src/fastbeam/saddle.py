@@ -21,12 +21,11 @@ from typing import Any
 import numpy as np
 
 from .errors import BackendError
-from .halves import on_threads, settings
 from .inertia import SKEW, Entries, Signs, inertia
 from .kernels import sparse as kernels
 from .kernels.scaling import balance
 from .kernels.sparse import PardisoTables
-from .linsolve import load_mkl
+from .mkl import load_mkl, on_threads, settings
 
 Array = np.ndarray
 # sweeps of the equilibration; each halves the exponent of what is missing

@@ -25,8 +25,7 @@ from .arguments import Anything, Count, FilePath, Flag, Function, Names, Word, c
 from .compile import compile_scene
 from .errors import BackendError, ResultFileError, SceneError
 from .exports import import_pandas
-from .halves import on_threads
-from .linsolve import load_mkl
+from .mkl import load_mkl, on_threads
 from .model import Model
 from .progress import Progress
 from .result import Result

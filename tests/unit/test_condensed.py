@@ -11,7 +11,8 @@ import fastbeam as fb
 from fastbeam import condensed, linsolve
 from fastbeam.errors import SceneError
 from fastbeam.kernels import substructures as beams
-from fastbeam.linsolve import SMALL, load_mkl
+from fastbeam.linsolve import SMALL
+from fastbeam.mkl import load_mkl
 from fastbeam.newton import Stepper
 
 Array = np.ndarray

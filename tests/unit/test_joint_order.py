@@ -10,7 +10,8 @@ import pytest
 
 import fastbeam as fb
 from fastbeam import constraints
-from fastbeam.joint_order import Joint, _Search, least_degree, places_of
+from fastbeam.joint_order import Joint, _Search, by_dissection, least_degree, places_of
+from fastbeam.mkl import load_mkl
 from fastbeam.newton import Stepper
 from fastbeam.pattern import elimination_cost
 
@@ -42,8 +43,12 @@ def rods(x: np.ndarray, ends: list[tuple[int, int]]) -> np.ndarray:
     return out
 
 
+without_mkl = pytest.mark.skipif(load_mkl() is None, reason="no MKL")
+
+
+@pytest.mark.parametrize("dissection", [False, pytest.param(True, marks=without_mkl)])
 @pytest.mark.parametrize("seed", range(40))
-def test_pivots_of_rods_on_a_lattice_are_never_singular(seed: int) -> None:
+def test_pivots_of_rods_on_a_lattice_are_never_singular(seed: int, dissection: bool) -> None:
     """Points of a lattice, so that many rods are in line; rods are taken as long as they are independent, and a few points are
     held."""
     rng = np.random.default_rng(seed)
@@ -60,7 +65,8 @@ def test_pivots_of_rods_on_a_lattice_are_never_singular(seed: int) -> None:
             ends = more
     mass = 10.0**rng.uniform(-2, 2, n)
     joints = [Joint([k], tuple(i for i in x if not held[i]), tuple(i for i in x if held[i])) for k, x in enumerate(ends)]
-    order = least_degree(n, NONE, joints, held)
+    edges = np.array([(a, n + k) for k, joint in enumerate(joints) for a in (*joint.rows, *joint.held)]).reshape(-1, 2)
+    order = by_dissection(n, *edges.T, joints, held) if dissection else least_degree(n, NONE, joints, held)
     assert order is not None and sorted(order) == list(range(n + len(ends)))
     lead = rods(cells, ends) * free
     matrix = np.zeros((3 * n + len(ends),) * 2)
@@ -100,6 +106,21 @@ def test_a_tree_gets_no_fill() -> None:
     ends = [(int(rng.integers(k)), k) for k in range(1, 80)]
     order = order_of(80, ends)
     assert order is not None and updates(80, ends, order) == 2 * (2 * 80 - 2)
+
+
+@without_mkl
+def test_large_nets_of_joints_are_dissected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A grid of 50 x 50 nodes, joints along one side and couplings along the other: less fill than by least degree."""
+    m = 50
+    at = np.arange(m * m).reshape(m, m)
+    ends: list[tuple[int, ...]] = [(m * m, *row[:1].tolist()) for row in at]
+    ends += [(int(a), int(b)) for a, b in zip(at[:, :-1].ravel(), at[:, 1:].ravel())]
+    coupled = np.stack((at[:-1].ravel(), at[1:].ravel()), axis=1)
+    best = order_of(m * m, ends, coupled)
+    monkeypatch.setenv("FASTBEAM_NO_MKL", "1")
+    other = order_of(m * m, ends, coupled)
+    assert best is not None and other is not None
+    assert updates(m * m, ends, best, coupled) < 0.9 * updates(m * m, ends, other, coupled)
 
 
 def test_beams_between_two_hubs_stand_alone() -> None:

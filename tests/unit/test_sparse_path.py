@@ -15,7 +15,8 @@ from fastbeam.halves import cut
 from fastbeam.kernels import sparse as kernels
 from fastbeam.kernels.blocks import SIX, THREE
 from fastbeam.kernels.sparse import block_residual, distance, solve_sparse
-from fastbeam.linsolve import Pardiso, SuperLU, load_mkl
+from fastbeam.linsolve import Pardiso, SuperLU
+from fastbeam.mkl import load_mkl
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import bead, cantilever, drifts, free_beam, grid, straight  # noqa: E402

@@ -15,7 +15,7 @@ from fastbeam.mapping import contact, follow
 from fastbeam.maps import free_unknowns, share_map
 from fastbeam.model import Model
 from fastbeam.observe import strain_energy
-from fastbeam.linsolve import load_mkl
+from fastbeam.mkl import load_mkl
 from fastbeam.pattern import build_pattern
 from fastbeam.saddle import Saddle, equilibrated, factors_for
 from fastbeam.static_contact import Border, SaddleMatrix, StaticContacts
