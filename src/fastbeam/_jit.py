@@ -233,9 +233,9 @@ def _timed(law: Callable[..., None], time: Callable[[float], float] | None) -> A
 
 
 def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> Any:
-    """The derivative of a law of a user force by the six unknowns of its node, by central differences: machine code as of
-    `compiled_force`, the law within its loop. What it is given stands behind `DIFFERENCE` in kernels/user_force.py; found are
-    6 x 6 numbers."""
+    """The derivative of a law of a user force by the six unknowns of its node, by differences, central ones at rest: machine code
+    as of `compiled_force`, the law within its loop. What it is given stands behind `DIFFERENCE` in kernels/user_force.py; found
+    are 6 x 6 numbers."""
     from numba import carray, types
     inner, pointer = _timed(law, time), types.CPointer(types.float64)
 
@@ -243,11 +243,13 @@ def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float
     def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
         w, p, out = carray(given, (87,)), carray(parameters, (n,)), carray(found, (6, 6))
         x, y, turns = w[57:75], w[75:87], w[21:57].reshape((3, 12))
+        is_central = w[18] == 0.0
         for i in range(18):
             x[i] = w[i]
         for c in range(6):
             size = w[19] if c < 3 else w[20]
-            for o in (0, 6):
+            # one-sided ones from what stands in y[6:]
+            for o in range(0, 12 if is_central else 6, 6):
                 by = size if o == 0 else -size
                 if c < 3:
                     x[c] = w[c] + 0.5 * by
@@ -262,7 +264,7 @@ def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float
             if c < 3:
                 x[c], x[12 + c] = w[c], w[12 + c]
             for i in range(6):
-                out[i, c] = (y[i] - y[6 + i]) * (0.5 / size)
+                out[i, c] = (y[i] - y[6 + i]) * ((0.5 if is_central else 1.0) / size)
     return entry
 
 

@@ -96,7 +96,9 @@ def test_tangent_of_a_given_derivative_is_that_of_differences(kind: str, h: floa
     (blocks, r), (own, own_r) = found
     assert np.max(np.abs(r)) > 0.0
     np.testing.assert_array_equal(own_r, r)
-    np.testing.assert_allclose(own, blocks, rtol=0.0, atol=1e-8 * np.max(np.abs(blocks)))
+    # of nodes in time one-sided ones with increments of 1e-7: as much times the curvature of the law
+    near = 3e-7 if kind in ("user", "beam") and h != 0.0 else 1e-8
+    np.testing.assert_allclose(own, blocks, rtol=0.0, atol=near * np.max(np.abs(blocks)))
     # by differences otherwise
     assert np.any(own != blocks)
 

@@ -21,10 +21,10 @@ from .terms import account, assemble, put_loads, spread_nodes
 # the six numbers that a law finds by the 18 that it is given, and where these are taken
 TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SLOPES, ORIGIN = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97, 205
 # what code that takes differences is given: as the law; 1/h and increments of positions and turns; changes of nine components of
-# directors and three of the spin by three turns, [3, 12]; and room for 30 numbers
-DIFFERENCE, STEPS, TURNS, SIZE = 229, 247, 250, 316
-# increments of differences, of positions relative to the size of the scene, and of turns
-INCREMENT = 1e-6
+# directors and three of the spin by three turns, [3, 12]; room for 24 numbers, force and moment
+DIFFERENCE, STEPS, TURNS, BEFORE, SIZE = 229, 247, 250, 310, 316
+# increments of central differences and of one-sided ones, of positions relative to the size of the scene, and of turns
+INCREMENT, ONE_SIDED = 1e-6, 1e-7
 
 
 class Laws(NamedTuple):
@@ -145,15 +145,19 @@ def turned(w, q0, q1, o, d, over, c):
 
 @kernel
 def add_differences(term, k, factor, system, h):
-    """The derivative by the end of the step, by central differences."""
+    """The derivative by the end of the step, by differences. In time, where inertia is the larger part of a tangent, they are
+    one-sided, which takes half as many evaluations."""
     work, w = system.work, term.work
     q0, q1, o = system.state.q, work.q_end, 12 * term.node[k]
     over = 1.0 / h if h != 0.0 else 0.0
     for i in range(18):
         w[DIFFERENCE + i] = w[GIVEN + i]
+    for i in range(6):
+        w[BEFORE + i] = w[FOUND + i]
+    size = ONE_SIDED if h != 0.0 else INCREMENT
     w[STEPS] = over
-    w[STEPS + 1] = INCREMENT * system.length
-    w[STEPS + 2] = INCREMENT
+    w[STEPS + 1] = size * system.length
+    w[STEPS + 2] = size
     for c in range(3):
         spin = zero3()
         for d in range(3, 12, 3):
