@@ -198,12 +198,21 @@ def test_paths_that_do_not_begin_or_end_say_so() -> None:
     np.testing.assert_allclose(rest.state.q, fb.solve_static(model).state.q, atol=1e-11)
 
 
-def test_a_closed_path_ends_where_it_began() -> None:
-    """The sway of a steep truss of two springs: a loop through both of its bifurcations, every point in exact equilibrium."""
+@pytest.mark.parametrize("bars", ["springs", "beams"])
+def test_a_closed_path_ends_where_it_began(bars: str) -> None:
+    """The sway of a steep truss of two springs, or hinged beams: a loop through both of its bifurcations, every point in exact
+    equilibrium."""
     stiffness, push, feet = 100.0, 100.0, np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    top = fb.PointMass("top", mass=1.0, position=(0, 0, 3))
-    springs = [fb.Spring(top, fb.GROUND.point(x), f"bar {k}", stiffness=stiffness) for k, x in enumerate(feet)]
-    model = fb.compile_scene(fb.Scene(top, *springs, fb.Load("push", top, force=(0, 0, -push))), planar=True)
+    parts: list[Any]
+    if bars == "springs":
+        top: Any = fb.PointMass("top", mass=1.0, position=(0, 0, 3))
+        parts = [top, *(fb.Spring(top, fb.GROUND.point(x), f"bar {k}", stiffness=stiffness) for k, x in enumerate(feet))]
+    else:
+        beams = [fb.Beam.straight(f"bar {k}", x, (0, 0, 3), section=section(stiffness * np.hypot(1.0, 3.0), 1e3, 1e3), elements=2)
+                 for k, x in enumerate(feet)]
+        top = beams[0].end
+        parts = [*beams, *(fb.Pin(beam.start) for beam in beams), fb.BallJoint(top, beams[1].end)]
+    model = fb.compile_scene(fb.Scene(*parts, fb.Load("push", top, force=(0, 0, -push))), planar=True)
     at = fb.solve_path(model, stop_at="bifurcation", points={"top": top})
     height = float(at.point("top")[-1, 2])
     rest = np.hypot(1.0, 3.0)
