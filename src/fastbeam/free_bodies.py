@@ -255,7 +255,7 @@ class FreeBodies:
         factors : float64 [K]
             Of the loads.
         second : float64 [N, 4, 3] or None
-            Mean second rates of the coordinates in the step.
+            Mean second rates of the coordinates in the step; in statics those of a steady motion.
         pushes : function of the number of a slider -> float64 [N, 8]
             What it exerts on nodes.
         """
@@ -268,6 +268,8 @@ class FreeBodies:
         on_nodes = self._assembled(self.on_nodes, h) if self.on_nodes.of else np.zeros_like(rows)
         entry += self.share[:, None] * on_nodes[self.node_row]
         entry -= np.einsum("k,kec->ec", factors, self.loads)
+        if h == 0.0 and second is not None:
+            entry += self._inertia(q, second)
         self._find_sliders(system.state.s, system.work.s_end if h > 0.0 else system.state.s)
         x = q[:, 0]
         at = np.array([cut.place @ x[cut.section.span] for cut in self.cuts])
@@ -294,6 +296,23 @@ class FreeBodies:
         self._r[:] = 0.0
         kernels.assemble_some(terms, self._system, h)
         return self.in_space(self._r.reshape(-1, 8))
+
+    def _inertia(self, q: Array, second: Array) -> Array:
+        """What inertia in a steady motion brings into the equations, which in statics have none, [entries, 6]."""
+        out = np.zeros((len(self.node), 6))
+        for c, cut in enumerate(self.cuts):
+            basis, inertia = cut.section.beam.basis, cut.section.beam.section.inertia
+            x, rates = q[cut.section.span], second[cut.section.span]
+            nodes = basis.element_nodes[cut.elements]
+            parts = np.zeros((*nodes.shape, 6))
+            parts[..., :3] = inertia[0] * (basis.mass_phi[cut.elements] @ rates[nodes, 0])
+            for i in (2, 3):
+                parts[..., 3:] += inertia[i - 1] * np.cross(x[nodes, i], basis.mass_dir[cut.elements] @ rates[nodes, i])
+            whole = np.zeros((basis.n_nodes, 6))
+            np.add.at(whole, nodes, parts)
+            mine = self.entry_cut == c
+            out[mine] = whole[self.node[mine] - cut.section.first]
+        return out
 
     def in_space(self, r: Array) -> Array:
         """Forces and moments [rows, 6] of residuals [rows, 8]."""

@@ -123,12 +123,12 @@ class Reactions:
         system = system_of(own.core, Conserving(), own.contact, None, state, own.work)
         return self._evaluate(system, middle, h, factors, second, self._of_slider)
 
-    def of_equilibrium(self, q: Array, factors: Array, pushes: Any) -> Array:
-        """Of the equilibrium [6 (R + C)] at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`; pushes: as in
+    def of_equilibrium(self, q: Array, factors: Array, pushes: Any, second: Array | None = None) -> Array:
+        """Of the equilibrium [6 (R + C)] at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`; pushes, second: as in
         `FreeBodies.forces`."""
         own = self.own
         system = system_of(own.core, Equilibrium(), None, None, own.core_state, own.work)
-        return self._evaluate(system, q, 0.0, factors, None, lambda k, _: pushes(k))
+        return self._evaluate(system, q, 0.0, factors, second, lambda k, _: pushes(k))
 
     def _of_slider(self, k: int, system: Any) -> Array:
         """What slider k exerts in the step on nodes, [N, 8]; those that share a row have their own here."""
@@ -251,9 +251,11 @@ class StaticReactions:
         """At the last equilibrium, whose state in space this is, that of load factors [K]: [6 (R + C)]."""
         self.solver.set_time(*self.main.stepper.law_work[:2])
         self.solver.load_all(factors)
-        found = self.reactions.of_equilibrium(state.q.reshape(-1, 4, 3), factors, getattr(self.solver, "push_of", None))
-        if getattr(self.solver, "steady", None) is not None:
-            # forces of inertia act on nodes there, and nothing tells their shares on both sides of a section
+        q, steady = state.q.reshape(-1, 4, 3), getattr(self.solver, "steady", None)
+        second = None if steady is None else steady.rates(q)
+        found = self.reactions.of_equilibrium(q, factors, getattr(self.solver, "push_of", None), second)
+        if steady is not None and second is None:
+            # forces of inertia act on nodes of beams that travel, and nothing tells their shares on both sides of a section
             found[6 * self.reactions.count:] = np.nan
         return found
 

@@ -267,6 +267,14 @@ class SteadyForces:
         """On all coordinates [12 N]."""
         return np.asarray(self.share * (self.field.pull @ (q.reshape(-1) - self.field.origin)))
 
+    def rates(self, q: Array) -> Array | None:
+        """Second rates in time of the coordinates q [N, 4, 3] in space, as far as they act; None of beams that travel, whose
+        inertia is not that of a motion of the nodes."""
+        if isinstance(self.motion, Travel):
+            return None
+        turn = self.motion.rate * np.cross(self.motion.axis, np.eye(3)).T
+        return np.asarray(self.share * (q - self.field.origin.reshape(q.shape)) @ (turn @ turn).T)
+
     def stiffness(self, q: Array) -> Any:
         """Minus the derivative of these forces by the unknowns of the rows, sparse [m, m]."""
         from scipy import sparse
