@@ -162,6 +162,7 @@ class LoadSteps:
         task, solver = self.task, self.solver
         factors, raised, t, smallest = task.factors, task.raise_loads, task.at_time or 0.0, task.smallest_step
         reached = 0.0
+        solver.set_time(t, 0.0 if raised else 1.0)
         self._record(0.0, 0, 0.0)
         while reached < 1.0:
             solver.interrupts.serve()
