@@ -50,7 +50,7 @@ class Excitation(NamedTuple):
 
     forces: Array     # [k], on the unknowns
     number: Array     # int64 [j]: unknowns of supports that move
-    motion: Array     # [j]: their displacements, m
+    motion: Array     # [j]: their displacements, m, and turns, rad
     text: str
 
 
@@ -80,9 +80,10 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
         Amplitudes of harmonic forces and moments: loads of the scene by their names, or loads made for this, on its beams, bodies
         and nodes. A mapping gives every one a factor, which may be complex: {"shaker": 1.0, other: 1j} lags by a quarter of a
         period. Time functions of loads do not count here.
-    base : array_like (3,) or mapping, optional
+    base : array_like (3,) or (6,) or mapping, optional
         Amplitude of the motion of all supports together, m, or of some of them alone: {clamp: (1e-3, 0, 0)} with the Clamp, Pin
-        or PrescribedMotion, or the node that it holds. Numbers may be complex. What supports hold of triads stays.
+        or PrescribedMotion, or the node that it holds. Numbers may be complex. What supports hold of triads stays. Six numbers
+        are a displacement and a turn, rad, of all supports about the origin of space, of one about its node, a clamped one.
     damping_ratio : float
         Of all modes up to twice the largest frequency, besides what the scene has.
     loss_factor : float
@@ -125,7 +126,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     damping_ratio, loss_factor = float(damping_ratio), float(loss_factor)
     places = {name: place_of(model, name, what) for name, what in (points or {}).items()}
     found = equilibrium_of("frequency_response", about, 1, backend, state)
-    moved, vectors = _base(model, base)
+    moved, vectors = _base(model, base, about.q[:, 0])
     settled = about
     if moved is not None:
         settled = Linearisation(model, about.stepper.state if state is None else state, about.sliding, about.factors,
@@ -288,7 +289,7 @@ def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: 
 
 # --- what excites -----------------------------------------------------------------------------------------------------------
 def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors: dict[int, Array]) -> Excitation:
-    """Amplitudes on the unknowns.
+    """Amplitudes on the unknowns; vectors: as of `_base`.
 
     Raises
     ------
@@ -314,9 +315,12 @@ def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors
     for node, vector in vectors.items():
         row = int(about.core.pattern.row_of[node])
         plane = about.stepper.plane
-        within = vector if plane is None else plane.axes[:2] @ vector
-        if plane is not None and np.abs(plane.axes[2] @ vector) > 1e-9 * np.linalg.norm(vector):
-            raise SceneError("frequency_response: base= leads out of the plane of the scene; leave planar out")
+        within = vector
+        if plane is not None:
+            place, turn = plane.axes @ vector[:3], plane.axes @ vector[3:] if vector.size == 6 else np.zeros(3)
+            if np.abs(place[2]) > 1e-9 * np.linalg.norm(place) or np.linalg.norm(turn[:2]) > 1e-9 * np.linalg.norm(turn):
+                raise SceneError("frequency_response: base= leads out of the plane of the scene; leave planar out")
+            within = np.append(place[:2], turn[2:]) if vector.size == 6 else place[:2]
         at = np.searchsorted(about.free, about.size * row + np.arange(within.size))
         number.append(at)
         motion.append(within)
@@ -358,8 +362,10 @@ def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLo
     return out
 
 
-def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None) -> tuple[Array | None, dict[int, Array]]:
-    """Bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements of nodes.
+def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
+          places: Array) -> tuple[Array | None, dict[int, Array]]:
+    """Bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements [3] of nodes, of those that turn
+    displacements and turns [6]; places: of the nodes [N, 3].
 
     Raises
     ------
@@ -373,8 +379,12 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None) ->
         if not base:
             raise SceneError("frequency_response: base= names no support")
         for what, value in base.items():
+            vector = _vector(f"base= of {shown(what)}", value)
             node = supported("frequency_response: base=", model, what, held)
-            vectors[node] = _vector(f"base= of {shown(what)}", value)
+            if vector.size == 6 and held[node] & 56 != 56:
+                raise SceneError(f"frequency_response: base= turns {model.labels[node]}, whose triad no support holds; give a "
+                                 "displacement (3 numbers), or clamp it")
+            vectors[node] = vector
     else:
         vector = _vector("base=", base)
         # of some axes alone
@@ -382,20 +392,26 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None) ->
         if some.size:
             raise SceneError("frequency_response: base= moves supports that hold a whole position; that of "
                              f"{model.labels[some[0]]} holds some axes alone; name those that move: base={{support: (...)}}")
-        vectors = {int(node): vector for node in np.flatnonzero(held & 7 == 7)}
+        for node in np.flatnonzero(held & 7 == 7).tolist():
+            of_node = vector.copy()
+            if vector.size == 6:
+                of_node[:3] += np.cross(vector[3:], places[node])
+            vectors[node] = of_node if held[node] & 56 == 56 else of_node[:3]
         if not vectors:
             raise SceneError(f"frequency_response: base= moves supports, and scene {model.scene_name!r} has none that holds a "
                              "position")
-    moved[list(vectors)] = 7
+    for node, vector in vectors.items():
+        moved[node] = 63 if vector.size == 6 else 7
     return moved, vectors
 
 
 def _vector(who: str, value: Any) -> Array:
-    """Three finite numbers, which may be complex."""
+    """Three finite numbers, or six, which may be complex."""
     flat = isinstance(value, (tuple, list)) or isinstance(value, np.ndarray) and value.ndim == 1
     items = list(value) if flat and not is_masked(value) else []
-    if len(items) != 3:
-        raise SceneError(f"frequency_response: {who} must be 3 finite numbers, m, which may be complex, got {shown(value)}")
+    if len(items) not in (3, 6):
+        raise SceneError(f"frequency_response: {who} must be 3 finite numbers, m, or 6 with a turn, rad, which may be complex, "
+                         f"got {shown(value)}")
     return np.array([_complex(who, x) for x in items])
 
 

@@ -82,6 +82,42 @@ def test_cantilever_on_a_shaken_base(damping: float, loss_factor: float) -> None
         assert abs(found.spin("tip")[j, 2]) == pytest.approx(1e-3 * abs(turn), rel=1e-7)
 
 
+@pytest.mark.parametrize("planar", [True, False])
+def test_cantilever_on_a_base_that_turns(planar: bool) -> None:
+    """Timoshenko's equations from a start that moves and turns; of all supports about the origin, of one about its node."""
+    f, off = np.array([0.3, 2.0, 9.0]), np.array([0.7, -0.4, 0.0])
+    beam = fb.Beam.straight("bar", off, off + (L, 0, 0), section=section(damping=1e-3), elements=8, degree=5)
+    clamp = fb.Clamp(beam.start)
+    model = fb.compile_scene(fb.Scene(beam, clamp), planar=planar)
+    rise, turn_z, turn_y = 1e-3, 2e-2j, 0.0 if planar else 5e-3
+    own = np.array([0.0, rise, 0.0, 0.0, turn_y, turn_z])
+    of_all = own.copy()
+    of_all[:3] -= np.cross(own[3:], off)
+    alone = fb.frequency_response(model, f, base={clamp: own}, points={"tip": beam.end})
+    found = fb.frequency_response(model, f, base=of_all, points={"tip": beam.end})
+    np.testing.assert_allclose(found.displacements, alone.displacements, rtol=1e-11, atol=1e-15)
+    for j, w in enumerate(2.0 * np.pi * f):
+        t = timoshenko(w, 1.0 + 1j * w * 1e-3)
+        by_start = t[:2, :2] - t[:2, 2:] @ np.linalg.solve(t[2:, 2:], t[2:, :2])
+        in_y, in_z = by_start @ (rise, turn_z), by_start @ (0.0, -turn_y)
+        # along the bar, where its base moves with the turn only about another point
+        np.testing.assert_allclose(found.point("tip")[j, 1:], [in_y[0], in_z[0]], rtol=1e-8, atol=1e-14)
+        np.testing.assert_allclose(found.spin("tip")[j], [0.0, -in_z[1], in_y[1]], rtol=1e-7, atol=1e-13)
+
+
+def test_bases_that_cannot_turn_are_refused() -> None:
+    beam = bar()
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Pin(beam.end)))
+    with pytest.raises(fb.SceneError, match="whose triad no support holds"):
+        fb.frequency_response(model, [1.0], base={beam.end: (0, 0, 0, 0, 0, 1e-3)})
+    # of all supports the pinned ones move with the turn
+    tip = fb.frequency_response(model, [0.0], base=(0, 0, 0, 0, 0, 1e-3), points={"tip": beam.end}).point("tip")[0]
+    np.testing.assert_allclose(tip, (0.0, 1e-3 * L, 0.0), rtol=1e-12, atol=1e-15)
+    with pytest.raises(fb.SceneError, match="leads out of the plane"):
+        fb.frequency_response(fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start)), planar=True), [1.0],
+                              base=(0, 0, 0, 0, 1e-3, 0))
+
+
 def test_slender_cantilever_of_euler_and_bernoulli() -> None:
     slender = dict(GA2=1e8, GA3=1e8, EA=1e8, rhoI2=1e-9, rhoI3=1e-9)
     beam = bar(**slender)
