@@ -14,7 +14,7 @@ import numpy as np
 
 from .kernels import sparse as kernels
 from .kernels.sparse import PardisoTables
-from .mkl import on_threads, settings
+from .mkl import on_threads, pardiso_tables
 
 Array = np.ndarray
 Each = Callable[[Callable[[int, Any], Any], Sequence[Any]], Any]
@@ -75,19 +75,16 @@ class Half:
         block = np.flatnonzero((place[rows] >= 0) & (place[indices] >= 0))
         block = block[np.lexsort((place[indices[block]], place[rows[block]]))]
         row, column = place[rows[block]], place[indices[block]]
-        n = size * mine.size
         # PARDISO takes no blocks where it leaves a Schur complement; all rows of a block have its columns
         number = size * np.bincount(row, minlength=mine.size)
         first, number = np.repeat(np.cumsum(number) - number, size), np.repeat(number, size)
         start = np.concatenate(([0], np.cumsum(number))).astype(np.int32)
         entry = np.arange(start[-1], dtype=np.int32) + np.repeat((first - start[:-1]).astype(np.int32), number)
-        last = np.zeros(n, np.int32)
-        last[self.own:] = 1
         self.rows, self.between = unknowns(nodes, size), unknowns(between, size)
-        self.tables = PardisoTables(
-            np.zeros(64, np.int64), settings({35: 2}), np.array([1, 1, kernels.UNSYMMETRIC, 0, n, columns, 0, 0], np.int32), last,
-            start, unknowns(column, size).astype(np.int32)[entry], block, block, np.zeros(size**2 * block.size),
-            *(np.zeros((columns, m)) for m in (n, n, 0, 0)), np.zeros(5, np.int64), np.zeros(2))
+        tables = pardiso_tables(start, unknowns(column, size)[entry], kernels.UNSYMMETRIC, {35: 2}, columns)
+        self.tables = tables._replace(block=block, mirror=block)
+        # the Schur complement is of these rows
+        self.tables.perm[self.own:] = 1
         self.schur = np.zeros((size * between.size,) * 2)
         if self._call(kernels.ANALYSE, self.schur):
             raise ArithmeticError(f"PARDISO error {self.tables.numbers[7]} in the analysis of a half")

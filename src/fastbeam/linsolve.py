@@ -17,7 +17,7 @@ from .halves import Each, Halves, cut
 from .inertia import Blocks, Signs
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
-from .mkl import load_mkl, on_threads, settings
+from .mkl import load_mkl, on_threads, pardiso_tables
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -80,13 +80,11 @@ class Pardiso:
         # threads cost more than they bring in small systems
         self._threads = 1 if size * n < SMALL else threads or mkl.MKL_Get_Max_Threads()
         kind = kernels.SYMMETRIC if symmetric else kernels.UNSYMMETRIC
-        iparm = settings({33: REPRODUCIBLE if reproducible else 0, 36: size})
+        more = {33: REPRODUCIBLE if reproducible else 0, 36: size}
         self._call = kernels.call_pardiso
         self.halves: Halves | None = None
-        self.tables = PardisoTables(
-            np.zeros(64, np.int64), iparm, np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32), np.zeros(max(n, 1), np.int32),
-            indptr.astype(np.int32), indices.astype(np.int32), block, mirror, np.zeros(size**2 * indices.size),
-            *(np.zeros((columns, size * n)) for _ in range(4)), np.zeros(5, np.int64), np.zeros(2))
+        tables = pardiso_tables(indptr, indices, kind, more, columns, size, refined=True)
+        self.tables = tables._replace(block=block, mirror=mirror)
         if reproducible and not symmetric and size * n >= HALVES_FROM:
             parts = cut(self.tables.indptr, self.tables.indices)
             if parts is not None:

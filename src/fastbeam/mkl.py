@@ -70,6 +70,32 @@ def settings(more: dict[int, int]) -> Array:
     return iparm
 
 
+def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int], columns: int = 1, size: int = 1,
+                   refined: bool = False) -> PardisoTables:
+    """What PARDISO takes, not yet analysed.
+
+    Parameters
+    ----------
+    indptr, indices : int [n + 1], [n_blocks]
+        Square blocks by rows, 0-based.
+    kind : int
+        `kernels.sparse.SYMMETRIC` (blocks on and above the diagonal) or `UNSYMMETRIC`.
+    more : dict
+        Of `settings`.
+    columns, size : int
+        Right-hand sides at most; unknowns of a block.
+    refined : bool
+        Keep places for residuals and corrections.
+    """
+    n, rows = indptr.size - 1, size * (indptr.size - 1)
+    every = np.arange(indices.size)
+    indptr, indices = indptr.astype(np.int32), indices.astype(np.int32)
+    return PardisoTables(
+        np.zeros(64, np.int64), settings(more), np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32),
+        np.zeros(max(n, 1), np.int32), indptr, indices, every, every, np.zeros(size**2 * indices.size),
+        *(np.zeros((m, rows)) for m in (columns, columns, *(columns * refined,) * 2)), np.zeros(5, np.int64), np.zeros(2))
+
+
 def nested_dissection(matrix: Any) -> Array | None:
     """Rows of a matrix of symmetric structure, its diagonal included, in the order in which METIS eliminates them.
 
@@ -85,11 +111,8 @@ def nested_dissection(matrix: Any) -> Array | None:
     mkl = load_mkl()
     if mkl is None:
         return None
-    n = matrix.shape[0]
-    t = PardisoTables(
-        np.zeros(64, np.int64), settings({4: 2}), np.array([1, 1, kernels.UNSYMMETRIC, 0, n, 1, 0, 0], np.int32),
-        np.zeros(n, np.int32), matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), *(np.zeros(0, np.int64),) * 2,
-        np.ones(matrix.nnz), *(np.zeros((1, n)) for _ in range(4)), np.zeros(5, np.int64), np.zeros(2))
+    t = pardiso_tables(matrix.indptr, matrix.indices, kernels.UNSYMMETRIC, {4: 2})
+    t.data[:] = 1.0
     with on_threads(mkl, 1):
         failed = kernels.call_pardiso(t, kernels.ANALYSE, t.b, t.x)
         kernels.call_pardiso(t, kernels.RELEASE, t.b, t.x)

@@ -25,7 +25,7 @@ from .inertia import SKEW, Entries, Signs, inertia
 from .kernels import sparse as kernels
 from .kernels.scaling import balance
 from .kernels.sparse import PardisoTables
-from .mkl import load_mkl, on_threads, settings
+from .mkl import load_mkl, on_threads, pardiso_tables
 
 Array = np.ndarray
 # sweeps of the equilibration; each halves the exponent of what is missing
@@ -104,13 +104,8 @@ class Factors:
     def _begin(self, matrix: Any) -> None:
         """Tables of another structure."""
         self._release()
-        n, none = matrix.shape[0], np.zeros(0, np.int64)
         self._indices, self._indptr = matrix.indices, matrix.indptr
-        m = self._columns
-        self._tables = PardisoTables(
-            np.zeros(64, np.int64), settings(self._settings), np.array([1, 1, self._kind, 0, n, m, 0, 0], np.int32),
-            np.zeros(max(n, 1), np.int32), matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), none, none,
-            np.zeros(matrix.nnz), *(np.zeros((k, n)) for k in (m, m, 0, 0)), np.zeros(5, np.int64), np.zeros(2))
+        self._tables = pardiso_tables(matrix.indptr, matrix.indices, self._kind, self._settings, self._columns)
         if self._order is not None:
             self._tables.perm[:] = self._order
 

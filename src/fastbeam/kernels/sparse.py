@@ -1,6 +1,6 @@
 """MKL's PARDISO called from compiled code, so that a net of beams runs its time loop there too; every residual is checked.
 
-The symbol `pardiso` is resolved when a kernel that uses it is loaded: `linsolve.load_mkl` has to run before.
+The symbol `pardiso` is resolved when a kernel that uses it is loaded: `mkl.load_mkl` has to run before.
 
 Arrays: b, x, r, r_out, out, bound [m, n rows], m right-hand sides; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; data
 [n n blocks].
