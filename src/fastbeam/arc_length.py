@@ -17,6 +17,7 @@ from .maps import with_values
 from .model import Model
 from .saddle import Saddle, factors_for
 from .saddle_solver import Increment
+from .static_motion import StaticShift
 from .static_sliders import SlidingSolver
 from .static_strains import StrainPath
 
@@ -147,7 +148,7 @@ class PathSolver(SlidingSolver):
             self._at(self.factor)
             return *self._assembled(self.sliding), self._push
         # both from the same shape, the present factor last
-        self._at(self.factor + 1.0)
+        self._at(self.factor, 1.0)
         _, more = self._assembled(self.sliding)
         self._at(self.factor)
         saddle, right = self._assembled(self.sliding)
@@ -161,8 +162,11 @@ class PathSolver(SlidingSolver):
             push[:loads.size] = np.where(push[:loads.size] == 0.0, 0.0, loads)
         return saddle, right, push
 
-    def _at(self, factor: float) -> None:
-        """Loads, supports that move, and forces of a steady motion of a load factor."""
+    def _at(self, factor: float, ahead: float = 0.0) -> None:
+        """Loads, prestrains, laws and supports at a load factor, and by `ahead` further, supports to first order."""
+        if isinstance(self.motion, StaticShift):
+            self.motion.share, self.motion.ahead = factor, ahead
+        factor += ahead
         self._loads[:] = self._first_loads + factor * self._unit_loads
         if self._strains is not None:
             self._strains.put(factor)
@@ -170,8 +174,6 @@ class PathSolver(SlidingSolver):
         self.set_time(laws.time, laws.first + factor * laws.change)
         for term, share in self._turning if laws.shares is not None else ():
             term.share[:] = share * (laws.shares[0] + factor * laws.shares[1])
-        if self.motion is not None:
-            self.motion.share = factor
 
     def _bordered(self, saddle: Saddle, column: Array, row: Array, corner: float, right: Array, last: float) -> Array | None:
         """Solution of [K, -column; row, corner]."""

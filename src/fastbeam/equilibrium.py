@@ -55,6 +55,12 @@ class StaticSolver:
         """The present shape."""
         return self.stepper.state
 
+    def count_joints(self) -> None:
+        """Bring the coordinates of joints, counted over turns, up to the present shape."""
+        motions = self.core.motions
+        if motions is not None:
+            motions.settle(self.stepper.core_state, self.state, self.core.motion_place, None)
+
     def has_potential(self, in_plane: bool) -> bool:
         """Whether all loads have one: moments that are fixed in space do in a plane only, loads by laws nowhere."""
         return not self.moments or in_plane and not self._turns

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arc_length import PathSolver
-from .arguments import Anything, Count, Number, Refusal, Vector, Word, checked, shown, take, whole
+from .arguments import LARGEST, Anything, Count, Number, Refusal, Word, checked, numbers, shown, whole
 from .errors import SceneError
 from .joint_motion import check_at_rest
 from .kernels.along import NO_DRIVE
@@ -25,7 +25,7 @@ from .scene.checks import Place
 from .path_stops import wanted_of
 from .path_walk import PathWalk
 from .starting import check_start
-from .static_motion import StaticShift
+from .static_motion import StaticShift, leave_plane
 from .static_strains import StrainPath, prestrains_of
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports, standing_supports, supported
@@ -104,9 +104,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         simple bifurcation 0 is side 1 and 1 is side -1.
     moves : mapping, optional
         Displacement control: supports (Clamp, Pin, PrescribedMotion, or the node that they hold) -> displacement (3,), m, by
-        which they are shifted from the start, straight, without turning, times the load factor less that of the start. Loads and
-        gravity stay as they are, in full, but for those with time functions between two times.
-
+        which they are shifted from the start, straight, times the load factor less that of the start; or (6,) with a rotation
+        vector in space, rad, by which they turn at their place, as often as it says. Loads and gravity stay as they are, in full,
+        but for those with time functions between two times.
     prestrains : mapping, optional
         Beams -> change of their prestrain (theory.md (2.8)) until load factor 1: unstressed lengths, -alpha dT of a temperature.
         Loads and gravity stay, as with `moves`. The start is an equilibrium with the prestrains of `load_factor`.
@@ -160,7 +160,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if stays_put and not np.any(model.loads) and not by_laws and not pushed:
         raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, move "
                          "supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: -0.01}")
-    shifts = {} if moves is None else _shifts(model, moves)
+    moved = {} if moves is None else _moves(model, moves)
     strains = None if prestrains is None else StrainPath(model, prestrains_of(model, prestrains))
     laws = law_path("solve_path", model, at_time, stays_put)
     if stays_put or isinstance(at_time, tuple):
@@ -184,14 +184,16 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         raise SceneError("side: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
                          "load_factor=")
     check_at_rest("solve_path", model)
-    solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor, laws, strains)
+    # where supports leave its plane the scene does, if it may
+    flat_or_not = False if not model.asked_for_plane and leave_plane(model, moved) else None
+    solver = PathSolver(model, start, max_iterations, stays, flat_or_not, backend, factors, load_factor, laws, strains)
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)
     if model.motions is not None:
         for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
             model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
-    if shifts:
-        solver.motion = StaticShift(solver.stepper.model, shifts, solver.state.q, load_factor)
+    if moved:
+        solver.motion = StaticShift(solver.stepper.model, moved, solver.state.q, load_factor)
     wanted = wanted_of(model, stop, points)
     path = PathWalk(model if strains is None else strains.model, solver, points, step, largest_step, smallest_step, most_points,
                     observe, wanted)
@@ -205,22 +207,31 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
 
 
-def _shifts(model: Model, moves: Any) -> dict[int, Array]:
-    """Displacements of nodes that supports hold.
+def _moves(model: Model, moves: Any) -> dict[int, Array]:
+    """Displacements and rotation vectors of nodes that supports hold, (6,) each.
 
     Raises
     ------
     SceneError
     """
     if not isinstance(moves, Mapping) or not moves:
-        raise SceneError("solve_path, moves: must be a mapping {support or its node: displacement (3,) in m}, got "
-                         f"{shown(moves)}")
+        raise SceneError("solve_path, moves: must be a mapping {support or its node: displacement (3,) in m, or (6,) with a "
+                         f"rotation vector in rad}}, got {shown(moves)}")
     held, out = standing_supports(model), {}
     for what, value in moves.items():
-        vector = take(Vector, f"solve_path, moves: displacement of {shown(what)}", value)
-        axes = int(np.sum(np.array([1, 2, 4])[vector != 0.0]))
-        if axes:
-            out[supported("solve_path: moves=", model, what, held, axes)] = vector
+        vector = numbers(value)
+        if vector is None or vector.shape not in ((3,), (6,)) or not np.all(np.abs(vector) <= LARGEST):
+            raise SceneError(f"solve_path, moves: displacement of {shown(what)} must be 3 finite numbers, m, or 6 with a "
+                             f"rotation vector, rad, got {shown(value)}")
+        vector = np.concatenate((vector, np.zeros(6 - vector.size)))
+        turns = vector[3:].any()
+        axes = int(np.sum(np.array([1, 2, 4])[vector[:3] != 0.0]))
+        if axes or turns:
+            node = supported("solve_path: moves=", model, what, held, axes)
+            if turns and held[node] & 56 != 56:
+                raise SceneError(f"solve_path: moves= turns {model.labels[node]}, whose triad no support holds; give a "
+                                 "displacement (3 numbers), or clamp it")
+            out[node] = vector
     if not out:
-        raise SceneError("solve_path, moves: all displacements are zero, got " + shown(moves))
+        raise SceneError("solve_path, moves: all displacements and turns are zero, got " + shown(moves))
     return out

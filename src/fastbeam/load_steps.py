@@ -247,6 +247,7 @@ class LoadSteps:
     def _record(self, factor: float, iterations: int, size: float) -> None:
         """A row of the last equilibrium."""
         task, solver, observer, t = self.task, self.solver, self.observer, self.task.at_time or 0.0
+        solver.count_joints()
         state = shown = solver.state
         row = {**observer.row(t, state), "iterations": iterations, "step_size": size}
         loads = factor * task.factors if task.raise_loads else task.factors

@@ -211,11 +211,13 @@ class _Motion:
     def state(self) -> State:
         """The present shape at rest, as one of the model."""
         now, history = self.stepper.state, self.model.state().history
+        found = State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
         if self.model.motions is not None:
             # angles count turns
             motions, place = self.model.motions, self.model.motion_place
             motions.own(history, place)[:, VALUE] = motions.own(now.history, place)[:, VALUE]
-        return State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
+            motions.settle(found, found, place, None)
+        return found
 
     def record(self, iterations: int, size: float) -> None:
         state = self.state()

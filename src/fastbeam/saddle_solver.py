@@ -167,6 +167,12 @@ class SaddleSolver(StaticSolver):
         contact.residual[sliders:][of_joints] = border.joint_gap
         return border
 
+    def _gaps(self, q: Array) -> Array:
+        """Of sliders and joints at coordinates q [12 N], for sliders where they are, [F]."""
+        state = self.stepper.core_state
+        border = self.contacts.border(self._weights, q, state.force, np.zeros(state.s.size))
+        return np.concatenate((border.gap.reshape(-1), border.joint_gap))
+
     def _shape(self) -> Array:
         """Coordinates in space [12 N]; nothing where no equation asks for them."""
         needed = self._no_border is None or self.steady is not None or self.motion is not None
@@ -195,9 +201,10 @@ class SaddleSolver(StaticSolver):
         if given is not None:
             # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
             r = r - 2.0 * x.reshape(-1)
-            moved = self.contacts.border(self._weights, self.motion.moved(q, given), state.force, np.zeros(state.s.size))
-            border = border._replace(gap=moved.gap, joint_gap=moved.joint_gap)
-        right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), border.gap.reshape(-1), border.joint_gap))
+            gaps = self.motion.opened(self._gaps, q, given)
+        else:
+            gaps = np.concatenate((border.gap.reshape(-1), border.joint_gap))
+        right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), gaps))
         multiplier = np.zeros(right.size, bool)
         multiplier[r.size + sliding.size:] = True
         saddle = Saddle(matrix, multiplier, self._factors, self._scales.get(sliding.tobytes()))

@@ -18,6 +18,8 @@ Array = np.ndarray
 ROUND_OFF = 4.0 * float(np.finfo(float).eps)
 # a support turns by less than this at once, rad
 LARGEST_TURN = 1.5
+# derivatives along motions of supports are differences of this, in sizes of the scene and rad
+SHORT = 1e-4
 # a motion may leave the plane of its scene by so much of its way
 OUT_OF_PLANE = 1e-12
 
@@ -85,16 +87,7 @@ class StaticMotion:
         place = np.where(self._along, places - now[:, 0], 0.0)
         out[:, :3] = np.where(np.abs(place) <= ROUND_OFF * self._size, 0.0, place)
         turns = self._turns
-        if turns.size:
-            # rows are directors: D' = D R^T
-            turn = triads[turns].transpose(0, 2, 1) @ now[turns, 1:]
-            size = 1.0 + np.trace(turn, axis1=1, axis2=2)
-            with np.errstate(divide="ignore"):
-                vector = 2.0 * _axial(turn) / size[:, None]
-            out[turns, 3:] = np.where(np.abs(vector) <= ROUND_OFF, 0.0, vector)
-            # |cayley vector| = 2 tan(angle/2)
-            if np.any(np.linalg.norm(out[:, 3:], axis=1) > 2.0 * np.tan(0.5 * LARGEST_TURN)) or np.any(size < 1e-3):
-                return np.full_like(out, np.nan)
+        out[turns, 3:] = _turns_left(triads[turns], now[turns, 1:])
         return out if out.any() else None
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
@@ -109,43 +102,49 @@ class StaticMotion:
 
     def moved(self, q: Array, given: Array) -> Array:
         """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by that."""
-        out = q.reshape(-1, 4, 3).copy()
-        for node, k in zip(self.of.nodes, self.of.motion_of_node):
-            w = given[k, 3:]
-            out[node, 0] += given[k, :3]
-            d = np.cross(w, out[node, 1:])
-            out[node, 1:] += (d + 0.5 * np.cross(w, d)) / (1.0 + 0.25 * w @ w)
-        return follow(self.model, out).reshape(-1)
+        return _moved(self.model, q, self.of.nodes, given[self.of.motion_of_node])
+
+    def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
+        """Gaps (a function of coordinates) where the supports have gone on by that."""
+        return gaps(self.moved(q, given))
 
 
 class StaticShift:
-    """Supports that are shifted with the load factor, straight and without turning.
+    """Supports that are shifted with the load factor, straight, and turned, each about one axis through its node.
 
     Parameters
     ----------
     model : Model
         In space.
-    shifts : dict of int -> float64 (3,)
-        Of nodes whose position is held along them, m at load factor 1.
+    moves : dict of int -> float64 (6,)
+        Of nodes that are held along them: displacement, m, and rotation vector in space, rad, at load factor 1.
     q : float64 [12 N]
         The shape at the load factor `share`.
     share : float
     """
 
-    def __init__(self, model: Model, shifts: dict[int, Array], q: Array, share: float) -> None:
+    def __init__(self, model: Model, moves: dict[int, Array], q: Array, share: float) -> None:
         self.model, self.share, self._first = model, share, share
-        self.own, self.shifts = np.array(list(shifts), np.int64), np.array(list(shifts.values())).reshape(-1, 3)
-        self._start = q.reshape(-1, 4, 3)[self.own, 0].copy()
+        self.own, self.moves = np.array(list(moves), np.int64), np.array(list(moves.values())).reshape(-1, 6)
+        self._start = q.reshape(-1, 4, 3)[self.own].copy()
         self._size = model.length + float(np.max(np.abs(q.reshape(-1, 12)[:, :3])))
-        row = model.pattern.row_of
-        self._nodes = [np.flatnonzero(row == row[node]) for node in self.own]
+        self._turns = np.flatnonzero(self.moves[:, 3:].any(axis=1))
+        shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
+        self._move_of_node = shared
+        # to first order, beyond `share`: for derivatives by it
+        self.ahead = 0.0
 
     def pending(self, now: Array) -> Array | None:
-        """As `StaticMotion.pending`."""
+        """As `StaticMotion.pending`, and by `ahead` further."""
         out = np.zeros((self.own.size, 6))
-        target = self._start + (self.share - self._first) * self.shifts
-        out[:, :3] = np.where(self.shifts != 0.0, target - now[:, 0], 0.0)
+        gone = (self.share - self._first) * self.moves
+        out[:, :3] = np.where(self.moves[:, :3] != 0.0, self._start[:, 0] + gone[:, :3] - now[:, 0], 0.0)
         out[np.abs(out) <= ROUND_OFF * self._size] = 0.0
+        if self._turns.size:
+            # rows are directors: D' = D R^T
+            turn = _turned_by(gone[self._turns, 3:]).transpose(0, 2, 1)
+            out[self._turns, 3:] = _turns_left(self._start[self._turns, 1:] @ turn, now[self._turns, 1:])
+        out += self.ahead * self.moves
         return out if out.any() else None
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
@@ -159,10 +158,48 @@ class StaticShift:
 
     def moved(self, q: Array, given: Array) -> Array:
         """As `StaticMotion.moved`."""
-        out = q.reshape(-1, 4, 3).copy()
-        for nodes, shift in zip(self._nodes, given[:, :3]):
-            out[nodes, 0] += shift
-        return follow(self.model, out).reshape(-1)
+        return _moved(self.model, q, self._nodes, given[self._move_of_node])
+
+    def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
+        """As `StaticMotion.opened`, with `ahead` to first order."""
+        if not self.ahead:
+            return gaps(self.moved(q, given))
+        rate = self.ahead * self.moves
+        here, h = given - rate, SHORT / float(np.max(np.abs(rate) / np.repeat((self._size, 1.0), 3)))
+        way = gaps(self.moved(q, here + h * rate)) - gaps(self.moved(q, here - h * rate))
+        return gaps(self.moved(q, here)) + way / (2.0 * h)
+
+
+def _turns_left(triads: Array, now: Array) -> Array:
+    """Cayley vectors [T, 3] from triads now [T, 3, 3] to these; NaN where one would turn too far at once."""
+    # rows are directors: D' = D R^T
+    turn = triads.transpose(0, 2, 1) @ now
+    size = 1.0 + np.trace(turn, axis1=1, axis2=2)
+    with np.errstate(divide="ignore"):
+        vector = 2.0 * _axial(turn) / size[:, None]
+    # |cayley vector| = 2 tan(angle/2)
+    if np.any(np.linalg.norm(vector, axis=1) > 2.0 * np.tan(0.5 * LARGEST_TURN)) or np.any(size < 1e-3):
+        return np.full_like(vector, np.nan)
+    return np.where(np.abs(vector) <= ROUND_OFF, 0.0, vector)
+
+
+def _moved(model: Model, q: Array, nodes: Array, given: Array) -> Array:
+    """Coordinates [12 N] where nodes [n] have gone on by position and Cayley vector [n, 6], and with them what follows them."""
+    out = q.reshape(-1, 4, 3).copy()
+    for node, x in zip(nodes, given):
+        w = x[3:]
+        out[node, 0] += x[:3]
+        d = np.cross(w, out[node, 1:])
+        out[node, 1:] += (d + 0.5 * np.cross(w, d)) / (1.0 + 0.25 * w @ w)
+    return follow(model, out).reshape(-1)
+
+
+def leave_plane(model: Model, moves: dict[int, Array]) -> bool:
+    """Whether displacements and rotation vectors [6] lead out of the plane of a model."""
+    if model.plane is None or not moves:
+        return False
+    given = np.array(list(moves.values()))
+    return bool(np.any(_off_plane(given, model.plane.axes) > OUT_OF_PLANE * model.length))
 
 
 def coordinates_of(stepper: Any, nodes: Array) -> Array:
@@ -176,14 +213,18 @@ def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float
     x = np.zeros((core.pattern.n, 6 if axes is None else 3))
     flat = given
     if axes is not None:
-        place, turn = given[:, :3] @ axes.T, given[:, 3:] @ axes.T
-        off = np.abs(place[:, 2]) + np.abs(turn[:, :2]).sum(axis=1)
+        off = _off_plane(given, axes)
         if np.any(off > OUT_OF_PLANE * size):
             raise SceneError(f"{label(int(np.argmax(off)))}: it leaves the plane of the scene; compile the scene with "
                              "planar=False")
-        flat = np.concatenate((place[:, :2], turn[:, 2:]), axis=1)
+        flat = np.concatenate((given[:, :3] @ axes[:2].T, given[:, 3:] @ axes[2:].T), axis=1)
     np.add.at(x, core.pattern.row_of[own], flat)
     return x
+
+
+def _off_plane(given: Array, axes: Array) -> Array:
+    """How far motions [M, 6] lead out of a plane, [M]."""
+    return np.asarray(np.abs(given[:, :3] @ axes[2]) + np.abs(given[:, 3:] @ axes[:2].T).sum(axis=1))
 
 
 class Carrying:
@@ -229,6 +270,6 @@ def _vector(turn: Array) -> Array:
 
 
 def _turned_by(vector: Array) -> Array:
-    """Rotation (3, 3) of a rotation vector (3,)."""
+    """Rotations [..., 3, 3] of rotation vectors [..., 3]."""
     from scipy.spatial.transform import Rotation
     return Rotation.from_rotvec(vector).as_matrix()
