@@ -52,6 +52,8 @@ class RunSectionGradient(NamedTuple):
     rhoA, rhoI2, rhoI3 : float64 [beams]
     viscosity : float64 [beams, 6, 6]
         By D of theory.md (2.5), where a section has damping; else 0.
+    prestrain : float64 [beams, 6]
+        By e of theory.md (2.8), as of `SectionGradient`: unstressed lengths, with the motion of the start as it is.
     """
 
     stiffness: Array
@@ -59,6 +61,7 @@ class RunSectionGradient(NamedTuple):
     rhoI2: Array  # noqa: N815
     rhoI3: Array  # noqa: N815
     viscosity: Array
+    prestrain: Array
 
     def by(self, stiffness: ArrayLike, rhoA: ArrayLike = 0.0, rhoI2: ArrayLike = 0.0,  # noqa: N803
            rhoI3: ArrayLike = 0.0, viscosity: ArrayLike = 0.0) -> Array:
@@ -104,6 +107,9 @@ class RunGradient(NamedTuple):
         By dead forces and moments that act on a node from the start to the end.
     velocities, spins : float64 [N, 3]
         By the initial velocity and spin of a node, those of its row where several share one, 0 where it follows others.
+    positions, turns : float64 [N, 3]
+        By the position and orientation (rotation vector in space, rad) of a node at the start, in the same way; velocities and
+        spins, the reference and supports stay. Sliders and joints have to allow what moves.
     gravity : float64 [3]
         By the gravity of the scene, as it is before its time function.
     factors : dict of str to float64 [n]
@@ -121,6 +127,8 @@ class RunGradient(NamedTuple):
     moments: Array
     velocities: Array
     spins: Array
+    positions: Array
+    turns: Array
     gravity: Array
     factors: dict[str, Array]
     pushes: dict[str, Array]
@@ -284,12 +292,13 @@ class AdjointRun:
                                        time=float(self.t[error.args[0]]), state=self.state) from None
         assert part is not None
         self.outside = back.outside
-        return self._found(back.sums(part.q[0]))
+        return self._found(back.sums(part.q[0], part.v[0]))
 
     def _found(self, sums: Sums) -> RunGradient:
         """By the names of the scene."""
         model = self.model
-        sections = {name: RunSectionGradient(sums.stiffness[part], *sums.inertia[part].T, sums.viscosity[part])
+        sections = {name: RunSectionGradient(sums.stiffness[part], *sums.inertia[part].T, sums.viscosity[part],
+                                             sums.prestrain[part])
                     for name, part in beam_numbers(model)[1].items()}
         names = [(entry["name"], entry["node"]) for kind in ("bodies", "masses") for entry in model.names.get(kind, [])]
         number = {} if model.bodies is None else {int(node): j for j, node in enumerate(model.bodies.node)}
@@ -300,8 +309,8 @@ class AdjointRun:
         of = sums.sliders
         sliders = {name: RunSliderGradient(of.along[:, k].copy(), of.place[:, k].copy(), float(of.friction[k]),
                                            float(of.viscous[k])) for k, name in enumerate(model.names["sliders"])}
-        return RunGradient(sections, masses, sums.forces, sums.moments, sums.velocities, sums.spins, sums.gravity, factors,
-                           pushes, sliders)
+        return RunGradient(sections, masses, sums.forces, sums.moments, sums.velocities, sums.spins, sums.positions, sums.turns,
+                           sums.gravity, factors, pushes, sliders)
 
     def _weights(self, given: Mapping[str, ArrayLike], is_rate: bool) -> list[Weights]:
         out = []
@@ -347,8 +356,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     -------
     AdjointRun
         `.point(name)`, `.velocity(name)` at all steps; `.gradient(points={...})`: derivatives of a weighed sum of them by the
-        sections of all beams, masses, loads and what they do in every step, gravity, initial velocities, and forces along beams
-        on sliders.
+        sections and prestrains of all beams, masses, loads and what they do in every step, gravity, initial shapes and
+        velocities, and forces along beams on sliders.
 
     Raises
     ------

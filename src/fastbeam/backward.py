@@ -15,6 +15,7 @@ from .kernels.adjoint import Adjoint, Found, Steps, Wanted
 from .kernels.adjoint_border import Border, NoBorder
 from .kernels.adjoint_sliders import Sliders, TakenAlong
 from .kernels.along import Along
+from .kernels.layout import LIST
 from .kernels.section_sums import SectionSums
 from .kernels.slider import Sliding
 from .kernels.terms import Loads, NoTies
@@ -27,7 +28,7 @@ from .model import Model
 from .newton import AUGMENTATION, Stepper
 from .planar import strain_maps
 from .saddle import Factors
-from .section_gradient import beam_numbers
+from .section_gradient import beam_numbers, moduli_of
 from .workspace import contact_of, entries_of
 
 Array = np.ndarray
@@ -91,9 +92,9 @@ class Sums(NamedTuple):
 
     Attributes
     ----------
-    stiffness, viscosity, inertia : float64 [beams, 6, 6], [beams, 6, 6], [beams, 3]
+    stiffness, viscosity, prestrain, inertia : float64 [beams, 6, 6], [beams, 6, 6], [beams, 6], [beams, 3]
     bodies : float64 [B]
-    forces, moments, velocities, spins : float64 [N, 3]
+    forces, moments, velocities, spins, positions, turns : float64 [N, 3]
     gravity : float64 [3]
     factors : float64 [n, K]
         By the mean factors of load vectors in every step.
@@ -104,12 +105,15 @@ class Sums(NamedTuple):
 
     stiffness: Array
     viscosity: Array
+    prestrain: Array
     inertia: Array
     bodies: Array
     forces: Array
     moments: Array
     velocities: Array
     spins: Array
+    positions: Array
+    turns: Array
     gravity: Array
     factors: Array
     pushes: Array
@@ -215,7 +219,7 @@ class Backward:
                 groups = len(tables.meta)
                 viscous = core.damped is not None and _name(kind) in core.damped.strains
                 out.append(SectionSums(kind, tables, aligned(groups * strains**2 * 8), aligned(groups * strains**2 * 8 * viscous),
-                                       aligned(groups * inertias * 8)))
+                                       aligned(groups * strains * 8), aligned(groups * inertias * 8)))
         return tuple(out)
 
     # --- the recursion ----------------------------------------------------------------------------------------------------
@@ -281,10 +285,9 @@ class Backward:
         half(True)
 
     # --- what was found ---------------------------------------------------------------------------------------------------
-    def sums(self, q: Array) -> Sums:
-        """After the first step, from coordinates q."""
+    def sums(self, q: Array, v: Array) -> Sums:
+        """After the first step, from coordinates q and velocities v."""
         core, found, n = self.core, self.found, self.core.n_nodes
-        stiffness, viscosity, inertia = self._of_beams()
         spins = found.turn.reshape(-1, 8)[core.pattern.row_of, core.dim:len(core.dofs)]
         rate, rows = self.adjoint.rate.copy(), aligned(8 * (n + 1))
         kernels.pull_ties(self.adjoint.ties, rate)
@@ -292,39 +295,60 @@ class Backward:
         if core.held is not None:
             kernels.drop_held(core.held, core.dofs, rows)
         start = rows.reshape(-1, 8)[core.pattern.row_of]
+        shape = (self.adjoint.shapes + self._turned_with(q, v, rate)).reshape(-1, 8)[core.pattern.row_of]
         about = self.axes if self.plane is None else self.axes[2:]
         pushes = found.place
         if self.plane is not None:
             own, turned = np.split(pushes, 2, axis=1)
             pushes = own + turned[:, :, ::-1] * (-1.0, 1.0)
-        return Sums(stiffness, viscosity, inertia, found.body, found.force.reshape(n, -1) @ self.within, spins @ about,
-                    start[:, :core.dim] @ self.within, start[:, core.dim:len(core.dofs)] @ about,
+        return Sums(*self._of_beams(), found.body, found.force.reshape(n, -1) @ self.within, spins @ about,
+                    *(x for rows_of in (start, shape) for x in (rows_of[:, :core.dim] @ self.within,
+                                                                rows_of[:, core.dim:len(core.dofs)] @ about)),
                     (self.gravity_factor @ found.weight) @ self.within, found.load, pushes @ self.within, found.sliders)
 
-    def _of_beams(self) -> tuple[Array, Array, Array]:
-        """Sums of elements, by beams and in space."""
+    def _turned_with(self, q: Array, v: Array, rate: Array) -> Array:
+        """What rows of `Adjoint.shapes` get where rates of directors turn with them, so that spins stay; rate: adjoint of
+        velocities, of nodes that are not tied."""
+        core, n = self.core, self.core.n_nodes
+        d, u, b = (x.reshape(n, -1, core.dim)[:, 1:] for x in (q, v, rate))
+        if self.plane is None:
+            spin = 0.5 * np.cross(d, u).sum(axis=1)
+            turning = np.cross(d, np.cross(b, spin[:, None])).sum(axis=1)
+        else:
+            spin = d[:, :, 0] * u[:, :, 1] - d[:, :, 1] * u[:, :, 0]
+            turning = -(spin * (b * d).sum(axis=2)).sum(axis=1, keepdims=True)
+        rows = aligned(8 * (n + 1))
+        np.add.at(rows.reshape(-1, 8)[:, core.dim:len(core.dofs)], core.pattern.row_of, turning)
+        if core.held is not None:
+            kernels.drop_held(core.held, core.dofs, rows)
+        return rows
+
+    def _of_beams(self) -> tuple[Array, Array, Array, Array]:
+        """Sums of elements, by beams and in space: by C, D, prestrains and inertias."""
         of, parts = beam_numbers(self.whole)
         count = max((x.stop for x in parts.values()), default=0)
-        out = np.zeros((count, 6, 6)), np.zeros((count, 6, 6)), np.zeros((count, 3))
+        out = np.zeros((count, 6, 6)), np.zeros((count, 6, 6)), np.zeros((count, 6)), np.zeros((count, 3))
+        size = 6 if self.plane is None else 3
         for sums in self.sections:
             meta, tables = sums.tables.meta, sums.tables
-            lanes = meta[:, 3, None] + np.arange(8)
+            lanes = meta[:, LIST, None] + np.arange(8)
             node, live = tables.nodes[lanes].reshape(-1), (tables.rows[lanes] != self.core.n_nodes).reshape(-1)
-            beam = of[node[live]]
-            moduli = [x.reshape(len(meta), -1, 8).transpose(0, 2, 1).reshape(8 * len(meta), -1)[live]
-                      for x in (sums.stiffness, sums.viscosity, sums.inertia) if x.size]
-            for to, x in zip((out[0], out[1], out[2]) if sums.viscosity.size else (out[0], out[2]), moduli):
-                if to.ndim == 3:
-                    size = 6 if self.plane is None else 3
+            beam, node = of[node[live]], node[live]
+            stiffness, viscosity, change, inertia = (
+                x.reshape(len(meta), -1, 8).transpose(0, 2, 1).reshape(8 * len(meta), -1)[live]
+                for x in (sums.stiffness, sums.viscosity, sums.change, sums.inertia))
+            prestrain = -np.einsum("eij,ej->ei", moduli_of(tables, size)[live], change)
+            within = None if self.plane is None else self._within(node)
+            for to, x in zip(out, (stiffness, viscosity)):
+                if x.size:
                     x = x.reshape(-1, size, size)
                     x = 0.5 * (x + x.transpose(0, 2, 1))
-                    if self.plane is not None:
-                        within = self._within(node[live])
-                        x = np.einsum("eia,eab,ejb->eij", within, x, within)
-                elif self.plane is not None:
-                    c, s = self._angle(node[live])
-                    x = np.stack((x[:, 0], c * c * x[:, 1], s * s * x[:, 1]), axis=1)
-                np.add.at(to, beam, x)
+                    np.add.at(to, beam, x if within is None else np.einsum("eia,eab,ejb->eij", within, x, within))
+            np.add.at(out[2], beam, prestrain if within is None else np.einsum("eia,ea->ei", within, prestrain))
+            if self.plane is not None:
+                c, s = self._angle(node)
+                inertia = np.stack((inertia[:, 0], c * c * inertia[:, 1], s * s * inertia[:, 1]), axis=1)
+            np.add.at(out[3], beam, inertia)
         return out
 
     def _angle(self, node: Array) -> tuple[Array, Array]:

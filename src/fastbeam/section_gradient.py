@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from .kernels.beam import ElementTables
 from .kernels.kinds import SPACE
 from .kernels.layout import CONSTANTS, NODES, POINTS, REFERENCE, LIST, layout_of
 from .model import Model
@@ -28,10 +29,14 @@ class SectionGradient(NamedTuple):
         By C (theory.md (2.3)): the change is the sum of its products with those of a symmetric change of C.
     rhoA : float64 [beams]
         By the mass per length, through gravity.
+    prestrain : float64 [beams, 6]
+        By e of theory.md (2.8): its first column by `prestrain=`, and minus that over the length of a beam by its unstressed
+        length, with the same mass; e of `prestress=` P is C^-1 (P, 0, 0, 0, 0, 0).
     """
 
     stiffness: Array
     rhoA: Array  # noqa: N815  the field's symbols
+    prestrain: Array
 
     @property
     def EA(self) -> Array:  # noqa: N802
@@ -85,6 +90,7 @@ class Lanes(NamedTuple):
     reference: Array  # float64 [E, nq, 6]
     mass: Array       # float64 [E, nn, nn], m: of positions
     turning: Array    # float64 [E, nn, nn], m: of directors
+    stiffness: Array  # float64 [E, 6, 6]
 
 
 def lanes_of(model: Model) -> list[Lanes]:
@@ -108,8 +114,15 @@ def lanes_of(model: Model) -> list[Lanes]:
             live = tables.rows[where].reshape(len(meta), nn, 8)[:, 0].reshape(-1) != model.n_nodes
             out.append(Lanes(name, nodes[live], points[live, :, 0], points[live, :, 1:1 + 3 * nn].reshape(-1, nq, nn, 3),
                               rows(0, REFERENCE, 6 * nq).reshape(-1, nq, 6)[live],
-                              *(rows(x, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live] for x in (at.masses, at.director_masses))))
+                              *(rows(x, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live] for x in (at.masses, at.director_masses)),
+                              rows(0, CONSTANTS, 36).reshape(-1, 6, 6)[live]))
     return out
+
+
+def moduli_of(tables: ElementTables, size: int) -> Array:
+    """C of all elements of tables with so many strains, [8 groups, size, size]."""
+    where = tables.meta[:, CONSTANTS][:, None] + np.arange(8 * size * size)
+    return np.asarray(tables.tab[where].reshape(-1, size, size, 8).transpose(0, 3, 1, 2).reshape(-1, size, size))
 
 
 def beam_numbers(model: Model) -> tuple[Array, dict[str, slice]]:
@@ -147,7 +160,7 @@ def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gra
     """
     of, parts = beam_numbers(model)
     n = max((x.stop for x in parts.values()), default=0)
-    stiffness, density = np.zeros((n, 6, 6)), np.zeros(n)
+    stiffness, prestrain, density = np.zeros((n, 6, 6)), np.zeros((n, 6)), np.zeros(n)
     for lanes in lanes_of(model):
         x = q[lanes.nodes] + 1j * TINY * adjoint[lanes.nodes]
         f = np.einsum("egn,enc->egc", lanes.shapes[..., 0], x[:, :, 0])
@@ -157,5 +170,6 @@ def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gra
         by_c = np.einsum("eg,egi,egj->eij", lanes.weight, 0.5 * energy * strain - change, strain)
         own = of[lanes.nodes[:, 0]]
         np.add.at(stiffness, own, 0.5 * (by_c + by_c.transpose(0, 2, 1)))
+        np.add.at(prestrain, own, np.einsum("eij,eg,egj->ei", lanes.stiffness, lanes.weight, energy * strain - change))
         np.add.at(density, own, np.einsum("en,enc,c->e", lanes.mass.sum(axis=2), adjoint[lanes.nodes, 0], gravity))
-    return {name: SectionGradient(stiffness[part], density[part]) for name, part in parts.items()}
+    return {name: SectionGradient(stiffness[part], density[part], prestrain[part]) for name, part in parts.items()}

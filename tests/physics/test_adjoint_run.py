@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.mapping import follow
 
 Array = np.ndarray
 SIXTH = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
@@ -15,11 +16,11 @@ STEPS, STEP = 20, 0.01
 
 
 def swing(strain: str, ball: bool, EA: float = 1e4, EI: float = 5.0, rhoA: float = 1.0, rhoI: float = 0.02,  # noqa: N803
-          m: float = 0.7, F: float = 3.0, M: float = 0.4, vz: float = 1.0) -> Any:  # noqa: N803
+          m: float = 0.7, F: float = 3.0, M: float = 0.4, vz: float = 1.0, e: float = 0.0) -> Any:  # noqa: N803
     """Two beams at an angle, a body at their end, a mass on a spring, loads in time, a moment."""
     one = fb.Section(EA=EA, GA2=4e3, GA3=5e3, GJ=4.0, EI2=EI, EI3=6.0, rhoA=rhoA, rhoI2=rhoI, rhoI3=0.03)
-    a = fb.Beam.straight("a", (0, 0, 0), (2, 0, 0), section=one, elements=3, degree=2, strain=strain)
-    b = fb.Beam.straight("b", (2, 0, 0), (2, 1, 0.3), section=one, elements=2, degree=3, strain=strain)
+    a = fb.Beam.straight("a", (0, 0, 0), (2, 0, 0), section=one, elements=3, degree=2, strain=strain, prestrain=e)
+    b = fb.Beam.straight("b", (2, 0, 0), (2, 1, 0.3), section=one, elements=2, degree=3, strain=strain, prestrain=e)
     body = fb.RigidBody("body", mass=m, inertia=(0.02, 0.03, 0.04), position=(2, 1.2, 0.3))
     bob = fb.PointMass("bob", mass=0.3, position=(1, 0, -1), velocity=(0.1, 0, vz))
     at_end = fb.BallJoint(b.end, body.point((0, -0.2, 0))) if ball else fb.RigidConnection(b.end, body)
@@ -44,7 +45,7 @@ def test_gradients_of_a_run_against_differences(strain: str, ball: bool) -> None
         return sum(float(np.sum(w * of.point(name))) for name, w in places.items()) + sum(
             float(np.sum(w * of.velocity(name))) for name, w in rates.items())
 
-    values = dict(EA=1e4, EI=5.0, rhoA=1.0, rhoI=0.02, m=0.7, M=0.4, vz=1.0)
+    values = dict(EA=1e4, EI=5.0, rhoA=1.0, rhoI=0.02, m=0.7, M=0.4, vz=1.0, e=1e-3)
     base = run(strain, ball, values)
     plain = fb.simulate(fb.compile_scene(swing(strain, ball, **values)[0]), t_end=STEPS * STEP, step=STEP, progress=False)
     np.testing.assert_allclose(base.state.q, plain.state.q, atol=1e-12)
@@ -52,6 +53,7 @@ def test_gradients_of_a_run_against_differences(strain: str, ball: bool) -> None
     node = {entry["name"]: entry for kind in ("beams", "masses") for entry in base.model.names[kind]}
     found = {"EA": sum(x.stiffness[0, 0, 0] for x in by.sections.values()), "m": by.masses["body"],
              "EI": sum(x.stiffness[0, 4, 4] for x in by.sections.values()), "rhoA": sum(x.rhoA[0] for x in by.sections.values()),
+             "e": sum(x.prestrain[0, 0] for x in by.sections.values()),
              "rhoI": sum(x.rhoI2[0] for x in by.sections.values()), "vz": by.velocities[node["bob"]["node"], 2],
              "M": by.moments[node["a"]["first"] + node["a"]["count"] - 1, 2]}
     assert found.keys() == values.keys()
@@ -106,3 +108,58 @@ def test_a_net_by_all_its_sections_and_loads() -> None:
     e = 1e-3
     exact = float(SIXTH @ np.array([go(k * e).point("far")[-1] @ weights for k in AWAY])) / e
     assert own.rhoA.shape == (24,) and total == pytest.approx(exact, rel=1e-7)
+
+
+def turned(vector: Array) -> Array:
+    """Rotation matrix of a rotation vector."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    k = np.cross(np.eye(3), vector / angle)
+    return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k)
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_by_the_shape_at_the_start(flat: bool) -> None:
+    """Nodes of a beam and a spinning body are shifted and turned, their velocities and spins stay: against differences."""
+    y = 0.0 if flat else 1.0
+    one = fb.Section(EA=1e4, GA2=4e3, GA3=5e3, GJ=4.0, EI2=5.0, EI3=6.0, rhoA=1.0, rhoI2=0.02, rhoI3=0.03)
+    arm = fb.Beam.straight("arm", (0, 0, 0), (2, 0, 0), section=one, elements=3, degree=2)
+    body = fb.RigidBody("body", mass=0.7, inertia=(0.02, 0.03, 0.04), position=(2, 0.5 * y, 1.0), velocity=(1.0, y, 0.5),
+                        spin=(2.0 * y, 3.0, -y))
+    stay = fb.Spring(body.point((0.2, 0.1 * y, 0.3)), arm.end, stiffness=40.0, length=0.6)
+    model = fb.compile_scene(fb.Scene(arm, body, fb.Clamp(arm.start), stay, gravity=(0, 0, -9.81)))
+    tip, centre = (model.numbers.number(x) for x in (arm.end, body.center))
+    draw = np.random.default_rng(3)
+    weights = {name: draw.standard_normal((STEPS + 1, 3)) * (1.0, y, 1.0) for name in ("tip", "body")}
+
+    def run(node: int = 0, shift: Array = np.zeros(3), turn: Array = np.zeros(3)) -> Any:
+        state = model.state()
+        q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+        q[node, 0] += shift
+        for x in (q, v):
+            x[node, 1:] = x[node, 1:] @ turned(turn).T
+        spin = 0.5 * np.cross(q[node, 1:], v[node, 1:]).sum(axis=0)
+        known = model.state()
+        before = 0.5 * np.cross(*(x.reshape(-1, 4, 3)[node, 1:] for x in (known.q, known.v))).sum(axis=0)
+        v[node, 1:] += np.cross(before - spin, q[node, 1:])
+        for x in (q, v):
+            x[:] = follow(model, x)
+        return fb.adjoint_run(model, t_end=STEPS * STEP, step=STEP, start=state,
+                              points={"tip": arm.end, "body": body.point((0.1, 0, 0.2))})
+
+    def number(of: Any) -> float:
+        return sum(float(np.sum(w * of.point(name)) + np.sum(w[::-1] * of.velocity(name))) for name, w in weights.items())
+
+    base = run()
+    assert (base._stepper.plane is not None) == flat
+    by = base.gradient(points=weights, velocities={name: w[::-1] for name, w in weights.items()})
+    e = 1e-3
+    for node in (tip, centre):
+        for axis in np.eye(3)[[0, 2]] if flat else np.eye(3):
+            exact = float(SIXTH @ [number(run(node, shift=k * e * axis)) for k in AWAY]) / e
+            assert by.positions[node] @ axis == pytest.approx(exact, rel=1e-7), (node, axis)
+        for axis in np.eye(3)[1:2] if flat else np.eye(3):
+            exact = float(SIXTH @ [number(run(node, turn=k * e * axis)) for k in AWAY]) / e
+            assert by.turns[node] @ axis == pytest.approx(exact, rel=1e-7), (node, axis)
+    assert not by.positions[0].any() and not by.turns[0].any()

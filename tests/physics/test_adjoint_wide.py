@@ -73,12 +73,12 @@ def test_the_twin_in_numpy() -> None:
 
 
 def damped(flat: bool, EA: float = 1e4, d: float = 2e-3, pull: float = 3.0, g: float = -9.81, late: float = 0.0,  # noqa: N803
-           m: float = 0.7, vz: float = 1.0, side: float = 0.0) -> Any:
+           m: float = 0.7, vz: float = 1.0, side: float = 0.0, bent: float = 0.0) -> Any:
     """What dissipates, in the layout of `swing`; flat: everything in one plane."""
     y = 0.0 if flat else 1.0
     one = fb.Section(EA=EA, GA2=4e3, GA3=5e3, GJ=4.0, EI2=5.0, EI3=6.0, rhoA=1.0, rhoI2=0.02, rhoI3=0.03, damping=d)
     a = fb.Beam.straight("a", (0, 0, 0), (2, 0, 0), section=one, elements=3, degree=2)
-    b = fb.Beam.straight("b", (2, 0, 0), (2, 0.8 * y, 0.9), section=one, elements=2, degree=2)
+    b = fb.Beam.straight("b", (2, 0, 0), (2, 0.8 * y, 0.9), section=one, elements=2, degree=2, prestrain=bent)
     body = fb.RigidBody("body", mass=m, inertia=(0.02, 0.03, 0.04), position=(2.1, 0.8 * y, 1.1))
     bob = fb.PointMass("bob", mass=0.3, position=(1, 0, -1), velocity=(0.1, 0, vz))
     mount = fb.Bushing(fb.GROUND.point((2, 0.8 * y, 1)), body.point((-0.1, 0, -0.1)), stiffness=(40, 30, 20, 0.5, 0.4, 0.3),
@@ -105,7 +105,7 @@ def test_what_dissipates_and_what_changes_in_time(flat: bool) -> None:
     if flat:
         for rows in (*places.values(), *rates.values()):
             rows[:, 1] = 0.0
-    values = dict(EA=1e4, d=2e-3, pull=3.0, g=-9.81, late=0.0, m=0.7, vz=1.0)
+    values = dict(EA=1e4, d=2e-3, pull=3.0, g=-9.81, late=0.0, m=0.7, vz=1.0, bent=1e-3)
     run = run_damped(flat, values)
     assert (run._stepper.plane is not None) == flat
     by = run.gradient(points=places, velocities=rates)
@@ -117,7 +117,7 @@ def test_what_dissipates_and_what_changes_in_time(flat: bool) -> None:
              "d": sum(float(x.by(0.0, viscosity=C)[0]) for x in by.sections.values()),
              "pull": float((1 + start + 0.5 * STEP) @ by.factors["load 'pull'"]) / values["pull"],
              "g": by.gravity[2], "late": float(squares @ by.factors["load 'pull'"]), "m": by.masses["body"],
-             "vz": by.velocities[bob, 2]}
+             "vz": by.velocities[bob, 2], "bent": by.sections["b"].prestrain[0, 0]}
     assert found.keys() == values.keys()
     for name, value in values.items():
         e = 2e-3 * (value or 1.0)
@@ -141,9 +141,10 @@ def test_a_scene_in_its_plane_and_in_space() -> None:
     for name, sections in one.sections.items():
         same(sections.stiffness, other.sections[name].stiffness)
         same(sections.viscosity, other.sections[name].viscosity)
+        same(sections.prestrain, other.sections[name].prestrain)
         same(np.array([sections.rhoA, sections.rhoI2, sections.rhoI3]), np.array(
             [getattr(other.sections[name], x) for x in ("rhoA", "rhoI2", "rhoI3")]))
-    for name in ("forces", "moments", "velocities", "spins", "gravity"):
+    for name in ("forces", "moments", "velocities", "spins", "positions", "turns", "gravity"):
         same(getattr(one, name), getattr(other, name))
     for name in places:
         same(one.pushes[name], other.pushes[name])

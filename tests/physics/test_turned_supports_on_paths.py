@@ -13,14 +13,6 @@ SHAFT = fb.Section(EA=1e7, GA2=1e7, GA3=1e7, GJ=100.0, EI2=1.0, EI3=1.0, rhoA=1.
 SOFT = fb.Section(EA=1e4, GA2=4e3, GA3=4e3, GJ=1.5, EI2=2.0, EI3=2.0, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
 
 
-def turned(vector: Any) -> Any:
-    """Rotation matrix of a rotation vector."""
-    x = np.asarray(vector, float)
-    angle = np.linalg.norm(x)
-    k = np.cross(np.eye(3), x / angle)
-    return np.eye(3) - np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
-
-
 def test_shaft_of_greenhill_on_a_path() -> None:
     """M L/EI = 2 x with tan x = x (A. G. Greenhill, 1883), met on the way of the turning end."""
     exact = 2.0 * brentq(lambda x: np.tan(x) - x, 4.4, 4.6, xtol=1e-14)

@@ -193,7 +193,11 @@ def test_sections_of_beams_with_a_prestress() -> None:
     weights = {"middle": (0.5, 0.2, 1.0)}
     taut = fb.sensitivity(build, {"EA": 1e4, "P": 30.0}).gradient(points=weights)
     assert taut.by["EA"] == pytest.approx(taut.sections["beam"].EA[0] - taut.by["P"] * 30.0 / 1e4, rel=1e-8)
+    assert taut.by["P"] == pytest.approx(taut.sections["beam"].prestrain[0, 0] / 1e4, rel=1e-8)
     assert abs(taut.by["P"] * 30.0 / 1e4) > 1e-2 * abs(taut.by["EA"])
     short = fb.sensitivity(build, {"EA": 1e4, "e": 3e-3}).gradient(points=weights)
+    assert short.by["e"] == pytest.approx(short.sections["beam"].prestrain[0, 0], rel=1e-8)
+    stored = fb.sensitivity(build, {"EA": 1e4, "e": 3e-3}).gradient(strain_energy=1.0)
+    assert stored.by["e"] == pytest.approx(stored.sections["beam"].prestrain[0, 0], rel=1e-8)
     assert short.by["EA"] == pytest.approx(short.sections["beam"].EA[0], rel=1e-8)
     assert short.sections["beam"].EA[0] == pytest.approx(taut.sections["beam"].EA[0], rel=1e-9)
