@@ -25,7 +25,9 @@ from .linsolve import check_backend
 from .model import Model, check_model
 from .newton import Stepper
 from .observe import POINTS, Observer
+from .parameters import Build, which_build
 from .plane import TOLERANCE
+from .run_parameters import RunFamily
 from .scene.checks import Place
 from .scene.switches import Switch
 from .section_gradient import beam_numbers
@@ -119,6 +121,8 @@ class RunGradient(NamedTuple):
         By a dead force on an observed point during every step, for loads that change in time.
     sliders : dict of str to RunSliderGradient
         By forces along the beam on all sliders and sleeves.
+    by : dict of str to float
+        By the parameters of `build`.
     """
 
     sections: dict[str, RunSectionGradient]
@@ -133,6 +137,7 @@ class RunGradient(NamedTuple):
     factors: dict[str, Array]
     pushes: dict[str, Array]
     sliders: dict[str, RunSliderGradient]
+    by: dict[str, float]
 
 
 class AdjointRun:
@@ -151,9 +156,10 @@ class AdjointRun:
         What there is to say about the start, as in a `Result`.
     """
 
-    def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Place], h: float, n: int,
-                 every: int) -> None:
+    def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Place], h: float, n: int, every: int,
+                 begins_as_scene: bool) -> None:
         self.model, self._stepper, self._h, self._every = model, stepper, h, every
+        self._begins_as_scene = begins_as_scene
         self.t = h * np.arange(n + 1)
         self.outside = 0
         self.events: list[dict[str, Any]] = []
@@ -246,20 +252,28 @@ class AdjointRun:
         return self._read(name, 1)
 
     @checked(points=Names("must map names of points to weights (3,) or (n + 1, 3)"),
-             velocities=Names("must map names of points to weights (3,) or (n + 1, 3)"))
-    def gradient(self, *, points: Mapping[str, ArrayLike] | None = None,
-                 velocities: Mapping[str, ArrayLike] | None = None) -> RunGradient:
+             velocities=Names("must map names of points to weights (3,) or (n + 1, 3)"), build=which_build,
+             values=Names("must map names of parameters to numbers"), scale=Names("must map names of parameters to sizes"))
+    def gradient(self, *, points: Mapping[str, ArrayLike] | None = None, velocities: Mapping[str, ArrayLike] | None = None,
+                 build: Build | None = None, values: Mapping[str, float] | None = None,
+                 scale: Mapping[str, float] | None = None) -> RunGradient:
         """Derivatives of a weighed sum of positions and velocities of points, backward through all steps once.
 
         Parameters
         ----------
         points, velocities : mapping of str to (3,) or (n + 1, 3)
             Weights: of the last row, or of all rows. Of a function of the run: its derivatives by them.
+        build, values, scale : optional
+            As of `sensitivity`: a function that builds the scene of the run, and returns it with the points, (scene, points);
+            its parameters, anything that the scene depends on smoothly (positions, lengths, offsets, densities), for `.by`. Each
+            takes about as long as one or two runs. A `start` of the run goes along with the reference. Needs all steps
+            (keep_every=1).
 
         Raises
         ------
         SceneError
-            No weights, a point that was not observed, or friction that neither slips nor sticks in a step.
+            No weights, a point that was not observed, or friction that neither slips nor sticks in a step. Of parameters: build
+            returns another scene, or other parts for other values; the scene depends on one in steps; friction holds a slider.
         ConvergenceError
             The tangent of a step is singular.
         """
@@ -270,14 +284,18 @@ class AdjointRun:
             raise SceneError(f"gradient: in the step from t = {self.t[k]:.6g} s neither slipping nor sticking of slider {name!r} "
                              "solved the equations; what was taken between them (theory.md 5.6) has no derivative; use smaller "
                              "steps, or smoothing= in its friction")
-        wanted = [*self._weights(points or {}, False), *self._weights(velocities or {}, True)]
+        rows = self._rows_of(points or {}, False) | self._rows_of(velocities or {}, True)
+        wanted = [Weights(*self._points[name], weights, is_rate) for (name, is_rate), weights in rows.items()]
+        family = self._family(rows, build, values, scale)
         plane, n = self._stepper.plane, self.t.size - 1
         # what points out of the plane depends on what leads out of it
-        flat = plane is not None and all(
+        flat = plane is not None and family is None and all(
             np.max(np.abs(x.rows @ plane.axes[2])) <= TOLERANCE * np.max(np.abs(x.rows)) for x in wanted)
         assert self.model.uneliminated is not None
         own = self.model.uneliminated(planar=flat, solver="auto")
         back = Backward(own, flat, 0.0, self._h, n, wanted, list(self._points.values()))
+        if family is not None:
+            back.keep_solutions()
         part = None
         for first in reversed(range(0, n, self._every)):
             part = self._again(first)
@@ -292,9 +310,33 @@ class AdjointRun:
                                        time=float(self.t[error.args[0]]), state=self.state) from None
         assert part is not None
         self.outside = back.outside
-        return self._found(back.sums(part.q[0], part.v[0]))
+        by = {} if family is None else {
+            name: family.by(name, back, part, rows, self._begins_as_scene) for name in family.values}
+        return self._found(back.sums(part.q[0], part.v[0]), by)
 
-    def _found(self, sums: Sums) -> RunGradient:
+    def _family(self, rows: Mapping[tuple[str, bool], Array], build: Build | None, values: Mapping[str, float] | None,
+                scale: Mapping[str, float] | None) -> RunFamily | None:
+        """Of the parameters of `gradient`.
+
+        Raises
+        ------
+        SceneError
+        """
+        if build is None and not values and not scale:
+            return None
+        if build is None or not values:
+            raise SceneError("gradient: derivatives by parameters need both build=..., a function that builds the scene, and "
+                             "values={...}, its parameters")
+        if self._every < self.t.size - 1:
+            raise SceneError("gradient: derivatives by parameters of build need all steps of the run; leave keep_every out")
+        assert self._stretch is not None
+        held = np.flatnonzero(np.any(self._stretch.rest != 0.0, axis=0))
+        if held.size:
+            raise SceneError(f"gradient: friction holds slider {self.model.names['sliders'][held[0]]!r} in some steps; of such "
+                             "runs there are no derivatives by parameters of build here, but those by sections, masses and loads")
+        return RunFamily(self.model, dict.fromkeys(name for name, _ in rows), build, values, scale)
+
+    def _found(self, sums: Sums, by: dict[str, float]) -> RunGradient:
         """By the names of the scene."""
         model = self.model
         sections = {name: RunSectionGradient(sums.stiffness[part], *sums.inertia[part].T, sums.viscosity[part],
@@ -310,10 +352,11 @@ class AdjointRun:
         sliders = {name: RunSliderGradient(of.along[:, k].copy(), of.place[:, k].copy(), float(of.friction[k]),
                                            float(of.viscous[k])) for k, name in enumerate(model.names["sliders"])}
         return RunGradient(sections, masses, sums.forces, sums.moments, sums.velocities, sums.spins, sums.positions, sums.turns,
-                           sums.gravity, factors, pushes, sliders)
+                           sums.gravity, factors, pushes, sliders, by)
 
-    def _weights(self, given: Mapping[str, ArrayLike], is_rate: bool) -> list[Weights]:
-        out = []
+    def _rows_of(self, given: Mapping[str, ArrayLike], is_rate: bool) -> dict[tuple[str, bool], Array]:
+        """Weights of points [n + 1, 3], by their names and whether they are of velocities."""
+        out = {}
         for name, value in given.items():
             if name not in self._points:
                 there = ", ".join(map(repr, self._points)) or "none"
@@ -324,7 +367,7 @@ class AdjointRun:
                                  f"got {shown(value)}")
             rows = np.zeros((self.t.size, 3))
             rows[(slice(None) if found.ndim == 2 else -1)] = found
-            out.append(Weights(*self._points[name], rows, is_rate))
+            out[name, is_rate] = rows
         return out
 
 
@@ -388,7 +431,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     notes: list[tuple[str, str]] = []
     if start is not None:
         start, notes = check_start(model, start, step)
-    run = AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every)
+    run = AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every,
+                     start is None)
     run.events = [{"kind": kind, "time": 0.0, "text": text} for kind, text in notes]
     return run
 

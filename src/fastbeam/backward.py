@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,22 +19,18 @@ from .kernels.section_sums import SectionSums
 from .kernels.slider import Sliding
 from .kernels.terms import Loads, NoTies
 from .kernels.work import aligned
-from .linsolve import SMALL
-from .mkl import load_mkl
 from .load_times import load_factors, mean_factors
 from .maps import vector_masses
 from .model import Model
 from .newton import AUGMENTATION, Stepper
 from .planar import strain_maps
-from .saddle import Factors
 from .section_gradient import beam_numbers, moduli_of
+from .transposed import TransposedSolver
 from .workspace import contact_of, entries_of
 
 Array = np.ndarray
 # s; compiled calls last about as long, so that Ctrl-C is seen between them
 CALL_TIME = 0.1
-# relative residual of a solution with the transposed tangent
-GOOD = 1e-13
 
 
 class Stretch(NamedTuple):
@@ -154,8 +149,10 @@ class Backward:
         self.sections = self._sections()
         factor = np.ones(n) if model.gravity_time is None else mean_factors(model.gravity_time, self.times, np.full(n, h))
         self.gravity_factor, self.gravity = factor, factor[:, None] * (self.within @ model.gravity)
-        self.solver = _Outside(stepper)
+        self.solver = TransposedSolver(stepper)
         self.outside = 0
+        # adjoint solutions of all steps, where they are kept
+        self.solutions: tuple[Array, Array] | None = None
 
     # --- tables ---------------------------------------------------------------------------------------------------------
     def _shares(self, nodes: Array, shares: Array) -> list[tuple[Array, Array]]:
@@ -230,20 +227,16 @@ class Backward:
     def through(self, part: Stretch) -> None:
         """Backward through some steps, the last ones that are left."""
         first, n = part.first, len(part.dphi)
-        motions, stretch = self.core.motions, slice(first, first + n)
-        values = part.values if motions is None else np.ascontiguousarray(part.values[:, motions.rows])
-        steps = Steps(part.q, part.v, part.dphi, part.theta, part.s, part.force, self.gravity[stretch], part.sign, part.rest,
-                      values)
+        stretch = slice(first, first + n)
+        terms, steps = self._terms_and_steps(part)
         of_sliders = self.found.sliders
         found = self.found._replace(
             load=self.found.load[stretch], weight=self.found.weight[stretch], place=self.found.place[stretch],
             sliders=of_sliders._replace(along=of_sliders.along[stretch], place=of_sliders.place[stretch]))
-        terms = (*self.stepper._schedules(float(self.times[0]), self.h, n, first), *self.terms)
-        if self.timed:
-            terms = (Loads(self.core.loads, load_factors(self.whole, self.times[stretch], np.full(n, self.h))), *terms)
         if self.core.pattern.plan is None:
             for k in range(n - 1, -1, -1):
                 self._one(terms, steps, found, k, first)
+                self._keep(first + k)
             return
         left, burst = n, 1
         while left > 0:
@@ -256,8 +249,42 @@ class Backward:
                 left -= 1
                 self.outside += 1
                 self._one(terms, steps, found, left, first)
+            if self.solutions is not None:
+                # one step a call
+                self._keep(first + left)
             elif time.perf_counter() - begin < 0.5 * CALL_TIME:
                 burst *= 2
+
+    def _terms_and_steps(self, part: Stretch) -> tuple[tuple[Any, ...], Steps]:
+        """What the kernels take of some steps."""
+        first, n = part.first, len(part.dphi)
+        motions, stretch = self.core.motions, slice(first, first + n)
+        values = part.values if motions is None else np.ascontiguousarray(part.values[:, motions.rows])
+        steps = Steps(part.q, part.v, part.dphi, part.theta, part.s, part.force, self.gravity[stretch], part.sign, part.rest,
+                      values)
+        terms = (*self.stepper._schedules(float(self.times[0]), self.h, n, first), *self.terms)
+        if self.timed:
+            terms = (Loads(self.core.loads, load_factors(self.whole, self.times[stretch], np.full(n, self.h))), *terms)
+        return terms, steps
+
+    def keep_solutions(self) -> None:
+        """From now on keep the adjoint solutions of all steps: of rows [n, 8 (rows + 1)], of equations of constraints [n, m]."""
+        border, n = self.adjoint.border, self.times.size
+        self.solutions = np.zeros((n, self.adjoint.x.size)), np.zeros((n, border.y.size if isinstance(border, Border) else 0))
+
+    def _keep(self, k: int) -> None:
+        """The solution of step k."""
+        if self.solutions is not None:
+            self.solutions[0][k] = self.adjoint.x
+            if self.solutions[1].size:
+                self.solutions[1][k] = self.adjoint.border.y
+
+    def unbalanced(self, part: Stretch, x: Array, y: Array) -> Array:
+        """What is unbalanced in steps of a run of another scene, times its adjoint solutions x, y, of every step [n]."""
+        out = np.zeros(len(part.dphi))
+        terms, steps = self._terms_and_steps(part)
+        kernels.sum_unbalanced(terms, self.system, self.adjoint, steps, self.h, x, y, out)
+        return out
 
     def _one(self, terms: tuple[Any, ...], steps: Steps, found: Found, k: int, first: int) -> None:
         """One step around a solver outside.
@@ -360,107 +387,6 @@ class Backward:
         return strain_maps(*self._angle(node))[0]
 
 
-class _Outside:
-    """Solutions with the transposed matrix of a stepper by PARDISO, or SuperLU.
-
-    Parameters
-    ----------
-    stepper : Stepper
-    """
-
-    def __init__(self, stepper: Stepper) -> None:
-        self.stepper, self.structure = stepper, None
-        self.mkl: Any = None
-        self.factors: Factors | None = None
-
-    def _begin(self) -> None:
-        """The structure of tangents by columns, and where their entries stand in the blocks."""
-        core = self.stepper.core
-        size, n = core.pattern.keys.size, len(core.dofs)
-        numbered = self.stepper.linear.superlu.matrix(np.arange(1.0, 8.0 * n * size + 1.0).reshape(-1, n, 8))
-        self.place = numbered.data.astype(np.int64) - 1
-        self.structure = numbered.indices, numbered.indptr
-        self.mkl = load_mkl()
-
-    def _bordered(self, matrix: Any, terms: Any, system: Any) -> Any:
-        """With columns and lines of constraints, by columns; of the terms of a system what turns with sleeves."""
-        from scipy import sparse
-        contact, core = self.stepper.contact, self.stepper.core
-        assert contact is not None
-        n, size = len(core.dofs), core.border
-        count = len(contact.entries)
-        free = np.ones((core.pattern.n, n))
-        if core.held is not None:
-            seen = core.held.row < core.pattern.n
-            free[core.held.row[seen]] *= 1 - (core.held.mask[seen, None] >> np.arange(n) & 1)
-        parts = []
-        for of in (contact.column, contact.line):
-            out = np.zeros((core.pattern.n, n, count, size))
-            for k in range(count):
-                for m in range(contact.entries[k]):
-                    out[contact.row[k, m], :, k] += of[k].reshape(-1, n, 8)[m, :, :size]
-            parts.append(sparse.csr_matrix((free[:, :, None, None] * out).reshape(core.pattern.n * n, count * size)))
-        corner = sparse.block_diag([x.reshape(8, 8)[:size, :size] for x in contact.corner]).tolil()
-        for (slide, moments), (by_moments, by_s) in zip(size * contact.pair, contact.cross):
-            for a in range(int(contact.forces[moments // size])):
-                corner[slide + core.dim, moments + a] += by_moments[a]
-                corner[moments + a, slide + core.dim] += by_s[a]
-        matrix = matrix + self._turning(free, terms, system)
-        return sparse.bmat([[matrix, parts[0]], [parts[1].T, corner]], format="csc")
-
-    def _turning(self, free: Array, terms: Any, system: Any) -> Any:
-        """E of theory.md (13.13), by columns; free [rows, n]: 0 where a row is held."""
-        from scipy import sparse
-        contact, core = self.stepper.contact, self.stepper.core
-        assert contact is not None
-        n, d = core.pattern.n, core.dim
-        found = sparse.lil_matrix((n * len(core.dofs), n * len(core.dofs)))
-        rows = {int(row) for c in contact.pair[:, 1] for row in contact.row[c, :contact.entries[c]]}
-        for row in rows:
-            for i in range(d, len(core.dofs)):
-                x, out = aligned(8 * (core.n_nodes + 1)), aligned(8 * (core.n_nodes + 1))
-                x[8 * row + i] = free[row, i]
-                kernels.turn_rows(terms, system, x, out)
-                found[len(core.dofs) * row + i] = -(free * out.reshape(-1, 8)[:n, :len(core.dofs)]).reshape(-1)
-        return found.tocsc()
-
-    def solve(self, blocks: Array, right: Array, terms: Any, system: Any) -> Array | None:
-        """x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the step."""
-        from scipy import sparse
-        if self.structure is None:
-            self._begin()
-        n = len(self.stepper.core.dofs) * self.stepper.core.pattern.n
-        matrix = sparse.csc_matrix((blocks[self.place], *self.structure), shape=(n, n))
-        if right.size > n:
-            matrix = self._bordered(matrix, terms, system)
-        back = matrix.T
-        solved: Any = None
-        # the structure of a border changes as sliders go on
-        if self.mkl is not None and right.size == n:
-            if self.factors is None:
-                self.factors = Factors(self.mkl, threads=1 if right.size < SMALL else self.mkl.MKL_Get_Max_Threads())
-            if self.factors.factor(back.tocsr()):
-                solved = self.factors.solve
-        if solved is None:
-            from scipy.sparse.linalg import splu
-            try:
-                lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-            except RuntimeError:
-                try:
-                    lu = splu(matrix)
-                except RuntimeError:
-                    return None
-            solved = partial(lu.solve, trans="T")
-        x = np.asarray(solved(right))
-        size = float(np.linalg.norm(right)) or 1.0
-        for _ in range(2):
-            rest = right - back @ x
-            if np.linalg.norm(rest) <= GOOD * size:
-                break
-            x = x + solved(rest)
-        return x if np.isfinite(x).all() else None
-
-
 def _as_taken(term: Any) -> Any:
     """A term of a run for the way back: forces along beams in the branches that steps took."""
     if isinstance(term, Sliding) and isinstance(term.along, Along):
@@ -470,4 +396,3 @@ def _as_taken(term: Any) -> Any:
 
 def _name(strains: Any) -> str:
     return {"SimoReissner": "simo_reissner", "GreenLagrange": "green_lagrange"}[type(strains).__name__]
-

@@ -11,10 +11,10 @@ from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .load_times import load_factors_at
 from .model import Model
-from .parameters import CHANGES, SHARE, SIXTH, Build, Family
+from .parameters import CHANGES, SHARE, SIXTH, Build, Family, which_build
 from .response import OutOfPlane, Response, at_shape
 from .saddle import Saddle
-from .sensitivities import family_of, which_build
+from .sensitivities import family_of
 from .starting import check_start
 from .statics import START, which_sliders
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arguments import LARGEST, shown
+from .arguments import LARGEST, Refusal, shown
 from .compile import compile_scene
 from .errors import SceneError
 from .model import Model
@@ -27,6 +27,18 @@ SMOOTH = 1e-5
 FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 
 
+def which_build(value: Any) -> Build:
+    """A function.
+
+    Raises
+    ------
+    Refusal
+    """
+    if not callable(value) or isinstance(value, type):
+        raise Refusal(f"must be a function of the parameters by their names that returns a scene, got {shown(value)}")
+    return value
+
+
 class Built(NamedTuple):
     """A scene at values of its parameters."""
 
@@ -44,28 +56,30 @@ class Family:
     values : dict of str to float
     scale : dict of str to float
         Sizes of parameters; default: those of their values.
+    who : str
+        The function that is called, for messages.
     """
 
-    def __init__(self, build: Build, values: Mapping[str, float], scale: Mapping[str, float]) -> None:
-        self._build, self.values = build, dict(values)
+    def __init__(self, build: Build, values: Mapping[str, float], scale: Mapping[str, float], who: str = "sensitivity") -> None:
+        self._build, self.values, self._who = build, dict(values), who
         for name in scale:
             if name not in values:
-                raise SceneError(f"sensitivity, scale: there is no parameter {name!r}; values has {_listed(values)}")
+                raise SceneError(f"{self._who}, scale: there is no parameter {name!r}; values has {_listed(values)}")
         self.steps = {}
         for name, value in values.items():
             size = abs(scale.get(name, value))
             if size == 0.0:
-                raise SceneError(f"sensitivity: parameter {name!r} is 0, which says nothing about its size; give "
+                raise SceneError(f"{self._who}: parameter {name!r} is 0, which says nothing about its size; give "
                                  f"scale={{{name!r}: ...}}, a change that matters in its unit")
             self.steps[name] = SHARE * size
-        scene, points = self._called({})
+        scene, points = self.called({})
         # the model for whoever solves, and the one in whose tables nothing is eliminated
         self.model, self.points = compile_scene(scene), points
-        check_values(values)
+        check_values(values, who)
         self._base: dict[bool, Built] = {}
         self._around: dict[tuple[str, bool], list[Built]] = {}
 
-    def _called(self, changed: Mapping[str, float]) -> tuple[Scene, dict[str, Place]]:
+    def called(self, changed: Mapping[str, float]) -> tuple[Scene, dict[str, Place]]:
         """What build returns.
 
         Raises
@@ -78,10 +92,10 @@ class Family:
         except SceneError:
             raise
         except TypeError as error:
-            raise SceneError(f"sensitivity, build: could not be called with {_listed(self.values)}: {error}") from error
+            raise SceneError(f"{self._who}, build: could not be called with {_listed(self.values)}: {error}") from error
         scene, points = out if isinstance(out, tuple) and len(out) == 2 else (out, {})
         if not isinstance(scene, Scene) or not isinstance(points, Mapping):
-            raise SceneError("sensitivity, build: must return a Scene, or a Scene and a mapping of names to points, got "
+            raise SceneError(f"{self._who}, build: must return a Scene, or a Scene and a mapping of names to points, got "
                              f"{shown(out)}")
         return scene, dict(points)
 
@@ -108,20 +122,23 @@ class Family:
         return self._around[key]
 
     def _built(self, changed: Mapping[str, float], flat: bool) -> Built:
-        scene, points = self._called(changed)
+        scene, points = self.called(changed)
         model = compile_scene(scene, solver="sparse", eliminate_inner=False, condense=False, planar="auto" if flat else False)
         return Built(replace(model, uneliminated=_Itself(model)), points)
 
     def _compare(self, built: Built, name: str, flat: bool) -> None:
-        base, other = self.base(flat).model, built.model
-        same = _parts(base) == _parts(other) and base.constraint_names == other.constraint_names
-        same = same and list(self.points) == list(built.points) and base.reaction_names == other.reaction_names
-        same = same and np.array_equal(base.held_mask, other.held_mask) and len(base.loads) == len(other.loads)
-        same = same and np.array_equal(base.spin_root, other.spin_root) and np.array_equal(base.spinless, other.spinless)
-        if not same:
-            raise SceneError(f"sensitivity: parameter {name!r} changes what the scene is made of (parts, nodes, supports, joints "
+        if not self.is_alike(self.base(flat).model, built.model) or list(self.points) != list(built.points):
+            raise SceneError(f"{self._who}: parameter {name!r} changes what the scene is made of (parts, nodes, supports, joints "
                              "or points), so there is no derivative; let build return the same parts with the same elements for "
                              "all values near the given ones")
+
+    @staticmethod
+    def is_alike(base: Model, other: Model) -> bool:
+        """Whether two models have the same parts, nodes, supports, joints and loads."""
+        same = _parts(base) == _parts(other) and base.constraint_names == other.constraint_names
+        same = same and base.reaction_names == other.reaction_names
+        same = same and np.array_equal(base.held_mask, other.held_mask) and len(base.loads) == len(other.loads)
+        return same and np.array_equal(base.spin_root, other.spin_root) and np.array_equal(base.spinless, other.spinless)
 
     def slope(self, name: str, six: Any) -> Array:
         """Derivative by parameter `name` of what was evaluated in the six scenes, with an error of order 6 in the change."""
@@ -151,7 +168,7 @@ def _parts(model: Model) -> list[tuple[Any, ...]]:
             for entry in model.names.get(kind, [])]
 
 
-def check_values(values: Mapping[str, Any]) -> None:
+def check_values(values: Mapping[str, Any], who: str) -> None:
     """Refuse numbers that are too large to be changed.
 
     Raises
@@ -160,7 +177,7 @@ def check_values(values: Mapping[str, Any]) -> None:
     """
     for name, value in values.items():
         if not abs(value) <= LARGEST:
-            raise SceneError(f"sensitivity, values: parameter {name!r} must be a finite number, got {shown(value)}")
+            raise SceneError(f"{who}, values: parameter {name!r} must be a finite number, got {shown(value)}")
 
 
 def _listed(values: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Count, Flag, Listing, Names, Number, Refusal, Word, checked, number, shown
+from .arguments import Count, Flag, Listing, Names, Number, Word, checked, number, shown
 from .errors import ConvergenceError, SceneError
 from .frequency_slopes import FrequencySlopes, Linearised, frequency_slopes
 from .kernels.work import State
@@ -16,7 +16,7 @@ from .load_times import factor_at, load_factors_at
 from .model import Model
 from .observe import Observer
 from .objective import Linear, Objective
-from .parameters import CHANGES, Build, Family
+from .parameters import CHANGES, Build, Family, which_build
 from .reactions import reactions_of
 from .response import OutOfPlane, Response, Solver, at_shape
 from .result import Result
@@ -316,18 +316,6 @@ class Sensitivity:
         lines = [f"sensitivity of scene {self.model.scene_name!r} by {len(self.values)} parameters"]
         lines += [f"  {name} = {value:g}: accuracy {self.accuracy[name]:.1e}" for name, value in self.values.items()]
         return "\n".join(lines)
-
-
-def which_build(value: Any) -> Build:
-    """A function.
-
-    Raises
-    ------
-    Refusal
-    """
-    if not callable(value) or isinstance(value, type):
-        raise Refusal(f"must be a function of the parameters by their names that returns a scene, got {shown(value)}")
-    return value
 
 
 def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[str, Any] | None,

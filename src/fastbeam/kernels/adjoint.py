@@ -15,7 +15,7 @@ import numpy as np
 from .._generic import generic
 from .._records import in_memory
 from .._jit import kernel
-from .adjoint_border import add_transposed, begin_border, drop_held, end_border, put_slides, solve_step
+from .adjoint_border import add_transposed, begin_border, drop_held, end_border, equations_product, put_slides, solve_step
 from .adjoint_sliders import add_slides, add_start, add_turning, put_branch, put_start
 from .algebra import add2, add3, cross, cross2, ld2, ld3, perp, st2, st3
 from .kinds import Plane, Space, coordinates, dim
@@ -394,6 +394,23 @@ def half_step_back(all_terms, whole_system, sums, whole_adjoint, all_steps, want
 def turn_rows(all_terms, whole_system, x, rows_out):
     """For a solver outside: `add_turning` of all terms."""
     add_turning.each(in_memory(all_terms), in_memory(whole_system), x, rows_out)
+
+
+@kernel
+def sum_unbalanced(all_terms, whole_system, whole_adjoint, all_steps, h, x, y, out):
+    """Of steps of another scene what is unbalanced, times the adjoint solutions x [n, 8 (rows + 1)] of their rows and
+    y [n, m] of their constraints, into out [n]."""
+    terms, system = in_memory(all_terms), in_memory(whole_system)
+    adjoint, steps = in_memory(whole_adjoint), in_memory(all_steps)
+    for k in range(out.shape[0]):
+        put_step(system, adjoint.border, steps, k, False)
+        put_branch.each(terms, system, steps, h, k, False)
+        put_loads.each(terms, system, k)
+        assemble_step(terms, system, h)
+        s = equations_product.call(adjoint.border, system, y[k])
+        for i in range(x.shape[1] - 8):
+            s += x[k, i] * system.work.r[i]
+        out[k] = s
 
 
 @kernel

@@ -172,6 +172,29 @@ def end_border(border, system, of_nodes, shape_out):
     """What the border of the step backward in time adds to the adjoint of the start; of_nodes: the solution."""
 
 
+@generic
+def equations_product(border, system, y):
+    """What is left in the equations of constraints times y."""
+
+
+@equations_product.register(NoBorder)
+@kernel
+def no_equations(border, system, y):
+    return 0.0
+
+
+@equations_product.register(Border)
+@kernel
+def product_with_equations(border, system, y):
+    contact = system.contact
+    size = 2 * dim(system.dofs) + 1
+    s = 0.0
+    for k in range(contact.entries.shape[0]):
+        for i in range(size):
+            s += y[size * k + i] * contact.residual[k, i]
+    return s
+
+
 @put_slides.register(NoBorder)
 @kernel
 def put_no_slides(border, system, steps, k, at, to):

@@ -1,0 +1,168 @@
+"""Derivatives of runs by parameters of a function that builds their scene, from the adjoint solutions of all steps (theory.md
+(13.16))."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .arguments import number
+from .backward import Backward, Stretch, Weights
+from .compile import compile_scene
+from .connections import held_axes
+from .errors import SceneError
+from .mapping import follow
+from .model import Model
+from .observe import Observer
+from .parameters import CHANGES, Build, Family
+from .scene.checks import Place
+
+Array = np.ndarray
+# of the scene that build returns: coordinates may be off those of the run by so much of its size
+SAME = 1e-9
+# round-off of a sum over a step, next to the sizes of what it adds up
+NOISE = 1e-10
+
+
+class RunFamily:
+    """The scenes around that of a run.
+
+    Parameters
+    ----------
+    model : Model
+        Of the run.
+    names : sequence of str
+        Points that the number is made of.
+    build, values, scale
+        As in `sensitivity`.
+
+    Raises
+    ------
+    SceneError
+        build does not return the scene of the run.
+    """
+
+    def __init__(self, model: Model, names: Any, build: Build, values: Mapping[str, float],
+                 scale: Mapping[str, float] | None) -> None:
+        who = "gradient, {}: parameter {!r}"
+        self.values = {name: number(who.format("values", name), x) for name, x in values.items()}
+        sizes = {name: number(who.format("scale", name), x) for name, x in (scale or {}).items()}
+        self._family = Family(build, self.values, sizes, "gradient")
+        self.model, self._names = model, list(names)
+        found = self._family.model
+        same = self._family.is_alike(model, found) and found.q0.shape == model.q0.shape
+        off = max((float(np.max(np.abs(x - y), initial=0.0)) for x, y in ((found.q0, model.q0), (found.s0, model.s0))),
+                  default=0.0) if same else np.inf
+        if not off <= SAME * model.length:
+            raise SceneError("gradient, build: with these values it does not build the scene of the run; give the values of the "
+                             "run, and let it return the same parts")
+        missing = [name for name in self._names if name not in self._family.points]
+        if missing:
+            raise SceneError(f"gradient, build: has to return the points too, (scene, points); there is no {missing[0]!r}")
+
+    def by(self, name: str, run: Backward, part: Stretch, wanted: Mapping[tuple[str, bool], Array], at_reference: bool) -> float:
+        """Derivative by a parameter of a number of a run.
+
+        Parameters
+        ----------
+        name : str
+        run : Backward
+            That has been through all steps, and has kept their solutions.
+        part : Stretch
+            All steps, in space.
+        wanted : mapping of (str, bool) to float64 [n + 1, 3]
+            Weights of points, and of their velocities (True).
+        at_reference : bool
+            The run began with the velocities of the scene.
+        """
+        assert run.solutions is not None
+        rows = []
+        for change in CHANGES:
+            scene, points = self._family.called({name: self.values[name] + change * self._family.steps[name]})
+            found = compile_scene(scene)
+            if not self._family.is_alike(self.model, found):
+                raise SceneError(f"gradient: parameter {name!r} changes what the scene is made of (parts, nodes, supports, "
+                                 "joints or points), so there is no derivative")
+            assert found.uneliminated is not None
+            rows.append(self._row(run, part, found.uneliminated(planar=False, solver="auto"), points, wanted, at_reference))
+        noise = NOISE * float(np.max(np.abs(rows)))
+        if not self._family.is_smooth(rows, np.ones(rows[0].size), noise):
+            raise SceneError(f"gradient: the scene is no smooth function of parameter {name!r} near {self.values[name]:g}: "
+                             "differences of order 4 and 6 disagree; look for steps and kinks in what build does with it, or "
+                             "give a smaller scale={...}")
+        return float(np.sum(self._family.slope(name, rows)))
+
+    def _row(self, run: Backward, part: Stretch, model: Model, points: Mapping[str, Place],
+             wanted: Mapping[tuple[str, bool], Array], at_reference: bool) -> Array:
+        """Of a scene around, at the motion of the run as its reference takes it along: less what is unbalanced in all steps, the
+        number itself, and what its start adds, [n + 2]."""
+        assert run.solutions is not None
+        places = Observer(model, (), {name: points[name] for name in self._names}).points.places
+        weights = [Weights(*places[name], rows, is_rate) for (name, is_rate), rows in wanted.items()]
+        own = Backward(model, False, float(run.times[0]), run.h, run.times.size, weights, [])
+        if not np.array_equal(own.core.pattern.row_of, run.core.pattern.row_of):
+            raise SceneError("gradient: build returns scenes with other connections between their parts")
+        moved = along(run, own, self.model, model, part)
+        out = -own.unbalanced(moved, *run.solutions)
+        value = sum(float(np.einsum("ma,tmac,tc->", x.shares, (moved.v if x.is_rate else moved.q).reshape(
+            len(moved.q), -1, 4, 3)[:, x.nodes], x.rows)) for x in weights)
+        first = float(run.adjoint.rate @ (model.v0 - moved.v[0])) if at_reference else 0.0
+        return np.concatenate((out, (value, first)))
+
+
+def along(run: Backward, own: Backward, before: Model, after: Model, part: Stretch) -> Stretch:
+    """The motion of a run in another scene: nodes are displaced from its reference, and turned, as they were from their own, and
+    supports that move do so as they do there.
+
+    Parameters
+    ----------
+    run, own : Backward
+        Of the run, and of the other scene.
+    before, after : Model
+        Their models.
+    part : Stretch
+        All steps, in space.
+    """
+    one, other = (x.q0.reshape(-1, 4, 3) for x in (before, after))
+    mix = np.einsum("nik,njk->nij", other[:, 1:], one[:, 1:])
+    turns = np.flatnonzero(np.any(other[:, 1:] != one[:, 1:], axis=(1, 2)))
+    q, v = (x.reshape(len(x), -1, 4, 3).copy() for x in (part.q, part.v))
+    q[:, :, 0] += other[:, 0] - one[:, 0]
+    for x in (q, v):
+        x[:, turns, 1:] = np.einsum("nij,tnjc->tnic", mix[turns], x[:, turns, 1:])
+    n = len(part.dphi)
+    dphi, theta = (x.reshape(n, -1, 3).copy() for x in (part.dphi, part.theta))
+    if after.prescribed is not None:
+        _move_supports(run, own, after, q, v, dphi, theta)
+    if after.ties is not None:
+        for x in (q, v):
+            x[:] = [follow(after, row) for row in x]
+        tied = after.ties.slave
+        dphi[:, tied] = np.diff(q[:, tied, 0], axis=0)
+    values = part.values
+    if after.motions is not None:
+        values = np.array([after.motions.values(row, known) for row, known in zip(q, part.values)])
+    return part._replace(q=q.reshape(n + 1, -1), v=v.reshape(n + 1, -1), dphi=dphi.reshape(n, -1), theta=theta.reshape(n, -1),
+                         s=part.s + (after.s0 - before.s0), values=values)
+
+
+def _move_supports(run: Backward, own: Backward, model: Model, q: Array, v: Array, dphi: Array, theta: Array) -> None:
+    """Let supports of a model go as their functions say, from where they are in row 0; all by rows of steps, nodes."""
+    times, n = np.append(run.times, run.times[-1] + run.h), len(dphi)
+    given, before = (x.core.prescribed.schedule(times, x.stepper.prescribed) for x in (own, run))
+    masks = own.stepper.prescribed.mask
+    held = held_axes(masks)
+    v[0, model.prescribed.nodes] = model.v0.reshape(-1, 4, 3)[model.prescribed.nodes]
+    for node, k in zip(model.prescribed.nodes, model.prescribed.motion_of_node):
+        more = np.where(held[k], given[:, k, :3] - before[:, k, :3], 0.0)
+        q[1:, node, 0] += np.cumsum(more, axis=0)
+        dphi[:, node] += more
+        if masks[k] & 56:
+            theta[:, node] = given[:, k, 3:]
+            for i in range(n):
+                w, d = given[i, k, 3:], q[i, node, 1:]
+                e = np.cross(w, d)
+                q[i + 1, node, 1:] = d + (e + 0.5 * np.cross(w, e)) / (1.0 + 0.25 * w @ w)
+        for i in range(n):
+            v[i + 1, node] = 2.0 / run.h * (q[i + 1, node] - q[i, node]) - v[i, node]
