@@ -32,17 +32,23 @@ def roof(n: int, areas: np.ndarray | float) -> fb.Net:
 
 
 def chain(elements: int, EI: float = 25.0) -> tuple[fb.Model, dict[str, fb.NodeRef]]:  # noqa: N803
-    """A clamped chain of beams of two cubic elements each, a mass at its end, in space."""
+    """`links`, compiled."""
+    scene, points = links(elements, EI)
+    return fb.compile_scene(scene), points
+
+
+def links(elements: int, EI: float = 25.0, size: float = 0.2) -> tuple[fb.Scene, dict[str, fb.NodeRef]]:  # noqa: N803
+    """A clamped chain of beams of two cubic elements each, a mass at its end, in space; size: length of a beam, m."""
     section = fb.Section(EA=1e5, GA2=4e4, GA3=4e4, GJ=20.0, EI2=EI, EI3=25.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
     ends = np.zeros((elements // 2 + 1, 3))
-    ends[:, 0] = 0.2 * np.arange(len(ends))
+    ends[:, 0] = size * np.arange(len(ends))
     beams = [fb.Beam.straight(f"b{k}", a, b, section=section, elements=2, degree=3)
              for k, (a, b) in enumerate(zip(ends, ends[1:]))]
     mass = fb.PointMass("mass", mass=0.5, position=ends[-1])
     joints = [fb.RigidConnection(a.end, b.start) for a, b in zip(beams, beams[1:])]
     scene = fb.Scene(*beams, mass, *joints, fb.RigidConnection(beams[-1].end, mass), fb.Clamp(beams[0].start),
                      fb.Load("pull", beams[-1].end, force=(0, 2.0, 1.0)), gravity=(0, 0, -9.81))
-    return fb.compile_scene(scene), {"tip": beams[-1].end}
+    return scene, {"tip": beams[-1].end}
 
 
 def rail(elements: int) -> tuple[fb.Model, dict[str, fb.NodeRef]]:
@@ -59,7 +65,7 @@ def rail(elements: int) -> tuple[fb.Model, dict[str, fb.NodeRef]]:
 def run(elements: int, steps: int, h: float = 2e-3, slides: bool = False) -> None:
     """Processor time of the run that remembers its steps and of its gradient, next to that of `simulate`; the best of three."""
     model, points = rail(elements) if slides else chain(elements)
-    best = np.full(3, np.inf)
+    best = np.full(4, np.inf)
     for k in range(4):
         begin = [time.process_time()]
         result = fb.simulate(model, t_end=steps * h, step=h, points=points, progress=False)
@@ -68,10 +74,13 @@ def run(elements: int, steps: int, h: float = 2e-3, slides: bool = False) -> Non
         begin.append(time.process_time())
         by = kept.gradient(points={"tip": (0, 0, 1)})
         begin.append(time.process_time())
+        if not slides:
+            one = kept.gradient(points={"tip": (0, 0, 1)}, values={"size": 0.2}, build=lambda size: links(elements, size=size))
+        begin.append(time.process_time())
         if k:
             best = np.minimum(best, np.diff(begin))
     sections = sum(9 * len(x.rhoA) for x in by.sections.values())
-    plain, forward, backward = best.tolist()
+    plain, forward, backward, with_length = best.tolist()
     label = "cable with a sleeve" if slides else "chain"
     print(f"{label} of {elements} cubic elements, {model.n_unknowns} unknowns, {steps} steps, "
           f"{np.mean(result.series['iterations'][1:]):.2f} iterations a step")
@@ -81,20 +90,26 @@ def run(elements: int, steps: int, h: float = 2e-3, slides: bool = False) -> Non
           f"{by.velocities.size + by.spins.size} initial velocities")
     print(f"                                                {backward:8.2f} s   {backward / plain:.2f} of simulate, together "
           f"{(forward + backward) / plain:.2f}")
+    if not slides:
+        more = with_length - backward
+        print(f"  by the length of all beams too, of a function   {more:6.2f} s   {more / plain:.2f} of simulate "
+              f"({one.by['size']:.12e})")
 
 
 def exact(elements: int, steps: int, h: float = 2e-3) -> None:
     """A derivative against a difference of order 6 of runs."""
-    def go(EI: float) -> fb.AdjointRun:  # noqa: N803
-        model, points = chain(elements, EI)
+    def go(EI: float = 25.0, size: float = 0.2) -> fb.AdjointRun:  # noqa: N803
+        scene, points = links(elements, EI, size)
+        model = fb.compile_scene(scene)
         return fb.adjoint_run(model, t_end=steps * h, step=h, points=points)
 
-    e, away = 0.05, np.arange(-3, 4)
-    found = sum(x.stiffness[:, 4, 4].sum() for x in go(25.0).gradient(points={"tip": (0, 0, 1)}).sections.values())
-    rows = np.array([go(25.0 + k * e).point("tip")[-1, 2] for k in away])
-    slope = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60 @ rows / e
-    print(f"  of {steps} steps of {elements} elements, by EI of all: {found:.12e}, difference of runs {slope:.12e}, "
-          f"off by {abs(found / slope - 1):.1e}")
+    by = go().gradient(points={"tip": (0, 0, 1)}, values={"size": 0.2}, build=lambda size: links(elements, size=size))
+    of_EI = sum(x.stiffness[:, 4, 4].sum() for x in by.sections.values())  # noqa: N806
+    for name, at, e, found in (("EI", 25.0, 0.05, of_EI), ("size", 0.2, 4e-5, by.by["size"])):
+        rows = np.array([go(**{name: at + k * e}).point("tip")[-1, 2] for k in np.arange(-3, 4)])
+        slope = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60 @ rows / e
+        print(f"  of {steps} steps of {elements} elements, by {name} of all: {found:.12e}, difference of runs {slope:.12e}, "
+              f"off by {abs(found / slope - 1):.1e}")
 
 
 def main() -> None:

@@ -266,7 +266,7 @@ class AdjointRun:
         build, values, scale : optional
             As of `sensitivity`: a function that builds the scene of the run, and returns it with the points, (scene, points);
             its parameters, anything that the scene depends on smoothly (positions, lengths, offsets, densities), for `.by`. Each
-            takes about as long as one or two runs. A `start` of the run goes along with the reference. Needs all steps
+            takes about as long as three or four runs. A `start` of the run goes along with the reference. Needs all steps
             (keep_every=1).
 
         Raises

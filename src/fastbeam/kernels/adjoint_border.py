@@ -2,7 +2,7 @@
 (13.9), (13.12)).
 
 Arrays: blocks [8 n (blocks + 1)]; pivots [n rows]; rows, columns [blocks]; x, y_out, shape_out, of_nodes [8 (rows + 1)];
-of_border [m].
+of_border, y [m].
 """
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ Sums stay in lanes, element by element, over all steps; who asks for them adds u
 
 Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
 lanes: layout.py has their places; rates [12 N], in a plane [4 N]; gravity [n, 3], in a plane [n, 2]; stiffness, viscosity,
-change, inertia and out [*], addresses of the sums of a group.
+changes_out, inertia and out [*], addresses of the sums of a group.
 """
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def gather_rates(dofs, rates, tables, no, scratch, qo):
 
 
 @generic
-def add_point(dofs, method, strains, constants, reference, g, scratch, at, stiffness, viscosity, all_changes):
+def add_point(dofs, method, strains, constants, reference, g, scratch, at, stiffness, viscosity, changes_out):
     """What point g adds to the sums by C and D, and to those of changes of strains."""
 
 
@@ -97,7 +97,7 @@ def add_rate_of_strain(law, k, change, scratch, e, out):
 
 @add_point.register(Space)
 @kernel
-def add_point_in_space(dofs, method, strains, constants, reference, g, scratch, at, stiffness, viscosity, all_changes):
+def add_point_in_space(dofs, method, strains, constants, reference, g, scratch, at, stiffness, viscosity, changes_out):
     to = at.point + at.point_size * g
     ao = at.points + at.point_stride * g + SHAPES_AT
     zo = at.blocks
@@ -109,7 +109,7 @@ def add_point_in_space(dofs, method, strains, constants, reference, g, scratch, 
     w = vld(constants, to, 0)
     for i in range(6):
         change = w * vld(scratch, zo + TEMPORARY + 8 * i, 0)
-        vst(all_changes, 8 * i, 0, vld(all_changes, 8 * i, 0) + change)
+        vst(changes_out, 8 * i, 0, vld(changes_out, 8 * i, 0) + change)
         for j in range(6):
             k = 48 * i + 8 * j
             e = zo + STRAINS + 8 * j
@@ -146,7 +146,7 @@ def add_planar_rates(law, change, half, out):
 
 @add_point.register(Plane)
 @kernel
-def add_point_in_plane(dofs, method, strains, constants, reference, g, scratch, at, stiffness, viscosity, all_changes):
+def add_point_in_plane(dofs, method, strains, constants, reference, g, scratch, at, stiffness, viscosity, changes_out):
     to = at.point + at.point_size * g
     middle, end = planar_shapes(constants, to, at.nn, scratch, 0)
     step, _ = planar_shapes(constants, to, at.nn, scratch, at.increment)
@@ -156,7 +156,7 @@ def add_point_in_plane(dofs, method, strains, constants, reference, g, scratch, 
     e = 0.5 * (before + present) - vld3(reference, 24 * g, 8)
     data = planar_point_data.call(strains, middle, start, end)
     change = vld(constants, to, 0) * planar_changes.call(strains, data, middle, step)
-    add_row(0, -1.0, change, all_changes)
+    add_row(0, -1.0, change, changes_out)
     add_row(0, component0(change), e, stiffness)
     add_row(24, component1(change), e, stiffness)
     add_row(48, component2(change), e, stiffness)
