@@ -87,7 +87,8 @@ class StaticMotion:
         place = np.where(self._along, places - now[:, 0], 0.0)
         out[:, :3] = np.where(np.abs(place) <= ROUND_OFF * self._size, 0.0, place)
         turns = self._turns
-        out[turns, 3:] = _turns_left(triads[turns], now[turns, 1:])
+        if turns.size:
+            out[turns, 3:] = _turns_left(triads[turns], now[turns, 1:])
         return out if out.any() else None
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
