@@ -101,15 +101,17 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     Raises
     ------
     SceneError
-        A scene that is not compiled or not held, an argument out of range, sliders with friction, drives, stops or locks, drives
-        in joints.
+        A scene that is not compiled or not held, an argument out of range, sliders with Coulomb friction, prescribed motions,
+        rigid stops or locks, drives in joints.
     ConvergenceError
         It does not come to rest, a step fails, a slider runs off its beam; carries the last shape and the result until then.
     Interrupted
         By Ctrl-C; carries the same.
     """
     check_model("relax", model)
-    check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
+    check_slider_forces("relax", model, np.zeros(model.n_sliders, bool), smooth=True)
+    if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(np.ones(model.n_sliders, bool)):
+        raise SceneError("relax: drives have time functions; say with at_time=... where to evaluate them")
     refuse_winches("relax", model)
     refuse_added("relax", model, "no equilibrium depends on it; leave it out")
     check_backend(backend)
@@ -346,6 +348,7 @@ class _Motion:
             solver = StaticSolver(at_rest, state, self.max_iterations, self.backend)
         solver.interrupts = self.interrupts
         solver.set_time(self.at_time, 1.0)
+        solver.move_to(1.0)
         # loads of the model in hand have their factors in them
         ones = np.ones(len(at_rest.loads))
         status, sizes = solver.equilibrium(ones)
@@ -360,7 +363,9 @@ class _Motion:
                             f"scene "
                             "is symmetric, disturb it by a small load, or begin elsewhere")
             return False
-        if self.energies(solver.state)[2] > reached + HIGHER * (self.lost + abs(reached)) and not solver.moments:
+        # what pushes along beams, and moments, do work of their own
+        closed = not solver.moments and self.model.slider_forces is None
+        if closed and self.energies(solver.state)[2] > reached + HIGHER * (self.lost + abs(reached)):
             self.refused = "the equilibrium that Newton's method finds from there lies higher"
             return False
         counted_in = "plane" if flat and (self.model.asked_for_plane or not self.held_in_space) else "space"

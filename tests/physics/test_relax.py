@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 import fastbeam as fb
 
@@ -202,3 +202,57 @@ def test_a_cable_on_two_pins_hangs_in_a_wind_from_the_side_where_statics_refuse_
     expected = np.stack((plane[:, 0], -plane[:, 2] * wind / total, plane[:, 2] * weight / total), axis=1)
     assert np.max(expected[:, 1]) > 0.6
     np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
+def trolley(elements: int = 12, **options: Any) -> fb.Model:
+    """A ring of 20 N on a slack, light and thin cable between two pins."""
+    thin = fb.Section(EA=1e5, GA2=4e4, GA3=4e4, GJ=0.1, EI2=0.1, EI3=0.1, rhoA=1e-3, rhoI2=1e-8, rhoI3=1e-8)
+    cable = fb.Beam.straight("cable", (0, 0, 0), (4, 0, 0), section=thin, elements=elements, prestrain=-0.08)
+    ring = fb.PointMass("ring", mass=2.0)
+    return fb.compile_scene(fb.Scene(cable, ring, fb.Pin(cable.start), fb.Pin(cable.end),
+                                     fb.Slider("hook", ring, cable, at=0.6, **options), gravity=(0, 0, -10.0)), planar=True)
+
+
+def test_a_ring_that_a_drive_pushes_along_a_slack_cable() -> None:
+    """Of a string without weight and stiffness: the ring on its ellipse, where 20 N z - 3 N s is least."""
+    def potential(s: float) -> float:
+        a, length = 1.08 * s, 4.32
+        x = (a * a - (length - a)**2 + 16.0) / 8.0
+        return -20.0 * float(np.sqrt(max(a * a - x * x, 0.0))) - 3.0 * s
+
+    expected = float(minimize_scalar(potential, bounds=(0.5, 3.5), method="bounded", options={"xatol": 1e-10}).x)
+    found = fb.relax(trolley(48, drive=fb.Drive(force=3.0)))
+    assert found.info["finished"] and found.info["unstable_directions"] == 0
+    assert found.series["s_slide"][-1, 0] == pytest.approx(expected, rel=1e-2)
+
+
+@pytest.mark.parametrize("options", [
+    {"drive": fb.Drive(force=3.0)}, {"drive": fb.Drive(force=lambda t: 1.0 + 4.0 * t)},
+    {"drive": fb.Drive(force=3.0), "friction": fb.Friction(0.0, viscous=2.0)},
+    {"drive": fb.Drive(force=8.0), "stops": fb.Stops(start=0.2, end=3.0, stiffness=1e4)},
+    {"stops": fb.Stops(start=0.2, end=0.9, stiffness=1e4)}])
+def test_drives_viscous_friction_and_elastic_stops_of_sliders(options: dict[str, Any]) -> None:
+    """What the motion finds is an equilibrium of `solve_static`; stops carry what the drive and the slope leave."""
+    model = trolley(**options)
+    timed = 0.5 if "drive" in options and callable(options["drive"].force) else None
+    found = fb.relax(model, at_time=timed)
+    assert found.info["finished"] and found.info["unstable_directions"] == 0
+    again = fb.solve_static(model, start=found.state, load_step=1.0, largest_load_step=1.0, at_time=timed)
+    np.testing.assert_allclose(places(again.state), places(found.state), atol=1e-9)
+    np.testing.assert_allclose(again.series["s_slide"][-1], found.series["s_slide"][-1], atol=1e-9)
+    if "stops" in options:
+        stop = options["stops"].end
+        assert stop < found.series["s_slide"][-1, 0] < stop + 20.0 / 1e4
+    elif timed is None and "friction" not in options:
+        for others in ({"drive": fb.Drive(force=lambda t: 1.0 + 4.0 * t)}, {"friction": fb.Friction(0.0, viscous=2.0)}):
+            other = fb.solve_static(trolley(**options | others), start=found.state, load_step=1.0, largest_load_step=1.0,
+                                    at_time=0.5)
+            np.testing.assert_allclose(places(other.state), places(found.state), atol=1e-9)
+
+
+def test_what_relax_does_not_know_along_beams() -> None:
+    with pytest.raises(fb.SceneError, match="relax: drives have time functions; say with at_time="):
+        fb.relax(trolley(drive=fb.Drive(force=lambda t: t)))
+    for options in ({"friction": 0.2}, {"stops": fb.Stops(start=0.2, end=3.0)}, {"drive": fb.Drive(speed=1.0)}):
+        with pytest.raises(fb.SceneError, match="relax: slider 'hook' has Coulomb friction, a prescribed motion, rigid stops"):
+            fb.relax(trolley(**options))
