@@ -161,6 +161,8 @@ def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: St
     family, stays = family_of("critical_sensitivity", build, values, scale, held, backend)
     model = family.model
     state, _ = check_start(model, state, 1.0, at_rest=True)
+    if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
+        raise SceneError("critical_sensitivity: drives have time functions; say with at_time=... where to evaluate them")
 
     def factors(of: Model, factor: float = load_factor) -> Array:
         return factor * load_factors_at("critical_sensitivity", of, at_time)
@@ -228,7 +230,7 @@ def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_f
         found = []
         for k in CHANGES:
             factor = load_factor + k * size * loads
-            found.append(point.curvature(at_shape(base, own, factors(own, factor), way, k * size)))
+            found.append(point.curvature(at_shape(base, own, factors(own, factor), way, k * size, factor)))
         return float(SIXTH @ np.array(found)) / size
 
     by_load = along(point.solved(point.loads), step, True)

@@ -123,7 +123,8 @@ class Response(SlidingSolver):
         return np.asarray(self.contacts.rows @ x[:self.nodes]).reshape(-1, 6)
 
 
-def at_shape(like: Response, model: Model, factors: Array, way: Array, length: float) -> Response:
+def at_shape(like: Response, model: Model, factors: Array, way: Array, length: float,
+             load_factor: float | None = None) -> Response:
     """The response of another scene of the family at the shape of the first, moved with its reference and along a way.
 
     Parameters
@@ -138,6 +139,8 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
         Derivatives of the unknowns beside the motion with the reference.
     length : float
         How far along.
+    load_factor : float, optional
+        Of what pushes sliders; default: that of the first.
     """
     state, own = like.state, like.stepper.model
     before, after = (x.q0.reshape(-1, 4, 3) for x in (own, model))
@@ -156,7 +159,7 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
     if own_plane is not None and (plane is None or np.max(np.abs(plane.axes - own_plane.axes)) > 1e-9):
         raise OutOfPlane
     out = Response(model, start, like.held, own_plane is not None, "superlu", float(like.stepper.law_work[0]), factors,
-                   float(like.stepper.law_work[1]))
+                   float(like.stepper.law_work[1]) if load_factor is None else load_factor)
     if (out.stepper.plane is None) != (own_plane is None):
         raise OutOfPlane
     n = like.nodes + s.size

@@ -332,7 +332,7 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     check_backend(backend)
     family = Family(build, numbers_of, sizes)
     model, stays = family.model, held_sliders(family.model, held)
-    check_slider_forces(who, model, stays, smooth=who == "sensitivity")
+    check_slider_forces(who, model, stays, smooth=True)
     if model.prescribed is not None:
         raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "
                          "there, at a place that build computes")

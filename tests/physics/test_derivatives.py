@@ -361,6 +361,54 @@ def test_a_strip_that_buckles_out_of_its_plane() -> None:
         assert found.by[name] == pytest.approx(power * factor / v[name], rel=1e-4), name
 
 
+def test_the_force_of_a_drive_that_snaps_a_bead_through() -> None:
+    """On a rail beside the anchor of a spring: F L = -k (1 - l/r) (x - s), r^2 = (x - s)^2 + h^2, is largest where
+    r^3 = l h^2."""
+    values = dict(F=10.0, k=20.0, l=1.0, h=0.6)
+
+    def build(F: float, k: float, l: float, h: float) -> fb.Scene:  # noqa: E741, N803
+        stiff = fb.Section(EA=1e6, GA2=1e6, GA3=1e6, GJ=1e3, EI2=1e3, EI3=1e3, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
+        rail = fb.Beam.straight("rail", (0, 0, 0), (4, 0, 0), section=stiff, elements=4)
+        bead = fb.PointMass("bead", mass=1.0)
+        return fb.Scene(rail, bead, fb.Spring(bead, fb.GROUND.point((2.0, 0.0, h)), stiffness=k, length=l),
+                        *(fb.Clamp(rail.node(i)) for i in range(rail.n_nodes)),
+                        fb.Slider("s", bead, rail, at=1.2, drive=fb.Drive(force=F)))
+
+    at = fb.solve_path(fb.compile_scene(build(**values)), stop_at="limit")
+    factor = at.series["load_factor"][-1]
+    found = fb.critical_sensitivity(build, values, state=at.state, load_factor=factor)
+    assert found.kind == "limit"
+    r = (values["l"] * values["h"]**2)**(1.0 / 3.0)
+    d = np.sqrt(r * r - values["h"]**2)
+    load = -values["k"] * (1.0 - values["l"] / r) * d / values["F"]
+    exact = {"F": -load / values["F"], "k": load / values["k"], "l": values["k"] * d / r / values["F"],
+             "h": -values["k"] * values["l"] * d * values["h"] / r**3 / values["F"]}
+    assert factor == pytest.approx(load, rel=1e-9)
+    for name, value in exact.items():
+        assert found.by[name] == pytest.approx(value, rel=1e-7), name
+
+
+def test_a_column_that_a_drive_presses_on() -> None:
+    """A bead at its end slides on a stiff rail: F L = pi^2 EI/l^2, but for its compression."""
+    values = dict(F=10.0, EI=1.0, length=1.0)
+
+    def build(F: float, EI: float, length: float) -> fb.Scene:  # noqa: N803
+        column = fb.Beam.straight("column", (0, 0, 0), (length, 0, 0), elements=8, section=fb.Section(
+            EA=1e7, GA2=1e7, GA3=1e7, GJ=1.0, EI2=EI, EI3=EI, rhoA=1.0, rhoI2=0.1, rhoI3=0.1))
+        stiff = fb.Section(EA=1e6, GA2=1e6, GA3=1e6, GJ=1e3, EI2=1e3, EI3=1e3, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
+        rail = fb.Beam.straight("rail", (length - 0.5, 0, 0), (length + 0.5, 0, 0), section=stiff, elements=1)
+        return fb.Scene(column, rail, fb.Pin(column.start), *(fb.Clamp(rail.node(i)) for i in range(rail.n_nodes)),
+                        fb.Slider("s", column.end, rail, at=0.5, drive=fb.Drive(force=-F)))
+
+    at = fb.solve_path(fb.compile_scene(build(**values), planar=True), to=2.0, stop_at="bifurcation")
+    factor = at.series["load_factor"][-1]
+    found = fb.critical_sensitivity(build, values, state=at.state, load_factor=factor)
+    assert found.kind == "bifurcation"
+    assert factor == pytest.approx(np.pi**2 / 10.0, rel=1e-5)
+    for name, power in (("F", -1), ("EI", 1), ("length", -2)):
+        assert found.by[name] == pytest.approx(power * factor / values[name], rel=1e-5), name
+
+
 def test_snap_load_of_a_truss_is_homogeneous() -> None:
     """Two bars and two across: the limit load is EA f(h/b)/F, so its derivatives are known but for one, which a difference of the
     exact limit tells."""
