@@ -330,7 +330,10 @@ class AdjointRun:
         if self._every < self.t.size - 1:
             raise SceneError("gradient: derivatives by parameters of build need all steps of the run; leave keep_every out")
         assert self._stretch is not None
-        held = np.flatnonzero(np.any(self._stretch.rest != 0.0, axis=0))
+        forces = self.model.slider_forces
+        held = np.zeros(0, np.int64)
+        if forces is not None:
+            held = np.flatnonzero(forces.hold_by_friction & np.any(self._stretch.sign == 0, axis=0))
         if held.size:
             raise SceneError(f"gradient: friction holds slider {self.model.names['sliders'][held[0]]!r} in some steps; of such "
                              "runs there are no derivatives by parameters of build here, but those by sections, masses and loads")

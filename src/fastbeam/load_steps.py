@@ -133,7 +133,7 @@ class LoadSteps:
         # what spins may fly freely
         self.held_in_space = task.steady is not None or check_supports(model, self.flat)
         Observer(model, task.observe, task.points)  # refuses what does not exist; at rest there is only energy to record
-        self.observed = "slider", *(kind for kind in task.observe if kind in RECORDED)
+        self.observed = "slider", "joint", *(kind for kind in task.observe if kind in RECORDED)
         self.observer = Observer(model, self.observed, task.points)
         self.reactions = reactions_of(self.solver, self.observer)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],

@@ -52,7 +52,7 @@ class PathWalk:
         # quantities that end the path, and how far they are off their values
         self.wanted, self.off = wanted, np.zeros(0)
         self.resolution = Resolution(model)
-        self.observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
+        self.observer = Observer(model, ("slider", "joint", *(kind for kind in observe if kind in RECORDED)), points)
         self.reactions = reactions_of(solver, self.observer)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
                                      "conservative": not solver.is_unsymmetric,
@@ -259,7 +259,8 @@ class PathWalk:
         """
         found, _ = self.solver.branches(self.solver.unstable() or 0, self.step)
         if not found:
-            raise ConvergenceError("solve_path: no direction was found in which a path branches off the start",
+            raise ConvergenceError("solve_path: no direction was found in which a path branches off the start; give a "
+                                   "smaller step=, or more elements (a coarse mesh keeps some branches of a symmetry only)",
                                    state=self.solver.state, result=self.finish())
         if branch >= len(found):
             raise SceneError(f"branch: {branch} does not exist, {len(found)} directions lead away from the start, counted from 0")

@@ -195,7 +195,7 @@ class _Motion:
         self.stepper.core_state.v[:] = 0.0
         self.interrupts = Interrupts()
         Observer(model, observe, points)
-        kinds = ("slider", "energy", *(kind for kind in observe if kind in ("section", "spring", "orientation")))
+        kinds = ("slider", "joint", "energy", *(kind for kind in observe if kind in ("section", "spring", "orientation")))
         self.observer = Observer(model, kinds, points)
         self.meter = Observer(at_rest, ("energy",), None)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,

@@ -12,6 +12,8 @@ from .backward import Backward, Stretch, Weights
 from .compile import compile_scene
 from .connections import held_axes
 from .errors import SceneError
+from .kernels.adjoint_border import Border
+from .kernels.curves import Curves, Paths
 from .mapping import follow
 from .model import Model
 from .observe import Observer
@@ -107,7 +109,11 @@ class RunFamily:
         out = -own.unbalanced(moved, *run.solutions)
         value = sum(float(np.einsum("ma,tmac,tc->", x.shares, (moved.v if x.is_rate else moved.q).reshape(
             len(moved.q), -1, 4, 3)[:, x.nodes], x.rows)) for x in weights)
-        first = float(run.adjoint.rate @ (model.v0 - moved.v[0])) if at_reference else 0.0
+        first = 0.0
+        if at_reference:
+            first = float(run.adjoint.rate @ (model.v0 - moved.v[0]))
+            if isinstance(run.adjoint.border, Border):
+                first += float(run.adjoint.border.slide @ (model.s0 - moved.s[0]))
         return np.concatenate((out, (value, first)))
 
 
@@ -144,7 +150,28 @@ def along(run: Backward, own: Backward, before: Model, after: Model, part: Stret
     if after.motions is not None:
         values = np.array([after.motions.values(row, known) for row, known in zip(q, part.values)])
     return part._replace(q=q.reshape(n + 1, -1), v=v.reshape(n + 1, -1), dphi=dphi.reshape(n, -1), theta=theta.reshape(n, -1),
-                         s=part.s + (after.s0 - before.s0), values=values)
+                         s=_places(before, after, part.s), values=values)
+
+
+def _places(before: Model, after: Model, s: Array) -> Array:
+    """Arc lengths of sliders [n + 1, S] at the same places in the same elements of another scene: shape functions have kinks at
+    the ends of elements."""
+    if before.sliders is None or after.sliders is None:
+        return s
+    out = np.empty_like(s)
+    for k, c in enumerate(before.sliders.curve.tolist()):
+        (x, around), (y, whole) = (_ends(model.curves, c) for model in (before, after))
+        rounds = np.floor(s[:, k] / around) if around else np.zeros(len(s))
+        local = s[:, k] - rounds * around
+        beyond = np.minimum(local - x[0], 0.0) + np.maximum(local - x[-1], 0.0)
+        out[:, k] = np.interp(local, x, y) + beyond + rounds * whole
+    return out
+
+
+def _ends(curves: Curves | Paths, c: int) -> tuple[Array, float]:
+    """Of the elements of curve c, arc lengths, and its length where it is closed, else 0."""
+    _, count, first, *_ = curves.meta[c].tolist()
+    return curves.ends[first:first + count + 1], float(curves.period[c]) if isinstance(curves, Paths) else 0.0
 
 
 def _move_supports(run: Backward, own: Backward, model: Model, q: Array, v: Array, dphi: Array, theta: Array) -> None:

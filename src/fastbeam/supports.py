@@ -152,6 +152,9 @@ def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> 
     try:
         node = int(model.numbers.number(at))
     except KeyError:
+        if isinstance(at.owner, RigidBody):
+            raise SceneError(f"{who} of {at.label}: a support there holds the whole body; name {at.owner.label}, which is moved "
+                             "at its centre of mass") from None
         raise SceneError(f"{who} of {at.label}: it is not in scene {model.scene_name!r}") from None
     same = np.flatnonzero((model.pattern.row_of == model.pattern.row_of[node]) & (held & axes == axes))
     if not same.size:

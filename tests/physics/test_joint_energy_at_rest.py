@@ -25,6 +25,7 @@ def test_weight_on_a_hinge_with_a_spring(how: str) -> None:
     found = fb.relax(model) if how == "relax" else fb.solve_static(model) if how == "static" else fb.solve_path(
         model, observe=("energy",))
     assert found.series["joint_energy"][-1, 0] == pytest.approx(0.5 * STIFF * angle**2, rel=1e-9)
+    assert found.joint("hinge")["angle"][-1] == pytest.approx(angle, rel=1e-9)
     assert found.series["strain"][-1] == pytest.approx(0.5 * STIFF * angle**2, rel=1e-9)
 
 

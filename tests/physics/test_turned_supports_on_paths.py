@@ -51,6 +51,16 @@ def test_a_pin_is_not_turned() -> None:
         fb.solve_path(model, moves={pin: (0, 0, 0, 1.0)})
 
 
+def test_a_support_at_a_point_of_a_body() -> None:
+    hub = fb.RigidBody("hub", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0))
+    rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=SOFT, elements=2)
+    clamp = fb.Clamp(hub.point((0.3, 0, 0)))
+    model = fb.compile_scene(fb.Scene(hub, rod, clamp, fb.RigidConnection(hub, rod.start)))
+    with pytest.raises(fb.SceneError, match="a support there holds the whole body; name body 'hub'"):
+        fb.solve_path(model, moves={clamp: (0, 0, 0, 0, 0, 1.0)})
+    assert fb.solve_path(model, moves={hub: (0, 0, 0, 0, 0, 1.0)}).series["load_factor"][-1] == 1.0
+
+
 def machine(moves: bool) -> tuple[fb.Model, Any, dict[str, Any]]:
     """A body that carries a beam, a ring on this, a strut on a hinge beside the body and a rod from there to the ground; what
     turns is the body."""
