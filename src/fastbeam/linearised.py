@@ -261,7 +261,7 @@ class Linearisation:
     def spread(self, vectors: Array) -> tuple[Array, Array]:
         """Unknowns [k, m] as displacements and spins of all nodes [m, N, 3] each."""
         rates = (self.lift @ vectors).T.reshape(vectors.shape[1], len(self.q), 4, 3)
-        d, spins = self.q[:, 1:], np.empty((len(rates), len(self.q), 3))
+        d, spins = self.q[:, 1:], np.empty((len(rates), len(self.q), 3), rates.dtype)
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             # in a tenth of the time of np.cross
             spins[:, :, i] = 0.5 * (np.einsum("na,mna->mn", d[:, :, j], rates[:, :, 1:, k])
