@@ -177,5 +177,5 @@ def test_what_relax_refuses(arguments: dict[str, Any], message: str) -> None:
         fb.relax(model(), **arguments)
     rail, mass = straight("rail", (0, 0, 0), (3, 0, 0)), fb.PointMass("bead", mass=0.5)
     rubs = fb.Scene(rail, mass, fb.Slider("run", mass, rail, at=1.0, friction=0.2), fb.Clamp(rail.start))
-    with pytest.raises(fb.SceneError, match="relax: slider 'run' has friction"):
+    with pytest.raises(fb.SceneError, match="relax: slider 'run' has Coulomb friction"):
         fb.relax(fb.compile_scene(rubs))
