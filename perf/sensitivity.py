@@ -94,8 +94,8 @@ def run(elements: int, steps: int, h: float = 2e-3, slides: bool = False) -> Non
           f"{by.velocities.size + by.spins.size} initial velocities")
     print(f"                                                {backward:8.2f} s   {backward / plain:.2f} of simulate, together "
           f"{(forward + backward) / plain:.2f}")
-    print(f"  the same with every {round(steps**0.5)}th state kept           {recomputed:8.2f} s   {recomputed / plain:.2f} of simulate, "
-          f"together {(few + recomputed) / plain:.2f}")
+    print(f"  the same with every {round(steps**0.5)}th state kept           {recomputed:8.2f} s   {recomputed / plain:.2f} of "
+          f"simulate, together {(few + recomputed) / plain:.2f}")
     if not slides:
         more = with_length - backward
         print(f"  by the length of all beams too, of a function   {more:6.2f} s   {more / plain:.2f} of simulate "
