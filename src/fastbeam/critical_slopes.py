@@ -161,8 +161,8 @@ def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: St
     family, stays = family_of("critical_sensitivity", build, values, scale, held, backend)
     model = family.model
     state, _ = check_start(model, state, 1.0, at_rest=True)
-    if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
-        raise SceneError("critical_sensitivity: drives have time functions; say with at_time=... where to evaluate them")
+    if model.slider_forces is not None:
+        model.slider_forces.check_times("critical_sensitivity", ~stays, at_time)
 
     def factors(of: Model, factor: float = load_factor) -> Array:
         return factor * load_factors_at("critical_sensitivity", of, at_time)

@@ -28,7 +28,7 @@ from .starting import check_start
 from .static_motion import StaticShift, leave_plane
 from .static_strains import StrainPath, prestrains_of
 from .statics import START, check_slider_forces, held_sliders, which_sliders
-from .supports import check_supports, standing_supports, supported
+from .supports import check_supports, check_turned, standing_supports, supported
 from .winches import refuse_winches
 
 Array = np.ndarray
@@ -142,9 +142,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     stays = held_sliders(model, held)
     check_slider_forces("solve_path", model, stays, smooth=True)
     drives = model.slider_forces
-    if drives is not None and (at_time is None or isinstance(at_time, tuple)) and drives.has_functions(~stays):
-        raise SceneError("solve_path: drives have time functions; say with at_time=... where to evaluate them, one time for "
-                         "the whole path")
+    if drives is not None:
+        drives.check_times("solve_path", ~stays, None if isinstance(at_time, tuple) else at_time, ", one time for the whole path")
     refuse_winches("solve_path", model)
     check_backend(backend)
     step = min(step, largest_step)
@@ -228,9 +227,8 @@ def _moves(model: Model, moves: Any) -> dict[int, Array]:
         axes = int(np.sum(np.array([1, 2, 4])[vector[:3] != 0.0]))
         if axes or turns:
             node = supported("solve_path: moves=", model, what, held, axes)
-            if turns and held[node] & 56 != 56:
-                raise SceneError(f"solve_path: moves= turns {model.labels[node]}, whose triad no support holds; give a "
-                                 "displacement (3 numbers), or clamp it")
+            if turns:
+                check_turned("solve_path: moves=", model, node, held)
             out[node] = vector
     if not out:
         raise SceneError("solve_path, moves: all displacements and turns are zero, got " + shown(moves))

@@ -19,7 +19,7 @@ from .responses import FrequencyResponse
 from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .scene.checks import Place
 from .statics import START, which_sliders
-from .supports import standing_supports, supported
+from .supports import check_turned, standing_supports, supported
 from .unpacked import distributed
 from .vibration import equilibrium_of, linearised_at
 
@@ -381,9 +381,8 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
         for what, value in base.items():
             vector = _vector(f"base= of {shown(what)}", value)
             node = supported("frequency_response: base=", model, what, held)
-            if vector.size == 6 and held[node] & 56 != 56:
-                raise SceneError(f"frequency_response: base= turns {model.labels[node]}, whose triad no support holds; give a "
-                                 "displacement (3 numbers), or clamp it")
+            if vector.size == 6:
+                check_turned("frequency_response: base=", model, node, held)
             vectors[node] = vector
     else:
         vector = _vector("base=", base)

@@ -13,10 +13,10 @@ from .kernels import step as kernels
 from .kernels.nodes import Held
 from .kernels.work import State
 from .maps import mass_map, velocity_map
-from .mapping import follow
+from .mapping import follow, turned
 from .model import Model
 from .newton import Stepper
-from .starting import mended, turned
+from .starting import mended
 from .static_contact import SaddleMatrix, StaticContacts
 from .steady import Spin, SteadyForces, Travel
 
@@ -136,7 +136,7 @@ class Linearisation:
             matrix = self._saddle.of(work.blocks, border, self.sliding, 0.0)
             keep = np.concatenate((self.free, np.arange(self._saddle.nodes, self._saddle.n)))
             slope = np.where(self.sliding, -border.sliding, 0.0)
-            right = np.concatenate((right, slope, border.gap.reshape(-1), border.joint_gap))
+            right = np.concatenate((right, slope, border.gaps))
         if self.steady is not None:
             more = self.steady.stiffness(self.q)
             more.resize(matrix.shape)

@@ -44,6 +44,13 @@ def follow(model: Model, x: Array) -> Array:
     return out
 
 
+def turned(triads: Array, spins: Array) -> Array:
+    """Triads [N, 3, 3] turned by Cayley vectors [N, 3]."""
+    w = spins[:, None, :]
+    d = np.cross(w, triads)
+    return triads + (d + 0.5 * np.cross(w, d)) / (1.0 + 0.25 * np.sum(w**2, axis=2, keepdims=True))
+
+
 def nodes_of_curve(curves: Curves | Paths, c: int) -> Array:
     """Numbers [n] of the nodes of curve c, along it."""
     first, n = int(curves.meta[c, FIRST_NODE]), int(curves.shape[c, NODES_OF_CURVE])

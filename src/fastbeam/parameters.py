@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arguments import LARGEST, Refusal, shown
+from .arguments import LARGEST, Refusal, number, shown
 from .compile import compile_scene
 from .errors import SceneError
 from .model import Model
@@ -118,7 +118,8 @@ class Family:
         if key not in self._around:
             self._around[key] = [self._built({name: self.values[name] + k * self.steps[name]}, flat) for k in CHANGES]
             for built in self._around[key]:
-                self._compare(built, name, flat)
+                self.check_alike(name, self.is_alike(self.base(flat).model, built.model)
+                                 and list(self.points) == list(built.points))
         return self._around[key]
 
     def _built(self, changed: Mapping[str, float], flat: bool) -> Built:
@@ -126,8 +127,14 @@ class Family:
         model = compile_scene(scene, solver="sparse", eliminate_inner=False, condense=False, planar="auto" if flat else False)
         return Built(replace(model, uneliminated=_Itself(model)), points)
 
-    def _compare(self, built: Built, name: str, flat: bool) -> None:
-        if not self.is_alike(self.base(flat).model, built.model) or list(self.points) != list(built.points):
+    def check_alike(self, name: str, is_alike: bool) -> None:
+        """Refuse a parameter around whose value the scene has other parts.
+
+        Raises
+        ------
+        SceneError
+        """
+        if not is_alike:
             raise SceneError(f"{self._who}: parameter {name!r} changes what the scene is made of (parts, nodes, supports, joints "
                              "or points), so there is no derivative; let build return the same parts with the same elements for "
                              "all values near the given ones")
@@ -144,11 +151,20 @@ class Family:
         """Derivative by parameter `name` of what was evaluated in the six scenes, with an error of order 6 in the change."""
         return np.tensordot(SIXTH, np.asarray(six), 1) / self.steps[name]
 
-    def is_smooth(self, six: Any, weights: Array, noise: float) -> bool:
-        """Whether differences of order 4 and 6 of what was evaluated in the six scenes agree, but for noise; weights: of rows."""
+    def check_smooth(self, name: str, six: Any, weights: Array, noise: float) -> None:
+        """Refuse a parameter where differences of order 4 and 6 of what was evaluated in the six scenes disagree by more than
+        noise; weights: of rows.
+
+        Raises
+        ------
+        SceneError
+        """
         six = np.asarray(six, dtype=float)
         fine, coarse = (weights * np.tensordot(w, six, 1) for w in (SIXTH, FOURTH))
-        return bool(np.linalg.norm(fine - coarse) <= SMOOTH * np.linalg.norm(fine) + noise)
+        if not np.linalg.norm(fine - coarse) <= SMOOTH * np.linalg.norm(fine) + noise:
+            raise SceneError(f"{self._who}: the scene is no smooth function of parameter {name!r} near {self.values[name]:g}: "
+                             "differences of order 4 and 6 disagree; look for steps and kinks in what build does with it "
+                             "(rounding, min, max), or give a smaller scale={...}")
 
 
 class _Itself:
@@ -166,6 +182,19 @@ def _parts(model: Model) -> list[tuple[Any, ...]]:
     known = ("name", "first", "count", "node", "starts")
     return [(kind, *(entry.get(key) for key in known)) for kind in ("beams", "nets", "bodies", "masses")
             for entry in model.names.get(kind, [])]
+
+
+def numbers_of(who: str, values: Mapping[str, Any], scale: Mapping[str, Any] | None) -> tuple[dict[str, float], dict[str, float]]:
+    """Values and sizes of parameters.
+
+    Raises
+    ------
+    SceneError
+        One is no number.
+    """
+    out, sizes = ({name: number(f"{who}, {kind}: parameter {name!r}", x) for name, x in given.items()}
+                  for kind, given in (("values", values), ("scale", scale or {})))
+    return out, sizes
 
 
 def check_values(values: Mapping[str, Any], who: str) -> None:

@@ -110,8 +110,8 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     """
     check_model("relax", model)
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool), smooth=True)
-    if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(np.ones(model.n_sliders, bool)):
-        raise SceneError("relax: drives have time functions; say with at_time=... where to evaluate them")
+    if model.slider_forces is not None:
+        model.slider_forces.check_times("relax", np.ones(model.n_sliders, bool), at_time)
     refuse_winches("relax", model)
     refuse_added("relax", model, "no equilibrium depends on it; leave it out")
     check_backend(backend)

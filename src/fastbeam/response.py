@@ -9,11 +9,10 @@ import numpy as np
 from .kernels.work import State
 from .linsolve import SMALL
 from .mkl import load_mkl
-from .mapping import follow
+from .mapping import follow, turned
 from .model import Model
 from .maps import velocity_map
 from .saddle import REGULAR, Factors, Saddle, least_singular_value
-from .starting import turned
 from .saddle_solver import Increment
 from .static_sliders import SlidingSolver
 

@@ -159,6 +159,5 @@ def resting_sliders(who: str, model: Model, state: State | None, stays: Array, a
     if forces is None:
         return None
     free = ~stays & ~np.isin(forces.tables.drive, (POSITION, INCREMENT))
-    if at_time is None and forces.has_functions(free):
-        raise SceneError(f"{who}: drives have time functions; say with at_time=... where to evaluate them")
+    forces.check_times(who, free, at_time)
     return RestingSliders(model, model.state() if state is None else state, stays, at_time or 0.0, factor)

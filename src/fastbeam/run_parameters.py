@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import number
 from .backward import Backward, Stretch, Weights
 from .compile import compile_scene
 from .connections import held_axes
 from .errors import SceneError
 from .kernels.adjoint_border import Border
 from .kernels.curves import Curves, Paths
-from .mapping import follow
+from .mapping import follow, turned
 from .model import Model
 from .observe import Observer
-from .parameters import CHANGES, Build, Family
+from .parameters import CHANGES, Build, Family, numbers_of
 from .scene.checks import Place
 
 Array = np.ndarray
@@ -47,9 +46,7 @@ class RunFamily:
 
     def __init__(self, model: Model, names: Any, build: Build, values: Mapping[str, float],
                  scale: Mapping[str, float] | None) -> None:
-        who = "gradient, {}: parameter {!r}"
-        self.values = {name: number(who.format("values", name), x) for name, x in values.items()}
-        sizes = {name: number(who.format("scale", name), x) for name, x in (scale or {}).items()}
+        self.values, sizes = numbers_of("gradient", values, scale)
         self._family = Family(build, self.values, sizes, "gradient")
         self.model, self._names = model, list(names)
         found = self._family.model
@@ -83,16 +80,11 @@ class RunFamily:
         for change in CHANGES:
             scene, points = self._family.called({name: self.values[name] + change * self._family.steps[name]})
             found = compile_scene(scene)
-            if not self._family.is_alike(self.model, found):
-                raise SceneError(f"gradient: parameter {name!r} changes what the scene is made of (parts, nodes, supports, "
-                                 "joints or points), so there is no derivative")
+            self._family.check_alike(name, self._family.is_alike(self.model, found))
             assert found.uneliminated is not None
             rows.append(self._row(run, part, found.uneliminated(planar=False, solver="auto"), points, wanted, at_reference))
         noise = NOISE * float(np.max(np.abs(rows)))
-        if not self._family.is_smooth(rows, np.ones(rows[0].size), noise):
-            raise SceneError(f"gradient: the scene is no smooth function of parameter {name!r} near {self.values[name]:g}: "
-                             "differences of order 4 and 6 disagree; look for steps and kinks in what build does with it, or "
-                             "give a smaller scale={...}")
+        self._family.check_smooth(name, rows, np.ones(rows[0].size), noise)
         return float(np.sum(self._family.slope(name, rows)))
 
     def _row(self, run: Backward, part: Stretch, model: Model, points: Mapping[str, Place],
@@ -105,7 +97,7 @@ class RunFamily:
         own = Backward(model, False, float(run.times[0]), run.h, run.times.size, weights, [])
         if not np.array_equal(own.core.pattern.row_of, run.core.pattern.row_of):
             raise SceneError("gradient: build returns scenes with other connections between their parts")
-        moved = along(run, own, self.model, model, part)
+        moved = along(run, own, part)
         out = -own.unbalanced(moved, *run.solutions)
         value = sum(float(np.einsum("ma,tmac,tc->", x.shares, (moved.v if x.is_rate else moved.q).reshape(
             len(moved.q), -1, 4, 3)[:, x.nodes], x.rows)) for x in weights)
@@ -117,7 +109,7 @@ class RunFamily:
         return np.concatenate((out, (value, first)))
 
 
-def along(run: Backward, own: Backward, before: Model, after: Model, part: Stretch) -> Stretch:
+def along(run: Backward, own: Backward, part: Stretch) -> Stretch:
     """The motion of a run in another scene: nodes are displaced from its reference, and turned, as they were from their own, and
     supports that move do so as they do there.
 
@@ -125,11 +117,10 @@ def along(run: Backward, own: Backward, before: Model, after: Model, part: Stret
     ----------
     run, own : Backward
         Of the run, and of the other scene.
-    before, after : Model
-        Their models.
     part : Stretch
         All steps, in space.
     """
+    before, after = run.whole, own.whole
     one, other = (x.q0.reshape(-1, 4, 3) for x in (before, after))
     mix = np.einsum("nik,njk->nij", other[:, 1:], one[:, 1:])
     turns = np.flatnonzero(np.any(other[:, 1:] != one[:, 1:], axis=(1, 2)))
@@ -140,7 +131,7 @@ def along(run: Backward, own: Backward, before: Model, after: Model, part: Stret
     n = len(part.dphi)
     dphi, theta = (x.reshape(n, -1, 3).copy() for x in (part.dphi, part.theta))
     if after.prescribed is not None:
-        _move_supports(run, own, after, q, v, dphi, theta)
+        _move_supports(run, own, q, v, dphi, theta)
     if after.ties is not None:
         for x in (q, v):
             x[:] = [follow(after, row) for row in x]
@@ -174,9 +165,10 @@ def _ends(curves: Curves | Paths, c: int) -> tuple[Array, float]:
     return curves.ends[first:first + count + 1], float(curves.period[c]) if isinstance(curves, Paths) else 0.0
 
 
-def _move_supports(run: Backward, own: Backward, model: Model, q: Array, v: Array, dphi: Array, theta: Array) -> None:
-    """Let supports of a model go as their functions say, from where they are in row 0; all by rows of steps, nodes."""
-    times, n = np.append(run.times, run.times[-1] + run.h), len(dphi)
+def _move_supports(run: Backward, own: Backward, q: Array, v: Array, dphi: Array, theta: Array) -> None:
+    """Let supports go as their functions say, from where they are in row 0; all by rows of steps, nodes."""
+    model, n = own.whole, len(dphi)
+    times = np.append(run.times, run.times[-1] + run.h)
     given, before = (x.core.prescribed.schedule(times, x.stepper.prescribed) for x in (own, run))
     masks = own.stepper.prescribed.mask
     held = held_axes(masks)
@@ -188,8 +180,6 @@ def _move_supports(run: Backward, own: Backward, model: Model, q: Array, v: Arra
         if masks[k] & 56:
             theta[:, node] = given[:, k, 3:]
             for i in range(n):
-                w, d = given[i, k, 3:], q[i, node, 1:]
-                e = np.cross(w, d)
-                q[i + 1, node, 1:] = d + (e + 0.5 * np.cross(w, e)) / (1.0 + 0.25 * w @ w)
+                q[i + 1, node, 1:] = turned(q[i:i + 1, node, 1:], given[i:i + 1, k, 3:])[0]
         for i in range(n):
             v[i + 1, node] = 2.0 / run.h * (q[i + 1, node] - q[i, node]) - v[i, node]

@@ -170,8 +170,7 @@ class SaddleSolver(StaticSolver):
     def _gaps(self, q: Array) -> Array:
         """Of sliders and joints at coordinates q [12 N], for sliders where they are, [F]."""
         state = self.stepper.core_state
-        border = self.contacts.border(self._weights, q, state.force, np.zeros(state.s.size))
-        return np.concatenate((border.gap.reshape(-1), border.joint_gap))
+        return self.contacts.border(self._weights, q, state.force, np.zeros(state.s.size)).gaps
 
     def _shape(self) -> Array:
         """Coordinates in space [12 N]; nothing where no equation asks for them."""
@@ -198,12 +197,11 @@ class SaddleSolver(StaticSolver):
             self.carrying.assemble(self.stepper, self.stepper.records[1], x)
         matrix = self._matrix.of(work.blocks, border, sliding, drag)
         r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
+        gaps = border.gaps
         if given is not None:
             # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
             r = r - 2.0 * x.reshape(-1)
             gaps = self.motion.opened(self._gaps, q, given)
-        else:
-            gaps = np.concatenate((border.gap.reshape(-1), border.joint_gap))
         right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), gaps))
         multiplier = np.zeros(right.size, bool)
         multiplier[r.size + sliding.size:] = True

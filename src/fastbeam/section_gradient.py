@@ -115,7 +115,7 @@ def lanes_of(model: Model) -> list[Lanes]:
             out.append(Lanes(name, nodes[live], points[live, :, 0], points[live, :, 1:1 + 3 * nn].reshape(-1, nq, nn, 3),
                               rows(0, REFERENCE, 6 * nq).reshape(-1, nq, 6)[live],
                               *(rows(x, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live] for x in (at.masses, at.director_masses)),
-                              rows(0, CONSTANTS, 36).reshape(-1, 6, 6)[live]))
+                              moduli_of(tables._replace(meta=meta), 6)[live]))
     return out
 
 

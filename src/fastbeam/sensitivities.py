@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Count, Flag, Listing, Names, Number, Word, checked, number, shown
+from .arguments import Count, Flag, Listing, Names, Number, Word, checked, shown
 from .errors import ConvergenceError, SceneError
 from .frequency_slopes import FrequencySlopes, Linearised, frequency_slopes
 from .kernels.work import State
@@ -16,7 +16,7 @@ from .load_times import factor_at, load_factors_at
 from .model import Model
 from .observe import Observer
 from .objective import Linear, Objective
-from .parameters import CHANGES, Build, Family, which_build
+from .parameters import CHANGES, Build, Family, numbers_of, which_build
 from .reactions import reactions_of
 from .response import OutOfPlane, Response, Solver, at_shape
 from .result import Result
@@ -109,10 +109,7 @@ class Sensitivity:
         six = self._six(name, np.zeros(base.unknowns))
         left = [x.unbalanced() for x in six]
         row = self._solver.saddle.row
-        if not family.is_smooth(left, row, float(np.linalg.norm(row * base.noise()))):
-            raise SceneError(f"sensitivity: the scene is no smooth function of parameter {name!r} near {self.values[name]:g}: "
-                             "differences of order 4 and 6 disagree; look for steps and kinks in what build does with it "
-                             "(rounding, min, max), or give a smaller scale={...}")
+        family.check_smooth(name, left, row, float(np.linalg.norm(row * base.noise())))
         unbalanced, explicit = family.slope(name, left), self._slopes_of(name, six, flat)
         way = self._solved(unbalanced)
         around = self._six(name, way)
@@ -327,10 +324,9 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     SceneError
         A value is no number, there is no such backend, or the scene has something whose derivatives by parameters are not known.
     """
-    numbers_of = {name: number(f"{who}, values: parameter {name!r}", x) for name, x in values.items()}
-    sizes = {name: number(f"{who}, scale: parameter {name!r}", x) for name, x in (scale or {}).items()}
+    given = numbers_of(who, values, scale)
     check_backend(backend)
-    family = Family(build, numbers_of, sizes)
+    family = Family(build, *given)
     model, stays = family.model, held_sliders(family.model, held)
     check_slider_forces(who, model, stays, smooth=True)
     if model.prescribed is not None:
@@ -403,8 +399,8 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
         state = result.state
     else:
         state, _ = check_start(model, state, 1.0, at_rest=True)
-        if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
-            raise SceneError("sensitivity: drives have time functions; say with at_time=... where to evaluate them")
+        if model.slider_forces is not None:
+            model.slider_forces.check_times("sensitivity", ~stays, at_time)
 
     def factors(of: Model) -> Array:
         return load_factor * load_factors_at("sensitivity", of, at_time)

@@ -112,6 +112,16 @@ class SliderForces:
         return any(x is not None and not x.takes_state and (callable(x.position) or callable(x.force))
                    for x, mine in zip(self._drives, of) if mine)
 
+    def check_times(self, who: str, free: Array, at_time: Any, more: str = "") -> None:
+        """Refuse equilibria at no given time, s, where drives of the free sliders, bool [S], are functions of time.
+
+        Raises
+        ------
+        SceneError
+        """
+        if at_time is None and self.has_functions(free):
+            raise SceneError(f"{who}: drives have time functions; say with at_time=... where to evaluate them{more}")
+
     @property
     def dissipates(self) -> bool:
         """Whether something takes energy away."""

@@ -13,7 +13,7 @@ from .coordinates import Coordinate
 from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
 from .kernels.work import State
-from .mapping import contact, curve_at, follow
+from .mapping import contact, curve_at, follow, turned
 from .maps import free_unknowns, mass_map, rates_map, share_map, spins, velocities_and_spins
 from .model import Model
 from .multipliers import KeptLink, gap_matrix
@@ -457,10 +457,3 @@ def direction_rates(model: Model, q: Array, s: Array) -> tuple[list[Any], list[A
         directions.append(section.by_coordinates(len(x)) + sparse.csr_matrix(section.values(1)[:, None]) @ way.tocsr())
         off.append(section.values())
     return directions, off
-
-
-def turned(triads: Array, spins: Array) -> Array:
-    """Triads [N, 3, 3] turned by Cayley vectors [N, 3]."""
-    w = spins[:, None, :]
-    d = np.cross(w, triads)
-    return triads + (d + 0.5 * np.cross(w, d)) / (1.0 + 0.25 * np.sum(w**2, axis=2, keepdims=True))

@@ -48,6 +48,11 @@ class Border(NamedTuple):
     rubbing: Any = None   # sparse [S, m]: of friction in the sliding equations, by the unknowns of the nodes; None without
     by_force: Any = None  # sparse [S, F]: the same by the multipliers
 
+    @property
+    def gaps(self) -> Array:
+        """Of sliders, joints and sleeves [F], in the order of the multipliers."""
+        return np.concatenate((self.gap.reshape(-1), self.joint_gap))
+
 
 class Weights(NamedTuple):
     """Of all sliders at their places: maps from the positions of all nodes, and from the rates of the coordinates of those nodes

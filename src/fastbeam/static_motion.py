@@ -10,7 +10,7 @@ from ._records import Record
 from .connections import held_axes
 from .errors import SceneError
 from .kernels import step as kernels
-from .mapping import follow
+from .mapping import follow, turned
 from .model import Model
 
 Array = np.ndarray
@@ -188,10 +188,8 @@ def _moved(model: Model, q: Array, nodes: Array, given: Array) -> Array:
     """Coordinates [12 N] where nodes [n] have gone on by position and Cayley vector [n, 6], and with them what follows them."""
     out = q.reshape(-1, 4, 3).copy()
     for node, x in zip(nodes, given):
-        w = x[3:]
         out[node, 0] += x[:3]
-        d = np.cross(w, out[node, 1:])
-        out[node, 1:] += (d + 0.5 * np.cross(w, d)) / (1.0 + 0.25 * w @ w)
+        out[node, 1:] = turned(out[node, 1:][None], x[None, 3:])[0]
     return follow(model, out).reshape(-1)
 
 

@@ -144,8 +144,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     stops = [*([] if levels is None else levels), 1.0]
     if levels is not None and not (len(levels) and levels[0] > 0.0 and levels[-1] <= 1.0 and np.all(np.diff(levels) > 0.0)):
         raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
-    if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
-        raise SceneError("solve_static: drives have time functions; say with at_time=... where to evaluate them")
+    if model.slider_forces is not None:
+        model.slider_forces.check_times("solve_static", ~stays, at_time)
     if at_time is None and model.motions is not None and model.motions.holds.has_functions:
         raise SceneError("solve_static: motors, drives or given motions of joints are functions of time; say with at_time=... "
                          "where to evaluate them")

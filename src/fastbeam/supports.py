@@ -163,6 +163,18 @@ def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> 
     return int(same[0])
 
 
+def check_turned(who: str, model: Model, node: int, held: Array) -> None:
+    """Refuse to turn a node whose triad no support holds; who, held: as of `supported`.
+
+    Raises
+    ------
+    SceneError
+    """
+    if held[node] & 56 != 56:
+        raise SceneError(f"{who} turns {model.labels[node]}, whose triad no support holds; give a displacement (3 numbers), or "
+                         "clamp it")
+
+
 def standing_supports(model: Model) -> Array:
     """Of every node which unknowns its own support holds, int64 [N]: none of those that follow another node."""
     held = model.held_mask

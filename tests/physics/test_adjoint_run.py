@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import fastbeam as fb
 from fastbeam.mapping import follow
@@ -110,15 +111,6 @@ def test_a_net_by_all_its_sections_and_loads() -> None:
     assert own.rhoA.shape == (24,) and total == pytest.approx(exact, rel=1e-7)
 
 
-def turned(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
-        return np.eye(3)
-    k = np.cross(np.eye(3), vector / angle)
-    return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k)
-
-
 @pytest.mark.parametrize("flat", [False, True])
 def test_by_the_shape_at_the_start(flat: bool) -> None:
     """Nodes of a beam and a spinning body are shifted and turned, their velocities and spins stay: against differences."""
@@ -138,7 +130,7 @@ def test_by_the_shape_at_the_start(flat: bool) -> None:
         q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
         q[node, 0] += shift
         for x in (q, v):
-            x[node, 1:] = x[node, 1:] @ turned(turn).T
+            x[node, 1:] = x[node, 1:] @ Rotation.from_rotvec(turn).as_matrix().T
         spin = 0.5 * np.cross(q[node, 1:], v[node, 1:]).sum(axis=0)
         known = model.state()
         before = 0.5 * np.cross(*(x.reshape(-1, 4, 3)[node, 1:] for x in (known.q, known.v))).sum(axis=0)
