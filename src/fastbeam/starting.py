@@ -410,9 +410,9 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
         for _ in range(20):
             gap, tangent, _ = contact(model, k, s[k], q, q)
             way = float(gap @ tangent / (tangent @ tangent))
-            s[k] = np.clip(s[k] + way, *model.ends_at(s)[k])
             if abs(way) <= 1e-15 * model.slider_lengths[k]:
-                break
+                break  # round-off, by which a slider that sticks would slip
+            s[k] = np.clip(s[k] + way, *model.ends_at(s)[k])
         gap, tangent, _ = contact(model, k, s[k], q, q)
         nodes, values, _ = curve_at(model, k, s[k])
         _, _, axes = np.linalg.svd(tangent[None])

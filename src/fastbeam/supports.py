@@ -228,5 +228,7 @@ def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
 
 
 def _axis(v: Array) -> str:
-    v = v / (np.max(np.abs(v)) or 1.0)
+    """A direction as text, its largest component 1: the first of those that are equally large."""
+    size = np.abs(v)
+    v = v / (v[np.argmax(size > (1.0 - 1e-6) * np.max(size))] or 1.0)
     return "(" + ", ".join(f"{x:.3g}" for x in np.where(np.abs(v) < 1e-9, 0.0, v)) + ")"

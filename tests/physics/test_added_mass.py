@@ -76,8 +76,8 @@ def test_pinned_beam() -> None:
                                           fb.AddedMass("water", beam, normal=normal)))
         found = fb.modes(model, n=3, planar=True)
         off.append(np.abs(found.angular / exact - 1.0))
-    # nodes of elements of degree p integrate to the order 2 p of their frequencies
-    assert np.all(off[0] / off[1] > 40.0) and np.max(off[1]) < 1e-4
+    # nodes of elements of degree p integrate to the order 2 p of their frequencies; round-off of the first, 1e-7, hides that
+    assert np.all(off[0][1:] / off[1][1:] > 40.0) and off[1][0] < 1e-6 and np.max(off[1]) < 1e-4
     # round-off of stiff shear is a part of the small energy; a softer beam has 3e-12 of it, without water too
     soft = fb.Section(EA=4e4, EI2=30.0, EI3=30.0, GJ=30.0, GA2=1e5, GA3=1e5, rhoA=1.5, rhoI2=0.0, rhoI3=0.0)
     beam = fb.Beam.straight("beam", (0, 0, 0), (length, 0, 0), section=soft, elements=8, degree=3)

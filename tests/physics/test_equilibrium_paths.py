@@ -127,7 +127,8 @@ def test_deep_arch_of_dadeppo_and_schmidt_and_every_point_in_equilibrium(monkeyp
     limits = 10.0 * np.array(critical(result, "limit"))
     assert limits[0] == pytest.approx(8.97, abs=0.005) and len(limits) == 2
     assert result.series["load_factor"][-1] == 1.0
-    assert max(left) < 1e-10 and len(left) == len(result.t)
+    # round-off of axial strains: EA eps = 2.2e-11 N times derivatives of shape functions (up to 40 1/m), of 10 N: 0.9e-10
+    assert max(left) < 3e-10 and len(left) == len(result.t)
 
 
 def test_frame_of_lee_snaps_back() -> None:
