@@ -22,7 +22,8 @@ from .._jit import kernel
 from .algebra import dot
 from .along import FRICTION_LOSS, HISTORY, JUDGED, force_of_edges, lead_passage
 from .curves import find_element, node_of, slot
-from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, sticks_in_doubt
+from .doubt import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, note_change,
+                    sticks_in_doubt)
 from .held_directors import director, holder_director, twist_between
 from .kinds import vector, zero_vector
 from .sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
@@ -200,6 +201,7 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
             return 1.0
     else:
         sign = judge(twist, o, state.force[f] + twist.before[2 * o], most + twist.before[2 * o + 1], end)
+        note_change(sign != twist.sign[o], work.increment)
         twist.flips[o] += sign != twist.sign[o]
         twist.sign[o] = sign
         if sign == 0:
@@ -251,6 +253,7 @@ def twist_takes_energy(twist, sleeves, system):
                 twist.rest[o] = 0.0
                 aim(twist, sleeves, o, twist.start[o])
                 settled = False
+    note_change(not settled, system.work.increment)
     return settled
 
 
