@@ -37,9 +37,9 @@ class Sleeve:
     turn: Array = field(default_factory=lambda: np.eye(3))
 
     @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """(i, j) of the conditions D_i . d_j(s) = 0, counted from 0."""
-        return [(0, 1), (0, 2)] + [(1, 2)] * self.keyed
+    def pairs(self) -> list[list[tuple[float, int, int]]]:
+        """(factor, i, j), counted from 0, of the products D_i . d_j(s) in every condition."""
+        return [[(1.0, 0, 1)], [(1.0, 0, 2)]] + [[(0.5, 1, 2), (-0.5, 2, 1)]] * self.keyed
 
     @cached_property
     def basis(self) -> CurveBasis:
@@ -69,8 +69,8 @@ class Sleeve:
 
 # ---------------------------------------------------------------------------------------------------- conditions and forces
 def invariants(sleeve: Sleeve, x: Array, triad: Array, phi: Array, d: Array) -> Array:
-    """pi_A [n, 3 + pairs]: D_k . (x - phi_A) for k = 1 to 3, then D_i . d_jA of the pairs."""
-    across = [(d[:, j] @ triad[i])[:, None] for i, j in sleeve.pairs]
+    """pi_A [n, 3 + pairs]: D_k . (x - phi_A) for k = 1 to 3, then sums of D_i . d_jA."""
+    across = [sum(f * d[:, j] @ triad[i] for f, i, j in some)[:, None] for some in sleeve.pairs]
     return np.concatenate(((x - phi) @ triad.T, *across), axis=1)
 
 
@@ -81,7 +81,7 @@ def sleeve_forces(sleeve: Sleeve, m: Array, n_mean: Array, x: Array, triad: Arra
     force = m[:3] @ triad
     holder[0], nodes[:, 0] = force, -np.outer(n_mean, force)
     holder[1:] = np.outer(m[:3], x - n_mean @ phi)
-    for mu, (i, j) in zip(m[3:], sleeve.pairs):
+    for mu, i, j in ((mu * f, i, j) for mu, some in zip(m[3:], sleeve.pairs) for f, i, j in some):
         holder[1 + i] += mu * (n_mean @ d[:, j])
         nodes[:, 1 + j] += mu * np.outer(n_mean, triad[i])
     holder[1:] = sleeve.turn.T @ holder[1:]

@@ -1,4 +1,4 @@
-"""Conditions of sleeves as NumPy sees them: D_i . d_j(s) = 0 between the triad of a holder and the section of a beam."""
+"""Conditions of sleeves as NumPy sees them: sums of products D_i . d_j(s) between the triad of a holder and the section of a beam."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,12 +11,13 @@ if TYPE_CHECKING:
     from .model import Model
 
 Array = np.ndarray
-# (i, j), counted from 0; the last one of keyed sleeves alone
-PAIRS = ((0, 1), (0, 2), (1, 2))
+# products (factor, i, j), counted from 0, whose sum is zero; the last one of keyed sleeves alone: no turn of triad and section about
+# D_1 changes it, though d_2 and d_3 between nodes are not quite at a right angle
+CONDITIONS = (((1.0, 0, 1),), ((1.0, 0, 2),), ((0.5, 1, 2), (-0.5, 2, 1)))
 
 
 class Section(NamedTuple):
-    """The section of a beam in a sleeve: n nodes with shape functions and their first and second derivatives by s, P pairs."""
+    """The section of a beam in a sleeve: n nodes with shape functions and their first and second derivatives by s, P conditions."""
 
     nodes: Array    # int64 [n + 1]: nodes of the beam, then the holder
     roots: Array    # int64 [n + 1]: the nodes that their spins belong to
@@ -33,17 +34,17 @@ class Section(NamedTuple):
         return self._replace(turn=turn @ self.turn, axes=turn @ self.axes, pairs=3)
 
     def values(self, derivative: int = 0) -> Array:
-        """D_i . d_j [P], or a derivative of them by s."""
+        """The conditions [P], or a derivative of them by s."""
         d = np.einsum("a,ajc->jc", self.shapes[derivative], self.d)
-        return np.array([self.axes[i] @ d[j] for i, j in PAIRS[:self.pairs]])
+        return np.array([sum(f * (self.axes[i] @ d[j]) for f, i, j in some) for some in CONDITIONS[:self.pairs]])
 
     def by_spins(self, derivative: int = 0) -> tuple[Array, Array]:
         """Derivatives of `values` by the spins of the nodes [P, n, 3] and of the holder [P, 3]."""
         n = self.shapes[derivative]
         d = np.einsum("a,ajc->jc", n, self.d)
-        pairs = PAIRS[:self.pairs]
-        of_nodes = [n[:, None] * np.cross(self.d[:, j], self.axes[i]) for i, j in pairs]
-        return np.array(of_nodes), np.array([np.cross(self.axes[i], d[j]) for i, j in pairs])
+        every = CONDITIONS[:self.pairs]
+        of_nodes = [sum(f * n[:, None] * np.cross(self.d[:, j], self.axes[i]) for f, i, j in some) for some in every]
+        return np.array(of_nodes), np.array([sum(f * np.cross(self.axes[i], d[j]) for f, i, j in some) for some in every])
 
     def row(self, derivative: int, size: int) -> Any:
         """The same as a matrix on the unknowns (position, spin) of all nodes, sparse [P, 6 size]."""
@@ -60,9 +61,10 @@ class Section(NamedTuple):
         n = len(self.shapes[0])
         d = np.einsum("a,ajc->jc", self.shapes[0], self.d)
         out = np.zeros((self.pairs, n + 1, 4, 3))
-        for p, (i, j) in enumerate(PAIRS[:self.pairs]):
-            out[p, :n, 1 + j] = np.outer(self.shapes[0], self.axes[i])
-            out[p, n, 1:] = np.outer(self.turn[i], d[j])
+        for p, some in enumerate(CONDITIONS[:self.pairs]):
+            for f, i, j in some:
+                out[p, :n, 1 + j] += f * np.outer(self.shapes[0], self.axes[i])
+                out[p, n, 1:] += f * np.outer(self.turn[i], d[j])
         column = np.broadcast_to((12 * self.nodes[:, None] + np.arange(12)).reshape(-1), (self.pairs, 12 * (n + 1)))
         row = np.repeat(np.arange(self.pairs), column.shape[1])
         return sparse.csr_matrix((out.reshape(-1), (row, column.reshape(-1))), shape=(self.pairs, 12 * size))
@@ -78,7 +80,7 @@ class Section(NamedTuple):
         count = len(n)
         blocks = np.zeros((count + 1, count + 1, 3, 3))
         d_here = np.einsum("a,ajc->jc", n, self.d)
-        for m, (i, j) in zip(mu, PAIRS[:self.pairs]):
+        for m, i, j in ((moment * f, i, j) for moment, some in zip(mu, CONDITIONS[:self.pairs]) for f, i, j in some):
             axis = self.axes[i]
             for a in range(count):
                 blocks[a, a] -= m * n[a] * _double_cross(axis, self.d[a, j])

@@ -78,7 +78,7 @@ def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: lis
 
 
 def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
-    """R [3, 3] with D_i = sum_k R_ik d_k of the holder: D_i . d_j(s) = 0 for i < j at t = 0."""
+    """R [3, 3] with D_i = sum_k R_ik d_k of the holder, so that the conditions of a keyed sleeve hold at t = 0."""
     d = sleeve.section_at_start
     if d is None:
         first, values, _ = sleeve.contact_curve.evaluate(sleeve.at)
@@ -87,7 +87,7 @@ def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
     # exact for directors that are not orthonormal, as between the nodes of a curved beam
     axis = np.cross(d[1], d[2])
     axis /= np.linalg.norm(axis)
-    second = np.cross(d[2], axis)
+    second = d[1] + np.cross(d[2], axis)
     second /= np.linalg.norm(second)
     triad = nodes.directors[nodes.number(sleeve.point)]
     axes = np.stack((axis, second, np.cross(axis, second))) @ triad.T

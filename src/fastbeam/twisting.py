@@ -70,10 +70,14 @@ def numbers_of(model: Model, history: Array) -> Array:
     return history[model.twist_place:][:TWIST * model.twisting.size].reshape(-1, TWIST)
 
 
+def _sine_and_cosine(axes: Array, d: Array) -> tuple[float, float]:
+    """Of the angle from D_2, D_3 to d_2, d_3, times the length of the latter; axes, d [3, 3]."""
+    return float(axes[1] @ d[2] - axes[2] @ d[1]) / 2.0, float(axes[1] @ d[1] + axes[2] @ d[2]) / 2.0
+
+
 def angle_of(section: Section, known: float) -> float:
     """Angle of a section in its sleeve, rad, of all turns the one next to `known`."""
-    up, across = (float(section.axes[1] @ x) for x in np.einsum("a,ajc->jc", section.shapes[0], section.d)[1:])
-    found = float(np.arctan2(across, up))
+    found = float(np.arctan2(*_sine_and_cosine(section.axes, np.einsum("a,ajc->jc", section.shapes[0], section.d))))
     return found + 2.0 * np.pi * float(np.round((known - found) / (2.0 * np.pi)))
 
 
@@ -97,9 +101,9 @@ def rate_of(model: Model, section: Section, k: int, q: Array, v: Array, s: Array
     along = float(relative @ tangent / (tangent @ tangent))
     d, slope = (np.einsum("a,ajc->jc", shapes, section.d) for shapes in section.shapes[:2])
     moving = np.einsum("a,ajc->jc", section.shapes[0], v[section.nodes[:-1], 1:]) + along * slope
-    turn = np.cos(angle) * section.turn[1] - np.sin(angle) * section.turn[2]
-    axis, holder = turn @ q[section.nodes[-1], 1:], turn @ v[section.nodes[-1], 1:]
-    return float((holder @ d[2] + axis @ moving[2]) / (axis @ d[1]))
+    there = section.turned_by(angle)
+    lead = _sine_and_cosine(there.turn @ v[section.nodes[-1], 1:], d)[0] + _sine_and_cosine(there.axes, moving)[0]
+    return lead / _sine_and_cosine(there.axes, d)[1]
 
 
 def angles(model: Model, history: Array) -> Array:
@@ -112,5 +116,4 @@ def angles(model: Model, history: Array) -> Array:
 def push_of_twist(section: Section, angle: float) -> float:
     """Force along the beam, N, of a moment of 1 N m of friction in its twist, as a beam that is twisted in its reference screws
     itself out; angle: as of `angles`."""
-    d = np.einsum("a,ac->c", section.shapes[1], section.d[:, 2])
-    return float((np.cos(angle) * section.axes[1] + np.sin(angle) * section.axes[2]) @ d)
+    return float(section.turned_by(-angle).values(1)[2])

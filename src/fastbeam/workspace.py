@@ -52,7 +52,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 keep_theta=np.zeros(kept * theta.size),
                 past=np.zeros(model.past_size),
                 keep_past=np.zeros(kept * model.past_size),
-                increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0]), theta, aligned(8 * (n + 1)),
+                increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned(8 * (n + 1)),
                                NoTies() if model.ties is None else _padded(model.dim * n)))
 
 

@@ -18,7 +18,7 @@ from .algebra import dot, ld3
 from .along import (INCREMENT, POSITION, Along, force_of_edges, has_signs, hold, is_prescribed, other_forces,
                     pressing, rub, slide_with_forces)
 from .curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot
-from .held_directors import director, holder_director
+from .held_directors import director, holder_of
 from .joint_coordinates import VALUE, JointMotion
 from .joint_drive import JointControl
 from .kinds import Plane, Space, add_to, coordinates, cross_product, dim, position, spin_cross, vector, zero_vector
@@ -327,25 +327,23 @@ def add_turning_in_sleeves(sleeves, term, system, x, rows_out):
 @kernel
 def add_turning_of(sleeves, term, system, k, x, rows_out):
     """Of slider k: moments on a node turn with its own spin, not with that of the holder."""
-    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
+    work, contact, dofs = system.work, system.contact, system.dofs
     d = dim(dofs)
     o = sleeves.of_slider[k]
     c = sleeves.first[0] + o
     point = term.sliders.point[k]
     at_holder = 8 * system.row_of[term.sliders.spin_root[point]] + d
+    held = contact.forces[c]
+    holder = holder_of(sleeves, term, system, k, o, held)
     nodes, lo, hi = begin_passage(term, system, k)
-    for p in range(contact.forces[c]):
-        moment = state.force[contact.first_force[c] + p]
-        if moment == 0.0:
-            continue
-        holder = holder_director.call(dofs, sleeves, o, p // 2, work.q_mid, point)
-        for a in range(lo, hi):
-            i = slot.call(nodes, a)
-            node = node_of.call(nodes, a)
-            at = 8 * system.row_of[term.sliders.spin_root[node]] + d
-            turn = spin_at.call(dofs, x, at) - spin_at.call(dofs, x, at_holder)
-            factor = 0.25 * moment * (contact.basis[0, i] + contact.basis[1, i])
-            end = director.call(dofs, work.q_end, node, min(p + 1, 2))
-            left = factor * cross_product.call(end, spin_cross.call(turn, holder))
-            add_to(rows_out, at, 1, -1.0 * left)
-            add_to(rows_out, at_holder, 1, left)
+    for a in range(lo, hi):
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        at = 8 * system.row_of[term.sliders.spin_root[node]] + d
+        turn = spin_at.call(dofs, x, at) - spin_at.call(dofs, x, at_holder)
+        left = cross_product.call(director.call(dofs, work.q_end, node, 1), spin_cross.call(turn, holder.second_mid))
+        if held > 1:
+            left += cross_product.call(director.call(dofs, work.q_end, node, 2), spin_cross.call(turn, holder.third_mid))
+        factor = 0.25 * (contact.basis[0, i] + contact.basis[1, i])
+        add_to(rows_out, at, 1, -factor * left)
+        add_to(rows_out, at_holder, 1, factor * left)

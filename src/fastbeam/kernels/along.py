@@ -21,7 +21,8 @@ from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
 from .contact_entries import Weights, put_idle_corner, put_translation
 from .curves import find_element, node_of, nodes_of, slot
-from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, sticks_in_doubt
+from .doubt import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, note_change,
+                    sticks_in_doubt)
 from .kinds import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
 from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
                      is_settled_along, motion_along, note_passage, put_residual, sliding_law)
@@ -308,6 +309,7 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
         along.sign[k] = 0
         return hold(along, s1 - s0, force)
     sign = sign_of_velocity(along, k, along.needed[k], most, s1 - s0)
+    note_change(sign != along.sign[k], system.work.increment)
     along.flips[k] += sign != along.sign[k]
     along.sign[k] = sign
     if sign == 0:
@@ -381,6 +383,7 @@ def friction_takes_energy(along, term, system):
             if force * ds > 0.0:
                 along.rest[k] = 0.0
                 settled = False
+    note_change(not settled, system.work.increment)
     return settled
 
 

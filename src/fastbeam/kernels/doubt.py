@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .work import IN_DOUBT
+from .work import CHANGED, IN_DOUBT
 
 # after so many changes of a sign in one step Newton's method goes in circles, and after so many iterations as well
 MOST_FLIPS, LATE = 6, 12
@@ -59,6 +59,13 @@ def is_in_doubt(flips, judged, i, increment):
         return False
     increment.control[IN_DOUBT] = 1.0
     return True
+
+
+@kernel
+def note_change(changed, increment):
+    """Remember that friction has changed its law in this iteration."""
+    if changed:
+        increment.control[CHANGED] = 1.0
 
 
 @kernel

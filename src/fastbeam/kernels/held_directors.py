@@ -36,9 +36,12 @@ class Holder(NamedTuple):
     key_start: Any    # D_2, in a plane D_1 again
     key_mid: Any
     key_end: Any
-    second_mid: Any   # mu_12 D_1, which turns d_2
+    side_start: Any   # D_3, in a plane D_1 again
+    side_mid: Any
+    side_end: Any
+    second_mid: Any   # mu_12 D_1 - mu_23/2 D_3, which turns d_2
     second_end: Any
-    third_mid: Any    # mu_13 D_1 + mu_23 D_2, which turns d_3
+    third_mid: Any    # mu_13 D_1 + mu_23/2 D_2, which turns d_3
     third_end: Any
 
 
@@ -136,15 +139,30 @@ def holder_of(sleeves, term, system, k, o, held):
     key_start = holder_director.call(dofs, sleeves, o, 1, q, point)
     key_mid = holder_director.call(dofs, sleeves, o, 1, work.q_mid, point)
     key_end = holder_director.call(dofs, sleeves, o, 1, work.q_end, point)
+    side_start = holder_director.call(dofs, sleeves, o, 2, q, point)
+    side_mid = holder_director.call(dofs, sleeves, o, 2, work.q_mid, point)
+    side_end = holder_director.call(dofs, sleeves, o, 2, work.q_end, point)
     third = force[first + 1] if held > 1 else 0.0
-    key = force[first + 2] if held > 2 else 0.0
-    return Holder(bore_start, bore_mid, bore_end, key_start, key_mid, key_end, force[first] * bore_mid, force[first] * bore_end,
+    key = 0.5 * force[first + 2] if held > 2 else 0.0
+    return Holder(bore_start, bore_mid, bore_end, key_start, key_mid, key_end, side_start, side_mid, side_end,
+                  force[first] * bore_mid - key * side_mid, force[first] * bore_end - key * side_end,
                   third * bore_mid + key * key_mid, third * bore_end + key * key_end)
 
 
 @inlined
-def way_of(holder, of, p):
-    """Sum of divided differences of D_i . d_j over the step for pair p; of: `Sums` of d_j."""
-    start = holder.key_start if p == 2 else holder.bore_start
-    end = holder.key_end if p == 2 else holder.bore_end
-    return 0.5 * (dot(start, of.t0) + dot(end, of.t1))
+def twist_between(key, side, second, third):
+    """(D_2 . d_3 - D_3 . d_2)/2, the sine of the angle from D_2, D_3 to d_2, d_3, which no turn of both about D_1 changes."""
+    return 0.5 * (dot(key, third) - dot(side, second))
+
+
+@inlined
+def products(p, bore, key, side, second, third):
+    """Condition p of a sleeve between D_1, D_2, D_3 and d_2, d_3, or what stands in their places."""
+    return twist_between(key, side, second, third) if p == 2 else dot(bore, second if p == 0 else third)
+
+
+@inlined
+def way_of(holder, second, third, p):
+    """Sum of divided differences of condition p over the step; second, third: `Sums` of d_2 and d_3."""
+    return 0.5 * (products(p, holder.bore_start, holder.key_start, holder.side_start, second.t0, third.t0)
+                  + products(p, holder.bore_end, holder.key_end, holder.side_end, second.t1, third.t1))

@@ -20,7 +20,8 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import dot, ld3
 from .along import JUDGED
-from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, sticks_in_doubt
+from .doubt import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, note_change,
+                    sticks_in_doubt)
 from .joint_conditions import direction
 from .joint_coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
 from .joint_drive import is_held
@@ -253,6 +254,7 @@ def assemble_friction(term, method, system, h):
             most = most_of_friction(term, i, system)
             if not is_in_doubt(term.flips, term.judged, i, system.work.increment):
                 sign = judge(term, i, force[f], way, most)
+                note_change(sign != term.sign[i], system.work.increment)
                 term.flips[i] += sign != term.sign[i]
                 term.sign[i] = sign
                 factor = -1.0 * sign
@@ -305,6 +307,7 @@ def friction_is_settled(term, system):
             if (-1.0 * term.sign[i] if term.sign[i] != 0 else force) * way > 0.0:
                 term.rest[i] = 0.0
                 settled = False
+    note_change(not settled, system.work.increment)
     return settled
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from .._jit import kernel
 from .kinds import dim
 from .terms import account, assemble, first_guess, is_settled, put_loads
+from .work import CHANGED
 
 # iterations that have to be asked whether a step may end: the last one evaluates reactions at the end of the step
 ASKED = 2
@@ -103,8 +104,13 @@ def work_of_reactions(of, system):
 @kernel
 def reactions_are_those_of_the_end(term, system):
     """One more iteration: reactions are those before the last increment. More where their work still changes: the next change of
-    an iteration that squares its errors is the last one times the square of their ratio."""
+    an iteration that squares its errors is the last one times the square of their ratio. Where friction changes its law, this
+    begins anew."""
     of = term.of
+    if system.work.increment.control[CHANGED] != 0.0:
+        system.work.increment.control[CHANGED] = 0.0
+        of.asked[0] = 0
+        return False
     of.asked[0] += 1
     if of.asked[0] < ASKED or of.works[3] < 3.0 or of.asked[0] >= MOST_ASKED or of.works[3] >= MOST_ITERATIONS:
         return of.asked[0] >= ASKED

@@ -1,14 +1,14 @@
 """Sleeves: sliders that hold the direction of the section as well, theory.md 5.8.
 
 The sliding point of a sleeve is its holder, a node with a triad. With D_1, D_2, D_3 fixed to the holder, D_1 along the beam, the
-conditions are D_i . d_j(s) = 0 for the pairs (i, j) = (1, 2), (1, 3) and, where the sleeve is keyed, (2, 3); in a plane for (1,
-2) alone. Their multipliers are moments, mu_ij; with means over the step
+conditions are D_1 . d_2(s) = 0, D_1 . d_3(s) = 0 and, where the sleeve is keyed, (D_2 . d_3(s) - D_3 . d_2(s))/2 = 0; in a plane
+the first alone. Their multipliers are moments, mu_12, mu_13, mu_23; with means over the step a product D_i . d_j gives
 
     director i of the holder  + mu_ij sum_A N_A,mean d_jA,mean         moment  mu_ij D_i,mean x sum_A N_A,mean d_jA,mean
     director j of node A      + mu_ij N_A,mean D_i,mean                moment  mu_ij N_A,mean d_jA,mean x D_i,mean
     sliding (5.3)             - mu_ij sum_A N[s_n, s_n+1]_A mean(D_i . d_jA)
 
-The moments of a sleeve are a constraint of their own behind all others, coupled with the slider by s alone. Besides mu it has a
+with mu_23/2 in the place of mu_ij for (i, j) = (2, 3) and -mu_23/2 for (3, 2). The moments of a sleeve are a constraint of their own behind all others, coupled with the slider by s alone. Besides mu it has a
 copy z of the holder's spin: moments turn with the nodes that they act on, and in the tangent all of these turn like the holder.
 What is left out are the small differences of their spins times a moment, next to the bending stiffness of an element.
 
@@ -26,7 +26,7 @@ from .algebra import V2, V3, dot, f8
 from .along import Along, force_of_edges, last_passage, lead_passage
 from .contact_entries import Weights, entry_of
 from .curves import node_of, slot
-from .held_directors import director, holder_of, sum_held_directors, way_of
+from .held_directors import director, holder_of, products, sum_held_directors, way_of
 from .joint_entries import take_forces_of
 from .kinds import add_stiffness, add_to, cross_product, dim
 from .slider import (Sliding, begin_passage, hold_section, mean_tangent, note_passage, pass_along, push_of_moments,
@@ -126,20 +126,29 @@ def add_double_cross_in_plane(a, b, factor, column, at):
 
 
 @inlined
-def put_condition(contact, c, p, at, weights, held_mid, held_end, turner_mid, turner_end):
-    """Column and line of pair p of constraint c on a spin that turns director d_j, held."""
-    add_to(contact.column[c], at + p, 8, -weights.mean * cross_product.call(held_mid, turner_mid))
-    add_to(contact.line[c], at + p, 8, weights.end * cross_product.call(held_end, turner_end))
+def put_condition(contact, c, p, at, weights, turned_mid, turned_end):
+    """Column and line of condition p of constraint c on a spin; turned: sums of products d_j x D_i."""
+    add_to(contact.column[c], at + p, 8, -weights.mean * turned_mid)
+    add_to(contact.line[c], at + p, 8, weights.end * turned_end)
+
+
+@inlined
+def turned_by_key(key, side, second, third):
+    """The same sum of the twist."""
+    return 0.5 * (cross_product.call(third, key) - cross_product.call(second, side))
 
 
 @inlined
 def put_conditions(contact, c, held, at, weights, holder, second_mid, second_end, third_mid, third_end):
-    """The same of the first `held` of three pairs, with d_2 and d_3 in the middle and at the end of the step."""
-    put_condition(contact, c, 0, at, weights, second_mid, second_end, holder.bore_mid, holder.bore_end)
+    """The first `held` of three conditions on a spin that turns d_2 and d_3, those in the middle and at the end of the step."""
+    put_condition(contact, c, 0, at, weights, cross_product.call(second_mid, holder.bore_mid),
+                  cross_product.call(second_end, holder.bore_end))
     if held > 1:
-        put_condition(contact, c, 1, at, weights, third_mid, third_end, holder.bore_mid, holder.bore_end)
+        put_condition(contact, c, 1, at, weights, cross_product.call(third_mid, holder.bore_mid),
+                      cross_product.call(third_end, holder.bore_end))
     if held > 2:
-        put_condition(contact, c, 2, at, weights, third_mid, third_end, holder.key_mid, holder.key_end)
+        put_condition(contact, c, 2, at, weights, turned_by_key(holder.key_mid, holder.side_mid, second_mid, third_mid),
+                      turned_by_key(holder.key_end, holder.side_end, second_end, third_end))
 
 
 @inlined
@@ -152,8 +161,8 @@ def add_turning(column, at, factor, held_mid, held_end, turner_mid, turner_end):
 
 @kernel
 def put_moments(term, system, k, c, held, holder, sums, share, nodes, lo, hi):
-    """The first `held` of three pairs of constraint c, the moments of slider k, on its holder and the nodes under it: rows of the
-    residual and entries. share: of the sliding equation as in `SlidingLaw`."""
+    """The first `held` of three conditions of constraint c, the moments of slider k, on its holder and the nodes under it: rows of
+    the residual and entries. share: of the sliding equation as in `SlidingLaw`."""
     contact, work, dofs = system.contact, system.work, system.dofs
     d = dim(dofs)
     copy = len(dofs) - d
@@ -255,7 +264,7 @@ def push_of_sleeve(sleeves, sums, term, system, k):
         holder = holder_of(sleeves, term, system, k, o, contact.forces[c])
         second, third = sums
         for p in range(contact.forces[c]):
-            push += system.state.force[contact.first_force[c] + p] * way_of(holder, second if p == 0 else third, p)
+            push += system.state.force[contact.first_force[c] + p] * way_of(holder, second, third, p)
     return push
 
 
@@ -326,15 +335,14 @@ def hold_section_in_sleeve(sleeves, sums, term, system, k, nodes, lo, hi, law):
     slope = 0.0
     second, third = sums
     for p in range(held):
-        of = second if p == 0 else third
-        start = holder.key_start if p == 2 else holder.bore_start
-        end = holder.key_end if p == 2 else holder.bore_end
         here = 1.0 if p < 2 else twist
         if p < 2 or not rubs:
-            contact.residual[c, p] = dot(end, of.end)
-        slope += system.state.force[contact.first_force[c] + p] * (dot(start, of.dt0) + dot(end, of.dt1))
-        contact.cross[o, 0, p] = -law.share * way_of(holder, of, p) + law.rub * edge_by_moment(sleeves, system, o, c, p)
-        contact.cross[o, 1, p] = here * dot(end, of.end_s)
+            contact.residual[c, p] = products(p, holder.bore_end, holder.key_end, holder.side_end, second.end, third.end)
+        slope += system.state.force[contact.first_force[c] + p] * (
+            products(p, holder.bore_start, holder.key_start, holder.side_start, second.dt0, third.dt0)
+            + products(p, holder.bore_end, holder.key_end, holder.side_end, second.dt1, third.dt1))
+        contact.cross[o, 0, p] = -law.share * way_of(holder, second, third, p) + law.rub * edge_by_moment(sleeves, system, o, c, p)
+        contact.cross[o, 1, p] = here * products(p, holder.bore_end, holder.key_end, holder.side_end, second.end_s, third.end_s)
         if here == 0.0:
             let_go(contact, c, p, system.dofs)
     contact.corner[k, 9 * dim(system.dofs)] -= 0.5 * law.share * slope

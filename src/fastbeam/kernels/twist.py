@@ -1,8 +1,8 @@
 """Friction of beams that turn in unkeyed sleeves, theory.md 5.8.
 
-The moment mu_23 of such a sleeve holds nothing, it rubs. Its condition (5.8) is taken with D_2 turned to the section by an angle
-that stays what it is in the step: h = D_2* . d_3(s) = sin(x - x*), x the angle of the section in the sleeve, so that the moment
-does exactly the work mu_23 Dh, whatever the step. With x* = x_n + rest and rest = h x'_n/2, an increment that leaves it at rest,
+The moment mu_23 of such a sleeve holds nothing, it rubs. Its condition (5.8) is taken with D_2, D_3 turned to the section by an angle
+that stays what it is in the step: h = (D_2* . d_3(s) - D_3* . d_2(s))/2 = sin(x - x*), x the angle of the section in the sleeve, so
+that the moment does exactly the work mu_23 Dh, whatever the step. With x* = x_n + rest and rest = h x'_n/2, an increment that leaves it at rest,
 
     it sticks   h = 0 at the end of the step, |mu_23| <= mu r F_n
     it slips    mu_23 Dh = -sign mu r F_n Dx,   sign that of the velocity at the end of the step, which is that of h      (5.14)
@@ -22,8 +22,9 @@ from .._jit import kernel
 from .algebra import dot
 from .along import FRICTION_LOSS, HISTORY, JUDGED, force_of_edges, lead_passage
 from .curves import find_element, node_of, slot
-from .doubt import MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, sticks_in_doubt
-from .held_directors import director, holder_director
+from .doubt import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, note_change,
+                    sticks_in_doubt)
+from .held_directors import director, holder_director, twist_between
 from .kinds import vector, zero_vector
 from .sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
 from .slider import begin_passage, motion_along
@@ -61,10 +62,11 @@ class Twist(NamedTuple):
 
 @kernel
 def aim(twist, sleeves, o, angle):
-    """Turn D_2 of sleeve o to a section at this angle."""
+    """Turn D_2 and D_3 of sleeve o to a section at this angle."""
     c, s = np.cos(angle), np.sin(angle)
     for i in range(9 * o + 3, 9 * o + 6):
         sleeves.axes[i] = c * twist.axes[i] - s * twist.axes[i + 3]
+        sleeves.axes[i + 3] = s * twist.axes[i] + c * twist.axes[i + 3]
 
 
 @kernel
@@ -88,11 +90,29 @@ def angle_per_way(start, end):
 
 @kernel
 def section_of(basis, row, dofs, q, nodes, lo, hi, j):
-    """d_j + 1 over lo to before hi of `nodes_of` a curve, with the shape functions of a row of basis."""
+    """d_(j+1) of the section, or its derivative, over lo to before hi of `nodes_of` a curve, with the shape functions of a row of basis."""
     out = zero_vector(dofs)
     for a in range(lo, hi):
         out += basis[row, slot.call(nodes, a)] * director.call(dofs, q, node_of.call(nodes, a), j)
     return out
+
+
+@kernel
+def sine_of_section(sleeves, o, point, basis, row, dofs, q, nodes, lo, hi):
+    """h at coordinates q."""
+    second = section_of(basis, row, dofs, q, nodes, lo, hi, 1)
+    third = section_of(basis, row, dofs, q, nodes, lo, hi, 2)
+    return twist_between(holder_director.call(dofs, sleeves, o, 1, q, point), holder_director.call(dofs, sleeves, o, 2, q, point),
+                         second, third)
+
+
+@kernel
+def cosine_of_section(sleeves, o, point, basis, row, dofs, q, nodes, lo, hi):
+    """(D_2* . d_2 + D_3* . d_3)/2 at coordinates q."""
+    key = holder_director.call(dofs, sleeves, o, 1, q, point)
+    side = holder_director.call(dofs, sleeves, o, 2, q, point)
+    return 0.5 * (dot(key, section_of(basis, row, dofs, q, nodes, lo, hi, 1))
+                  + dot(side, section_of(basis, row, dofs, q, nodes, lo, hi, 2)))
 
 
 @begin_twist.register(Twist)
@@ -122,7 +142,7 @@ def begin_rubbing(twist, sleeves, term, system, h):
 
 @kernel
 def rate_of_twist(sleeves, term, system, k, o):
-    """Velocity of the angle at the start of the step, rad/s, with D_2 at the section."""
+    """Velocity of the angle at the start of the step, rad/s, with D_2 and D_3 at the section."""
     state, contact, dofs = system.state, system.contact, system.dofs
     point = term.sliders.point[k]
     e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], contact.element[k])
@@ -133,11 +153,14 @@ def rate_of_twist(sleeves, term, system, k, o):
     nodes, lo, hi = begin_passage(term, system, k)
     system.work.s_end[k] = s_end
     basis = contact.basis
-    section = section_of(basis, 0, dofs, state.q, nodes, lo, hi, 2)
-    moving = section_of(basis, 0, dofs, state.v, nodes, lo, hi, 2) + along * section_of(basis, 2, dofs, state.q, nodes, lo, hi, 2)
-    up = section_of(basis, 0, dofs, state.q, nodes, lo, hi, 1)
-    d = holder_director.call(dofs, sleeves, o, 1, state.q, point)
-    return (dot(holder_director.call(dofs, sleeves, o, 1, state.v, point), section) + dot(d, moving)) / dot(d, up)
+    q, v = state.q, state.v
+    second, third = section_of(basis, 0, dofs, q, nodes, lo, hi, 1), section_of(basis, 0, dofs, q, nodes, lo, hi, 2)
+    moving = section_of(basis, 0, dofs, v, nodes, lo, hi, 1) + along * section_of(basis, 2, dofs, q, nodes, lo, hi, 1)
+    moved = section_of(basis, 0, dofs, v, nodes, lo, hi, 2) + along * section_of(basis, 2, dofs, q, nodes, lo, hi, 2)
+    key, side = holder_director.call(dofs, sleeves, o, 1, q, point), holder_director.call(dofs, sleeves, o, 2, q, point)
+    turning = twist_between(holder_director.call(dofs, sleeves, o, 1, v, point), holder_director.call(dofs, sleeves, o, 2, v, point),
+                            second, third)
+    return 2.0 * (turning + twist_between(key, side, moving, moved)) / (dot(key, second) + dot(side, third))
 
 
 @twist_rubs.register(Twist)
@@ -162,10 +185,8 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     if doubtful and twist.rest[o] != 0.0:
         twist.rest[o] = 0.0
         aim(twist, sleeves, o, twist.start[o])
-    end = dot(holder_director.call(dofs, sleeves, o, 1, work.q_end, point),
-              section_of(contact.basis, 1, dofs, work.q_end, nodes, lo, hi, 2))
-    twist.way[o] = end - dot(holder_director.call(dofs, sleeves, o, 1, state.q, point),
-                             section_of(contact.basis, 0, dofs, state.q, nodes, lo, hi, 2))
+    end = sine_of_section(sleeves, o, point, contact.basis, 1, dofs, work.q_end, nodes, lo, hi)
+    twist.way[o] = end - sine_of_section(sleeves, o, point, contact.basis, 0, dofs, state.q, nodes, lo, hi)
     if doubtful:
         breaks = abs(state.force[f] + twist.before[2 * o]) > most + twist.before[2 * o + 1]
         if sticks_in_doubt(twist.doubt, o, twist.soft[o], twist.way[o], most, breaks):
@@ -180,6 +201,7 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
             return 1.0
     else:
         sign = judge(twist, o, state.force[f] + twist.before[2 * o], most + twist.before[2 * o + 1], end)
+        note_change(sign != twist.sign[o], work.increment)
         twist.flips[o] += sign != twist.sign[o]
         twist.sign[o] = sign
         if sign == 0:
@@ -231,6 +253,7 @@ def twist_takes_energy(twist, sleeves, system):
                 twist.rest[o] = 0.0
                 aim(twist, sleeves, o, twist.start[o])
                 settled = False
+    note_change(not settled, system.work.increment)
     return settled
 
 
@@ -246,14 +269,12 @@ def account_rubbing(twist, sleeves, term, system, h):
         nodes, lo, hi = begin_passage(term, system, k)
         point = term.sliders.point[k]
         lead_passage(system, nodes, lo, hi, point, h)
-        d = holder_director.call(dofs, sleeves, o, 1, work.q_end, point)
-        end = dot(d, section_of(contact.basis, 1, dofs, work.q_end, nodes, lo, hi, 2))
-        way = end - dot(holder_director.call(dofs, sleeves, o, 1, state.q, point),
-                        section_of(contact.basis, 0, dofs, state.q, nodes, lo, hi, 2))
+        end = sine_of_section(sleeves, o, point, contact.basis, 1, dofs, work.q_end, nodes, lo, hi)
+        way = end - sine_of_section(sleeves, o, point, contact.basis, 0, dofs, state.q, nodes, lo, hi)
         moment = state.force[contact.first_force[sleeves.first[0] + o] + 2]
         angle = twist.start[o] + twist.rest[o]
         if twist.sign[o] != 0:
-            angle += np.arctan2(end, dot(d, section_of(contact.basis, 1, dofs, work.q_end, nodes, lo, hi, 1)))
+            angle += np.arctan2(end, cosine_of_section(sleeves, o, point, contact.basis, 1, dofs, work.q_end, nodes, lo, hi))
         count_missed(twist.doubt, twist.flips, o)
         own = twist.place[o]
         state.history[own + ANGLE] = angle

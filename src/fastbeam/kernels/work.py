@@ -14,14 +14,16 @@ from .._jit import kernel, separate
 FROM_START = 2.0
 # place there: 1 where a step may take so many times as many iterations, as signs of friction go in circles (doubt.py)
 IN_DOUBT, MORE_ITERATIONS = 3, 4
+# place there: 1 where friction began to stick, to slip or to rest in this iteration, so that its increment is more than round-off
+CHANGED = 4
 
 
 class LastIncrement(NamedTuple):
     """The last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
 
-    control: np.ndarray   # float64 [4]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that of
+    control: np.ndarray   # float64 [5]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that of
     #                       the scene, up to which it does not; size of the first increment of the step, -1 before there is one;
-    #                       IN_DOUBT
+    #                       IN_DOUBT, CHANGED
     theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`, padded:
     #                       rows of three are read as rows of four
     x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
@@ -109,6 +111,7 @@ def start_increment(work):
     follow_increment(work.increment, first if work.past[0] > 0.0 else np.inf)
     work.increment.control[2] = -1.0
     work.increment.control[IN_DOUBT] = 0.0
+    work.increment.control[CHANGED] = 0.0
     if work.increment.control[0] != 0.0:
         work.increment.control[0] = FROM_START
 
@@ -127,6 +130,7 @@ def follow_increment(increment, moved):
 @kernel
 def clear_equations(work):
     """Start a residual with the loads and a tangent with zeros."""
+    work.increment.control[CHANGED] = 0.0
     for i in range(work.r.shape[0]):
         work.r[i] = -work.f_ext[i]
     for i in range(work.blocks.shape[0]):
