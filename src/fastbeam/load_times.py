@@ -74,13 +74,29 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
 
 
 def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of gravity") -> Array:
-    """Means of a time function over steps [t, t + h], [n]."""
+    """Means of a time function over steps [t, t + h], [n]: of what is smooth by three Gauss points, of a table from row to row
+    that lie within a step."""
     x = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
     w = np.array([5.0, 8.0, 5.0]) / 18.0
-    points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
-    values = np.array([factor_at(time, float(t), who) for t in points]).reshape(-1, 3)
-    # written out: a matrix product rounds a row differently in calls of different length
-    return w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
+
+    def means(begins: Array, sizes: Array) -> Array:
+        points = (begins[:, None] + x * sizes[:, None]).reshape(-1)
+        values = np.array([factor_at(time, float(t), who) for t in points]).reshape(-1, 3)
+        # written out: a matrix product rounds a row differently in calls of different length
+        return np.asarray(w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2])
+
+    times, steps = np.asarray(times), np.asarray(steps)
+    out = means(times, steps)
+    rows = getattr(time, "_rows", None)
+    if rows is not None:
+        ends = times + steps
+        low, high = np.minimum(times, ends), np.maximum(times, ends)
+        first, last = np.searchsorted(rows, low, "right"), np.searchsorted(rows, high, "left")
+        for k in np.flatnonzero(last > first):
+            cuts = np.concatenate(([low[k]], rows[first[k]:last[k]], [high[k]]))
+            sizes = np.diff(cuts)
+            out[k] = float(np.sum(means(cuts[:-1], sizes) * sizes)) / (high[k] - low[k])
+    return out
 
 
 def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity") -> float:

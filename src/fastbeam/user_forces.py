@@ -17,7 +17,7 @@ from .kernels.user_force import Laws, UserForces
 from .kernels.work import State
 from .model import Model
 from .numbering import NodeList
-from .scene import Beam, Drag, ForceElement, LineForce, Scene, UserForce
+from .scene import Beam, Drag, ForceElement, LineForce, Scene, Signal, UserForce
 from .scene.follower import turning_slopes
 from .scene.links import label_of
 from .tables import node_lengths
@@ -276,7 +276,8 @@ def differences_of(force: UserForce) -> int:
 
 def _time_of(force: UserForce | LineForce | ForceElement) -> tuple[Any, ...]:
     """The function of time that is a factor of the force, where there is one."""
-    return (force.time,) if getattr(force, "time", None) is not None else ()
+    time = getattr(force, "time", None)
+    return () if time is None else (time.compilable if isinstance(time, Signal) else time,)
 
 
 _compiled, _tension, _blowing = cache(compiled_force), cache(compiled_tension), cache(compiled_wind)

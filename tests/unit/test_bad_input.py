@@ -333,7 +333,7 @@ def calls(folder: Path) -> dict[str, Call]:
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
                                             dict(t=0.5), dict(t=is_real)) for name in ("place", "turn", "rates")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
-            times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag)),
+            times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag, interpolation=is_text)),
         "Signal.from_acceleration": Call(fb.Signal.from_acceleration, dict(times=np.arange(4.0), acceleration=np.zeros(4)), dict(
             times=VECTOR, acceleration=is_array(1, 2), direction=VECTOR, velocity=either(is_real, VECTOR),
             displacement=either(is_real, VECTOR), baseline=is_count)),
