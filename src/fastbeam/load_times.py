@@ -34,7 +34,9 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
     for one in model.controllers:
         # what a run has left does not count at rest
         one.held[0] = one.start
-    if at_time is None and any(time is not None for time in model.load_times):
+    laws = model.uneliminated.scene.user_forces if model.user_forces and model.uneliminated is not None else []  # type: ignore
+    timed = any(time is not None for time in (*model.load_times, *(getattr(law, "time", None) for law in laws)))
+    if at_time is None and (timed or model.blows and model.dragged.timed):
         raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
     return np.array([1.0 if time is None else factor_at(time, at_time or 0.0, f"of {name}")
                      for time, name in zip(model.load_times, model.load_names)])
@@ -66,6 +68,9 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
     if not isinstance(at_time, tuple):
         factors = load_factors_at(who, model, at_time)
         return np.zeros_like(factors), factors
+    if model.blows and (model.dragged.timed or model.dragged.windy):
+        raise SceneError(f"{who}: at_time={at_time}: the air of {model.dragged.labels[0]} changes in time, and two times tell no "
+                         "path of its force; give one time, with which it grows from zero")
     first, last = (load_factors_at(who, model, t) for t in at_time)
     if np.array_equal(first, last) and not others_change:
         raise SceneError(f"{who}: at_time={at_time}: no load changes between these times; give those that grow a time function, "

@@ -74,7 +74,9 @@ class Loaded:
             addresses.append((address, slopes_of(force, compiled, _given(at))))
             differences.append(differences_of(force) if force.derivative is None else 0)
         along = np.array([isinstance(force.at, Beam) for force in self.forces], np.int64)
-        return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, along[self.of],
+        grows = np.array([force.grows for force in self.forces], np.int64)
+        return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, grows[self.of],
+                          along[self.of],
                           starts[self.of],
                           np.concatenate([np.zeros(0), *(force.parameters for force in self.forces)]), np.array([place]),
                           _laws(addresses, self.of), np.array(differences, np.int64)[self.of], law_work())
