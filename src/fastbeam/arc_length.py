@@ -9,8 +9,6 @@ import numpy as np
 from .eigen import Pencil, SingularError, grown, lowest
 from .iteration import newton_loop
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
-from .kernels.planar_follower import PlanarFollowers
-from .kernels.user_force import UserForces
 from .kernels.work import State
 from .law_path import LawPath
 from .maps import with_values
@@ -22,8 +20,8 @@ from .static_sliders import SlidingSolver
 from .static_strains import StrainPath
 
 Array = np.ndarray
-# longest correction, in sizes of the scene and rad
-LONGEST = 1.0
+# longest correction, in sizes of the scene and rad, and one that a start may need
+LONGEST, AT_REST = 1.0, 1e-6
 # eigenvalues that are looked for at a critical point; those below this share of the next one vanish together; directions tried in
 # each dimension of their vectors; cosine of two that are the same
 MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
@@ -68,8 +66,6 @@ class PathSolver(SlidingSolver):
         if self.along is not None:
             self.along.is_exact = True
         self._laws, self._strains = laws, strains
-        self._turning = [(term, term.share.copy()) for term in self.stepper.terms
-                         if isinstance(term, (UserForces, PlanarFollowers))]
         self.is_unsymmetric = not self.has_potential(self.stepper.plane is not None)
         self._of_path, self._backend = factors_for(backend), backend
         loads = []
@@ -79,7 +75,7 @@ class PathSolver(SlidingSolver):
         self._first_loads, self._unit_loads = loads
         self._of_time = factors
         self.factor = factor
-        self._by_laws = bool(model.user_forces)
+        self._by_laws = bool(model.user_forces) or model.blows
         # the equations of the last state; their derivative by the load factor where it is the same everywhere
         self._known: tuple[Array, tuple[Saddle, Array, Array]] | None = None
         self._push: Array | None = None
@@ -172,8 +168,8 @@ class PathSolver(SlidingSolver):
             self._strains.put(factor)
         laws = self._laws
         self.set_time(laws.time, laws.first + factor * laws.change)
-        for term, share in self._turning if laws.shares is not None else ():
-            term.share[:] = share * (laws.shares[0] + factor * laws.shares[1])
+        if laws.shares is not None:
+            self.stepper.load_at(laws.time, laws.first, laws.shares[0] + factor * laws.shares[1])
 
     def _bordered(self, saddle: Saddle, column: Array, row: Array, corner: float, right: Array, last: float) -> Array | None:
         """Solution of [K, -column; row, corner]."""
@@ -198,6 +194,13 @@ class PathSolver(SlidingSolver):
     def product(self, a: Direction, b: Direction) -> float:
         """Of two directions."""
         return float(np.sum(self.weight * a.x * b.x)) + a.factor * b.factor
+
+    def balanced(self) -> bool:
+        """Whether the start is an equilibrium: Newton's method would not leave it."""
+        self.work.increment.control[0] = 0.0
+        saddle, right, loads = self.equations()
+        x = self._bordered(saddle, loads, np.zeros_like(right), 1.0, right, 0.0)
+        return x is None or self._size(x[:len(self.core.dofs) * self.core.pattern.n]) < AT_REST
 
     def direction(self, along: Direction | None, sign: float = 1.0) -> Direction | None:
         """Of the path at the present equilibrium, forward along one before it; without one as the load factor grows (sign -1:

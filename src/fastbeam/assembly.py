@@ -9,6 +9,7 @@ from .joint_drives import JointsOfRun
 from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.contact_entries import Contact
+from .kernels.drag import Drag
 from .kernels.factored_entries import FactoredContact
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
@@ -32,6 +33,8 @@ from .workspace import moving_of_run
 Array = np.ndarray
 # tables of forces by laws of the triad
 LAWS = UserForces, PlanarFollowers
+# coefficients of drag
+DRAG = "normal", "tangential", "linear"
 
 
 def strain_sets(model: Model, static: bool = False) -> tuple[SimoReissner, GreenLagrange]:
@@ -95,8 +98,11 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms
-    drag = None if static else model.drag
-    if drag is not None and model.dragged.timed:
+    drag = None if static and not model.blows else model.drag
+    if drag is not None and static:
+        # these and the air are those of a load factor and a time
+        drag = drag._replace(**{name: getattr(drag, name).copy() for name in (*DRAG, "air")})
+    elif drag is not None and model.dragged.timed:
         # its air is that of a run
         drag = drag._replace(air=drag.air.copy())
     if drag is not None and model.dragged.windy and law_work is not None:
@@ -104,6 +110,39 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     added = None if static else model.added_tables
     others = prescribed, loads, bodies, drag, added, *links, *free, model.ties, reactions, held
     return (*terms, *losses, *(x for x in others if x is not None))
+
+
+class Growing:
+    """Forces by laws, and of moving air, in the terms of a model at rest: what they are at a load factor and a time.
+
+    Parameters
+    ----------
+    model : Model
+    terms : tuple
+        Of a run in statics.
+    """
+
+    def __init__(self, model: Model, terms: tuple[Any, ...]) -> None:
+        # arrays that are multiplied, whole ones, and 1 where they grow
+        self._parts: list[tuple[Array, Array, Any]] = []
+        self._air: list[tuple[Array, Array]] = []
+        self.laws = [term for term in terms if isinstance(term, LAWS)]
+        self._parts += [(term.share, term.share.copy(), term.grows) for term in self.laws]
+        for term in terms:
+            if isinstance(term, Drag):
+                self._parts += [(x, x.copy(), np.ones(x.size)) for x in (getattr(term, name) for name in DRAG)]
+                self._air.append((term.air, model.drag.air))
+        self._dragged = model.dragged
+
+    def put(self, t: float, factor: float, shares: Array | None = None) -> None:
+        """At a time, s; shares: float64 [K] of nodes with loads that turn, where these have factors of their own."""
+        for out, whole, grows in self._parts:
+            out[:] = whole * np.where(grows == 1, factor, 1.0)
+        for term, whole in zip(self.laws, (x[1] for x in self._parts)) if shares is not None else ():
+            term.share[:] = whole * shares
+        for air, given in self._air if self._dragged is not None and self._dragged.timed else ():
+            factors = self._dragged.factors_at(t)
+            air[:] = given * np.repeat(factors, air.size // factors.size)
 
 
 class Corner(NamedTuple):

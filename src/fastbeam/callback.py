@@ -36,6 +36,19 @@ def time_functions(model: Model) -> list[tuple[str, Callable[[float], Any]]]:
     return [(name, time) for name, time in out if callable(time)]
 
 
+def given_places(model: Model) -> list[tuple[str, Any]]:
+    """What gives where sliders, joints and supports are: what it belongs to, and a function of time, a number or None."""
+    out: list[tuple[str, Any]] = []
+    for slider in () if model.slider_forces is None else model.slider_forces.sliders:
+        if slider.drive is not None and slider.drive.is_prescribed:
+            out.append((f"the drive of slider {slider.name!r} (position)", slider.drive.position))
+    for part in () if model.motions is None else model.motions.holds.parts:
+        out.append((f"what is given to {part.label}", part.place))
+    for motion in () if model.prescribed is None else model.prescribed.motions:
+        out += [(f"{motion.label} ({name})", getattr(motion, name)) for name in ("displacement", "position", "rotation")]
+    return out
+
+
 class Callback:
     """Calls a function of (t, state) at rows.
 

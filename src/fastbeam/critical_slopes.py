@@ -222,8 +222,8 @@ def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_f
     """
     base = point.base
     if not point.is_symmetric:
-        raise SceneError("critical_sensitivity: a bifurcation whose tangent is not symmetric, because moments act in space, has "
-                         "no derivatives here; compile with planar=True, or use solve_path at two values")
+        raise SceneError("critical_sensitivity: a bifurcation whose tangent is not symmetric, because moments or moving air act, "
+                         "has no derivatives here; compile with planar=True, or use solve_path at two values")
     step = SHARE * (abs(load_factor) or 1.0)
 
     def along(way: Array, size: float, loads: bool) -> float:

@@ -15,7 +15,8 @@ import numpy as np
 
 from .basis import Basis, build_basis
 from .errors import SceneError
-from .scene import Beam, Crossing, DistributedLoad, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Slider, Switch, UserForce
+from .scene import (Beam, Crossing, DistributedLoad, Drag, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Slider, Switch,
+                    UserForce)
 from .scene.beams import NodeRef
 from .scene.crossings import Knot
 from .scene.nets import NetBeam
@@ -83,7 +84,9 @@ def refuse(scene: Scene) -> None:
                                  "use interpolation='lagrange', or leave contacts= out")
             for part in scene.parts:
                 loaded = (isinstance(part, UserForce) and part.at is beam
-                          or isinstance(part, DistributedLoad) and part.beam is beam and part.moment is not None)
+                          or isinstance(part, DistributedLoad) and part.beam is beam
+                          and (part.moment is not None or part.follower)
+                          or isinstance(part, Drag) and part.on is beam and part.blows)
                 if loaded:
                     raise SceneError(f"{who} is on {beam.label}, along which {part.kind} {part.name!r} acts, whose work by the "
                                      "place of an element end is not known; put it on nodes, or leave contacts= out")

@@ -36,7 +36,7 @@ def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
         In space.
     q : float64 [N, 4, 3]
     t, factor : float
-        Time, s, with which laws are evaluated, and load factor, which scales those on nodes.
+        Time, s, with which laws are evaluated, and load factor, which scales those that grow.
 
     Raises
     ------
@@ -99,17 +99,17 @@ def check_still_air(model: Model) -> None:
     Raises
     ------
     SceneError
-        Nothing is at rest in it.
+        It adds to the damping of small motions, and to stiffness that is not symmetric.
     """
     drag = model.dragged
     if drag is not None and drag.windy:
         asked = int(drag.part[np.argmax(drag.wind.laws.address != 0)])
-        raise SceneError(f"{drag.labels[asked]}: its air moves by wind=, so that nothing is at rest in it, and equilibria do not "
-                         "know its force; leave wind= out, or run in time")
+        raise SceneError(f"{drag.labels[asked]}: its air moves by wind=, and what it adds to the damping of small motions is not "
+                         "known; leave wind= out, or run in time")
     if drag is not None and np.any(drag.air):
         moves = int(drag.part[np.argmax(np.any(drag.air != 0.0, axis=1))])
-        raise SceneError(f"{drag.labels[moves]}: its air moves, so that nothing is at rest in it, and equilibria do not know its "
-                         "force; leave air= out, or run in time")
+        raise SceneError(f"{drag.labels[moves]}: its air moves, and what it adds to the damping of small motions is not known; "
+                         "leave air= out, or run in time")
 
 
 def _of_drag(model: Model) -> Any:
@@ -232,7 +232,7 @@ def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
                     given[12 + c] = sign * size
                     law(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found)))
                     ends.append(found)
-                block[:, c] = -factor * table.share[k] * (ends[0] - ends[1]) / (2.0 * size)
+                block[:, c] = -(factor if table.grows[k] else 1.0) * table.share[k] * (ends[0] - ends[1]) / (2.0 * size)
             # rates of coordinates -> velocity and spin
             motion = np.zeros((6, 12))
             motion[:3, :3] = np.eye(3)

@@ -11,7 +11,7 @@ from .kernels.beam import ElementTables
 from .kernels.damping import Dissipation
 from .kernels.drag import AirSchedule, Drag, NoWind, Wind
 from .kernels.layout import LIST
-from .load_times import mean_factors
+from .load_times import factor_at, mean_factors
 from .model import Model
 from .numbering import NodeList
 from .scene import Beam, Net, Scene
@@ -97,9 +97,24 @@ class Dragged:
         return any(time is not None for time in self.times)
 
     @property
+    def blows(self) -> bool:
+        """Whether the air moves, so that there is a force at rest."""
+        return self.windy or bool(np.any(self.air))
+
+    @property
+    def turns(self) -> bool:
+        """Whether that force depends on the shape."""
+        return self.blows and (self.windy or bool(np.any(self.slender)))
+
+    @property
     def windy(self) -> bool:
         """Whether functions of place and time give the velocity of the air."""
         return isinstance(self.wind, Wind)
+
+    def factors_at(self, t: float) -> Array:
+        """Of the air at a time, s, of every node, [D]."""
+        return np.array([1.0 if time is None else factor_at(time, t, f"of {label}")
+                         for time, label in zip(self.times, self.labels)])[self.part]
 
     def schedule(self, given: Array, terms: tuple[Any, ...], times: Array, steps: Array) -> AirSchedule:
         """The air in steps from these times on, of these sizes, s; given: float64 [*], the `air` of the tables of the model;

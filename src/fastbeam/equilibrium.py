@@ -27,8 +27,9 @@ class StaticSolver:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
         # well, unless moments act (theory.md 8)
         self.moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
-        self.moments |= bool(model.user_forces)
         self._turns = any(isinstance(x, (UserForces, ForceElements)) for x in model.links)
+        self._turns |= model.dragged is not None and model.dragged.turns
+        self.moments |= bool(model.user_forces) or self._turns
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
                                symmetric=not self.moments)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
@@ -66,8 +67,8 @@ class StaticSolver:
         return not self.moments or in_plane and not self._turns
 
     def set_time(self, t: float, factor: float) -> None:
-        """At which time, and with which load factor, user forces and drives are evaluated."""
-        self.stepper.law_work[:2] = t, factor
+        """At which time, and with which load factor, forces by laws, moving air and drives are evaluated."""
+        self.stepper.load_at(t, factor)
         if self.stepper.motion is not None:
             self.core.motions.at_rest(self.stepper.motion, t, factor)
 

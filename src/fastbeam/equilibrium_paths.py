@@ -14,7 +14,7 @@ from .joint_motion import check_at_rest
 from .kernels.along import NO_DRIVE
 from .kernels.work import State
 from .linsolve import check_backend
-from .law_path import law_path
+from .law_path import law_path, laws_grow, user_forces
 from .load_times import load_factors_at, load_path, which_times
 from .model import Model, check_model
 from .observe import OBSERVED, POINTS
@@ -153,12 +153,13 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if to == load_factor:
         raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
     stays_put = moves is None and prestrains is None
-    # those along lines and between triads act in full, as springs do
-    by_laws = bool(model.user_forces) and bool(model.uneliminated.scene.user_forces)  # type: ignore[union-attr]
+    # laws that do not grow act in full, as springs do
+    by_laws = laws_grow(model)
     pushed = drives is not None and bool(np.any(~stays & (drives.tables.drive != NO_DRIVE)))
     if stays_put and not np.any(model.loads) and not by_laws and not pushed:
-        raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, move "
-                         "supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: -0.01}")
+        raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, let a "
+                         "UserForce grow (grows=True), move supports, moves={clamp: (0, 0, -0.1)}, or strain beams, "
+                         "prestrains={beam: -0.01}")
     moved = {} if moves is None else _moves(model, moves)
     strains = None if prestrains is None else StrainPath(model, prestrains_of(model, prestrains))
     laws = law_path("solve_path", model, at_time, stays_put)
@@ -186,6 +187,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     # where supports leave its plane the scene does, if it may
     flat_or_not = False if not model.asked_for_plane and leave_plane(model, moved) else None
     solver = PathSolver(model, start, max_iterations, stays, flat_or_not, backend, factors, load_factor, laws, strains)
+    if start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
+        raise SceneError("solve_path: user forces that do not grow act at the start, which is no equilibrium: give that under "
+                         "them as start=, or let those that are loads grow, grows=True")
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)
     if model.motions is not None:

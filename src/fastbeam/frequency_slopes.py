@@ -54,7 +54,7 @@ class Linearised:
     n : int
     backend : str
     at : (float, float)
-        Time, s, and load factor of drives of sliders.
+        Time, s, and load factor of drives of sliders and of moving air.
 
     Raises
     ------
@@ -72,8 +72,8 @@ class Linearised:
             raise SceneError("frequencies: nothing that may move has a mass; give sections rhoA, or bodies")
         pencil, _ = self.about.assembled()
         if not pencil.is_symmetric:
-            raise SceneError("frequencies: the stiffness of this equilibrium is not symmetric, because moments act on it; their "
-                             "derivatives are not there. Use fb.modes at two values")
+            raise SceneError("frequencies: the stiffness of this equilibrium is not symmetric, because moments or moving air act "
+                             "on it; their derivatives are not there. Use fb.modes at two values")
         try:
             found = lowest(pencil, max(n, LEAST), backend)
         except SingularError:
@@ -86,7 +86,9 @@ class Linearised:
     def _linearised(self, model: Model, state: State, factors: Array, flat: bool) -> Linearisation:
         """A scene about a state."""
         resting = resting_sliders("frequencies", model, state, self._stays, *self._at)
-        return Linearisation(model, state, ~self._stays, factors, flat, resting=resting)
+        found = Linearisation(model, state, ~self._stays, factors, flat, resting=resting)
+        found.stepper.load_at(*self._at)
+        return found
 
     def forms(self, model: Model, state: State, factors: Array) -> tuple[Array, Array]:
         """Of stiffness and mass of another scene of the family, with the modes of this one [m, m]."""

@@ -132,7 +132,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
         settled = Linearisation(model, about.stepper.state if state is None else state, about.sliding, about.factors,
                                 about.size == 3, moved, resting=about.resting)
         settled.stepper.core_state.force[:] = about.stepper.core_state.force
-        settled.stepper.law_work[:2] = about.stepper.law_work[:2]
+        settled.stepper.load_at(*about.stepper.law_work[:2].tolist())
         if settled.stepper.motion is not None:
             settled.stepper.motion.follow(about.stepper.motion)
     excitation = _excitation(model, settled, loads, vectors)

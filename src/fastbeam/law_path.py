@@ -8,7 +8,7 @@ import numpy as np
 from .errors import SceneError
 from .load_times import factor_at
 from .model import Model
-from .scene import Beam
+from .scene import Beam, UserForce
 from .scene.follower import FollowerForce
 
 Array = np.ndarray
@@ -35,6 +35,16 @@ class LawPath(NamedTuple):
         return self.first != 0.0 if self.shares is None else bool(np.any(self.shares[0]))
 
 
+def user_forces(model: Model) -> list[UserForce]:
+    """Forces by laws on nodes and along beams, and loads that turn."""
+    return model.uneliminated.scene.user_forces if model.user_forces else []  # type: ignore[union-attr]
+
+
+def laws_grow(model: Model) -> bool:
+    """Whether forces by laws, or of moving air, grow with the load factor."""
+    return any(force.grows for force in user_forces(model)) or model.blows
+
+
 def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None, grow: bool) -> LawPath:
     """The same of loads that turn and of laws; grow: whether loads at one time grow from zero, or stay.
 
@@ -43,10 +53,7 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
     SceneError
         Between two times a law is no load that turns, or its function of time has no value to compare with.
     """
-    forces = model.uneliminated.scene.user_forces if model.user_forces else []  # type: ignore[union-attr]
-    timed = any(isinstance(force, FollowerForce) and force.time is not None for force in forces)
-    if at_time is None and timed:
-        raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
+    forces = user_forces(model)
     if not isinstance(at_time, tuple):
         return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)
     if not model.user_forces:
@@ -54,7 +61,7 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
     other = [name for name in model.user_forces if name not in {x.name for x in forces if isinstance(x, FollowerForce)}]
     if other:
         raise SceneError(f"{who}: user force {other[0]!r} is a law of its own, of which two times of at_time= tell no path; give "
-                         "one time, with which forces on nodes grow from zero, or write it as a load with follower=True")
+                         "one time, or write it as a load with follower=True")
 
     def values(t: float) -> Array:
         return np.array([1.0 if x.time is None else factor_at(x.time, t, f"of {x.kind} {x.name!r}") for x in forces])

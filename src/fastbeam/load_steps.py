@@ -17,6 +17,7 @@ from .interrupt import Interrupts
 from .joint_motion import check_at_rest
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
+from .law_path import user_forces
 from .model import Model
 from .outcome import Outcome
 from .observe import Observer
@@ -218,6 +219,9 @@ class LoadSteps:
         if solver.unresisted:
             coarse += (f"; {solver.unresisted!r} slips beyond its friction there, and nothing else resists: hold it, "
                        "load it less, or give it a spring")
+        in_full = [force.name for force in user_forces(self.task.model) if not force.grows]
+        if in_full:
+            coarse += f"; user force {in_full[0]!r} acts in full from the first load step: give it grows=True if it is a load"
         return ConvergenceError(f"{text}{coarse}{_slack(self.task.model, solver.state)}; a limit or buckling point may lie "
                                 "there, a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
                                 "slender than 1e6). The last equilibrium is in .state, everything computed in .result",

@@ -34,7 +34,9 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
     for one in model.controllers:
         # what a run has left does not count at rest
         one.held[0] = one.start
-    if at_time is None and any(time is not None for time in model.load_times):
+    laws = model.uneliminated.scene.user_forces if model.user_forces and model.uneliminated is not None else []  # type: ignore
+    timed = any(time is not None for time in (*model.load_times, *(getattr(law, "time", None) for law in laws)))
+    if at_time is None and (timed or model.blows and model.dragged.timed):
         raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
     return np.array([1.0 if time is None else factor_at(time, at_time or 0.0, f"of {name}")
                      for time, name in zip(model.load_times, model.load_names)])
@@ -66,6 +68,9 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
     if not isinstance(at_time, tuple):
         factors = load_factors_at(who, model, at_time)
         return np.zeros_like(factors), factors
+    if model.blows and (model.dragged.timed or model.dragged.windy):
+        raise SceneError(f"{who}: at_time={at_time}: the air of {model.dragged.labels[0]} changes in time, and two times tell no "
+                         "path of its force; give one time, with which it grows from zero")
     first, last = (load_factors_at(who, model, t) for t in at_time)
     if np.array_equal(first, last) and not others_change:
         raise SceneError(f"{who}: at_time={at_time}: no load changes between these times; give those that grow a time function, "
@@ -74,13 +79,29 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
 
 
 def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of gravity") -> Array:
-    """Means of a time function over steps [t, t + h], [n]."""
+    """Means of a time function over steps [t, t + h], [n]: of what is smooth by three Gauss points, of a table from row to row
+    that lie within a step."""
     x = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
     w = np.array([5.0, 8.0, 5.0]) / 18.0
-    points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
-    values = np.array([factor_at(time, float(t), who) for t in points]).reshape(-1, 3)
-    # written out: a matrix product rounds a row differently in calls of different length
-    return w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
+
+    def means(begins: Array, sizes: Array) -> Array:
+        points = (begins[:, None] + x * sizes[:, None]).reshape(-1)
+        values = np.array([factor_at(time, float(t), who) for t in points]).reshape(-1, 3)
+        # written out: a matrix product rounds a row differently in calls of different length
+        return np.asarray(w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2])
+
+    times, steps = np.asarray(times), np.asarray(steps)
+    out = means(times, steps)
+    rows = getattr(time, "_rows", None)
+    if rows is not None:
+        ends = times + steps
+        low, high = np.minimum(times, ends), np.maximum(times, ends)
+        first, last = np.searchsorted(rows, low, "right"), np.searchsorted(rows, high, "left")
+        for k in np.flatnonzero(last > first):
+            cuts = np.concatenate(([low[k]], rows[first[k]:last[k]], [high[k]]))
+            sizes = np.diff(cuts)
+            out[k] = float(np.sum(means(cuts[:-1], sizes) * sizes)) / (high[k] - low[k])
+    return out
 
 
 def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity") -> float:

@@ -222,6 +222,11 @@ class Model(HistoryLayout):
         return of_row[self.pattern.row_of]
 
     @property
+    def blows(self) -> bool:
+        """Whether moving air has a force at rest."""
+        return self.dragged is not None and bool(self.dragged.blows)
+
+    @property
     def reaction_names(self) -> list[str]:
         """Supports, joints that are eliminated, and joints with multipliers: those that reactions are told of, in this order."""
         return [*self.holding.support_names, *self.holding.joint_names, *self.kept_names]

@@ -10,7 +10,7 @@ import numpy as np
 from ._jit import announce_first_use, begin_background
 from ._records import Record, record_of
 from .arguments import count, number
-from .assembly import Corner, put_limits, system_of, terms_of
+from .assembly import Corner, Growing, put_limits, system_of, terms_of
 from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
 from .errors import SceneError
@@ -149,6 +149,7 @@ class Stepper:
         self.law_work = law_work()
         self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
         self.corner: Corner | None = None  # a slider on its way over a corner of a switch
+        self.growing = Growing(core, self.terms) if static else None
         put_limits(core, self.core_state, None, self.terms)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
@@ -175,6 +176,12 @@ class Stepper:
             self.memory = memory
         elif self.along is not None:
             self._start_sliding()
+
+    def load_at(self, t: float, factor: float, shares: Array | None = None) -> None:
+        """In statics: the time, s, and load factor of forces by laws, moving air and ropes; shares: as of `Growing.put`."""
+        self.law_work[:2] = t, factor
+        assert self.growing is not None
+        self.growing.put(t, factor, shares)
 
     def _start_sliding(self) -> None:
         """Signs of the velocities of sliders with Coulomb friction. What a run before left at rest, held by friction or against a

@@ -34,8 +34,8 @@ AT_END = 1e-3
 # the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
 LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
 # what is said of loads without a potential
-FLUTTER = ("loads that follow, and moments that are fixed in space, have no potential: real eigenvalues are counted here, "
-           "vibrations that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
+FLUTTER = ("loads that follow, laws, moving air and moments that are fixed in space have no potential: real eigenvalues are "
+           "counted here, vibrations that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
 
 
 class PathWalk:

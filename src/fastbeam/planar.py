@@ -160,7 +160,7 @@ def _follower(table: UserForces, plane: Plane) -> PlanarFollowers:
     about = np.sum(own[:, 3:] * plane.normal[table.node], axis=1)
     zero = np.zeros_like(about)
     parameters = np.stack((along.real, along.imag, zero, zero, zero, about), axis=1)
-    return PlanarFollowers(*table[:5], 6 * np.arange(len(own)), parameters.reshape(-1), table.place, table.laws,
+    return PlanarFollowers(*table[:6], 6 * np.arange(len(own)), parameters.reshape(-1), table.place, table.laws,
                            table.work)
 
 

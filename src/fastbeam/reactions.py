@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ._records import Record, record_of
-from .assembly import LAWS, system_of, terms_of
+from .assembly import DRAG, LAWS, system_of, terms_of
 from .connections import held_axes
 from .equilibrium import StaticSolver
 from .errors import SceneError
@@ -232,7 +232,7 @@ def _as_running(term: Any, run: Any) -> Any:
     """A term with the air, the curves of sliders, or the shares of loads by laws, of the run. Rows and blocks stay its own: those
     of the run are others where it eliminates inner nodes."""
     if isinstance(term, Drag):
-        return term._replace(air=run.air, wind=run.wind)
+        return term._replace(**{name: getattr(run, name) for name in (*DRAG, "air", "wind")})
     if isinstance(term, Sliding):
         # over corners of switches sliders have other curves
         return term._replace(sliders=term.sliders._replace(curve=run.sliders.curve), limits=run.limits)

@@ -299,6 +299,7 @@ class _Run(Encounters):
             for kind, text in self.notes:
                 self.event({"kind": kind, "time": self.t_start, "text": text})
             self.watch.massless()
+            self.watch.tables()
             self.watch.order(clock.now)
             for t, outcome, size, row_due in self.chunks(every):
                 self.took(t, outcome, size)

@@ -17,7 +17,7 @@ from .kernels.user_force import Laws, UserForces
 from .kernels.work import State
 from .model import Model
 from .numbering import NodeList
-from .scene import Beam, Drag, ForceElement, LineForce, Scene, UserForce
+from .scene import Beam, Drag, ForceElement, LineForce, Scene, Signal, UserForce
 from .scene.follower import turning_slopes
 from .scene.links import label_of
 from .tables import node_lengths
@@ -74,7 +74,9 @@ class Loaded:
             addresses.append((address, slopes_of(force, compiled, _given(at))))
             differences.append(differences_of(force) if force.derivative is None else 0)
         along = np.array([isinstance(force.at, Beam) for force in self.forces], np.int64)
-        return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, along[self.of],
+        grows = np.array([force.grows for force in self.forces], np.int64)
+        return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, grows[self.of],
+                          along[self.of],
                           starts[self.of],
                           np.concatenate([np.zeros(0), *(force.parameters for force in self.forces)]), np.array([place]),
                           _laws(addresses, self.of), np.array(differences, np.int64)[self.of], law_work())
@@ -276,7 +278,8 @@ def differences_of(force: UserForce) -> int:
 
 def _time_of(force: UserForce | LineForce | ForceElement) -> tuple[Any, ...]:
     """The function of time that is a factor of the force, where there is one."""
-    return (force.time,) if getattr(force, "time", None) is not None else ()
+    time = getattr(force, "time", None)
+    return () if time is None else (time.compilable if isinstance(time, Signal) else time,)
 
 
 _compiled, _tension, _blowing = cache(compiled_force), cache(compiled_tension), cache(compiled_wind)

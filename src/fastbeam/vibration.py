@@ -116,9 +116,9 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         return _modes_of(about, equilibrium_of("modes", about, n, backend, state))
     found = equilibrium_of("modes", about, n + MORE, backend, state)
     if not found.factors.pencil.is_symmetric:
-        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space do not leave; "
-                         "find the "
-                         "modes of the scene without them, or run in time")
+        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space, "
+                         "loads that turn, laws and moving air do not leave; find the modes of the scene without them, or run in "
+                         "time")
     try:
         return _damped_modes_of(about, damped_of(about, found, n, backend))
     except SingularError:
@@ -155,7 +155,7 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
                              "plane push out of it")
     about = Linearisation(model, state, ~stays, factors, flat, steady=None if steady is None else (who, steady),
                           resting=resting_sliders(who, model, state, stays, at_time, load_factor))
-    about.stepper.law_work[:2] = at_time or 0.0, load_factor
+    about.stepper.load_at(at_time or 0.0, load_factor)
     if about.stepper.motion is not None:
         if at_time is None and model.motions.holds.pushes_in_time:
             raise SceneError(f"{who}: motors or drives of joints are functions of time; say with at_time=... "

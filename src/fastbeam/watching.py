@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .axial_waves import braking_time
+from .callback import given_places
 from .dynamics import UNRESOLVED_TURN
 from .kernels.doubt import MISSED, Doubt
 from .kinks import Kinks
@@ -14,6 +15,7 @@ from .model import Model
 from .newton import Stepper
 from .resolution import Resolution
 from .result import Result
+from .scene.prescribed import Signal, largest_kink
 from .twisting import rubbing, twist_label
 
 # steps between two looks whether the mesh resolves the shape, so that looks take little time beside steps
@@ -59,6 +61,17 @@ class Watch:
         if len(massless) > MOST_NAMED:
             self.event({"kind": "massless", "time": self.t_start,
                         "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
+
+    def tables(self) -> None:
+        """An event for each place that is given by a table whose rate jumps during the run."""
+        for who, function in given_places(self.model):
+            if isinstance(function, Signal):
+                at, jump = largest_kink(function, self.t_start, self.t_end)
+                if jump > 0.0:
+                    self.event({"kind": "kink", "time": at,
+                                "text": f"{who}: the rate of its table jumps by {jump:.3g} per s at t = {at:.6g} s, a blow in "
+                                        "one step, and forces alternate from step to step afterwards; give the Signal "
+                                        "interpolation='cubic' or 'pchip', or damping to what follows"})
 
     def order(self, t: float) -> None:
         """Events where a run with order 4 passed a kink since the last row."""

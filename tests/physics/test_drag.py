@@ -9,6 +9,7 @@ import pytest
 import fastbeam as fb
 
 Array = np.ndarray
+SOFT = fb.Section(EA=2e5, GA2=8e4, GA3=8e4, GJ=16.0, EI2=20.0, EI3=20.0, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
 G = 9.81
 ROUND_OFF = 1e-12
 ROPE = fb.Section.circle(radius=0.01, E=1e7, rho=1000.0)
@@ -58,12 +59,12 @@ def test_along_a_rope_the_tangential_coefficient_counts_and_a_linear_one_in_all_
         assert abs(extrapolated(found) - exact) < 1e-6 * exact
 
 
-def in_the_wind(planar: bool | str, air: Any = (4.0, 0.0, 1.0), **options: Any) -> fb.Model:
+def in_the_wind(planar: bool | str, air: Any = (4.0, 0.0, 1.0), support: Any = fb.Pin, **options: Any) -> fb.Model:
     """A hanging rope with a ball at its end in a wind, from a horizontal start."""
     beam = rope()
     ball = fb.RigidBody("ball", mass=0.05, inertia=(1e-4, 1e-4, 1e-4), position=(2, 0, 0))
     return fb.compile_scene(fb.Scene(
-        beam, ball, fb.RigidConnection(beam.end, ball), fb.Pin(beam.start), gravity=(0, 0, -G),
+        beam, ball, fb.RigidConnection(beam.end, ball), support(beam.start), gravity=(0, 0, -G),
         *(fb.Drag(f"wind on {x.name}", x, normal=0.05, linear=0.01, air=air, **options) for x in (beam, ball))), planar=planar)
 
 
@@ -142,3 +143,73 @@ def test_what_drag_does_not_go_together_with_is_refused() -> None:
     for make, says in refused:
         with pytest.raises(fb.SceneError, match=says):
             make()
+
+
+# --- at rest ----------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("planar", [True, False])
+def test_a_stiff_rod_at_rest_in_a_wind_has_the_force_of_its_inclination(planar: bool) -> None:
+    way, length = np.array([0.6, 0.0, 0.8]), 2.0
+    stiff = fb.Section(EA=1e9, GA2=1e9, GA3=1e9, GJ=1e8, EI2=1e8, EI3=1e8, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
+    rod = fb.Beam.straight("rod", (0, 0, 0), length * way, d2=(0, 1, 0), section=stiff, elements=2, degree=2)
+    ball = fb.RigidBody("ball", mass=0.05, inertia=(1e-4, 1e-4, 1e-4), position=length * way)
+    air, (n, t, c) = np.array([9.0, 0.0, 2.0]), (0.3, 0.05, 0.4)
+    winds = (fb.Drag("on rod", rod, normal=n, tangential=t, linear=c, air=air, time=lambda t: 2.0 * t),
+             fb.Drag("on ball", ball, normal=n, linear=c, air=air))
+    model = fb.compile_scene(fb.Scene(rod, ball, fb.Clamp(rod.start), fb.RigidConnection(rod.end, ball), *winds), planar=planar)
+    with pytest.raises(fb.SceneError, match="say with at_time"):
+        fb.solve_static(model)
+    rest = fb.solve_static(model, at_time=0.5, levels=(0.5,), observe=("reaction", "section"), points={"root": rod.start})
+    along = air @ way * way
+    across = air - along
+    on_ball = (n * np.linalg.norm(air) + c) * air
+    on_rod = length * (n * np.linalg.norm(across) * across + t * np.linalg.norm(along) * along + c * air)
+    arm = length * way
+    moment = np.cross(0.5 * arm, on_rod) + np.cross(arm, on_ball)
+    found = rest.reaction(list(rest.names["reactions"])[0])
+    # it bends by 1e-6, of 56 N
+    np.testing.assert_allclose(found["force"][-1], -(on_rod + on_ball), rtol=0, atol=3e-4)
+    np.testing.assert_allclose(found["moment"][-1], -moment, rtol=0, atol=3e-4)
+    half = found["force"][np.flatnonzero(rest.t == 0.5)[0]]
+    np.testing.assert_allclose(half, -0.5 * (on_rod + on_ball), rtol=0, atol=3e-4)
+    np.testing.assert_allclose(rest.section("root")["force"][-1], on_rod + on_ball, rtol=0, atol=3e-4)
+
+
+def test_a_rope_rests_in_a_wind_where_statics_paths_and_relax_find_it() -> None:
+    model = in_the_wind(planar=True, support=fb.Clamp)
+    rests = [fb.solve_static(model), fb.relax(model), fb.solve_path(model, largest_step=1.0, step=0.3)]
+    for other in rests[1:]:
+        np.testing.assert_allclose(other.state.q, rests[0].state.q, rtol=0, atol=1e-10)
+    # of the time loop, whose drag is not that of statics
+    still = fb.simulate(model, t_end=0.5, step=0.005, start=rests[0].state, progress=False)
+    assert np.max(np.abs(still.state.q - rests[0].state.q)) < 1e-9 and abs(rests[0].phi[-1, -1, 0]) > 0.1
+
+
+def test_a_weight_on_a_thread_hangs_askew_in_a_wind() -> None:
+    """tan(angle) = k u^2/(m g), of a mass without direction."""
+    found = []
+    for planar in (True, False):
+        mass = fb.PointMass("mass", mass=2.0, position=(0, 0, -1.0))
+        scene = fb.Scene(mass, fb.DistanceJoint(fb.GROUND.point((0, 0, 0)), mass), gravity=(0, 0, -G),
+                         *[fb.Drag("wind", mass, normal=0.2, air=(6.0, 0, 0))])
+        found.append(fb.relax(fb.compile_scene(scene, planar=planar)).phi[-1, 0])
+    angle = np.arctan(0.2 * 36.0 / (2.0 * G))
+    np.testing.assert_allclose(found, [(np.sin(angle), 0.0, -np.cos(angle))] * 2, rtol=0, atol=1e-9)
+
+
+def test_equilibria_in_a_wind_have_derivatives() -> None:
+    def build(c: float, speed: float) -> Any:
+        rod = fb.Beam.straight("rod", (0, 0, 0), (0.6, 0, 0.8), d2=(0, 1, 0), section=SOFT, elements=2, degree=3)
+        wind = fb.Drag("wind", rod, normal=c, tangential=0.05, linear=0.4, air=(speed, 0, 2.0))
+        return fb.Scene(rod, fb.Clamp(rod.start), wind, gravity=(0, 0, -G)), {"tip": rod.end}
+
+    def tip(**values: float) -> Any:
+        scene, points = build(**values)
+        return fb.solve_static(fb.compile_scene(scene), points=points)
+
+    at = {"c": 0.3, "speed": 9.0}
+    slopes = fb.sensitivity(build, at, state=tip(**at).state)
+    for name, size in (("c", 1e-4), ("speed", 3e-3)):
+        ends = [tip(**{**at, name: at[name] + sign * size}).point("tip")[-1] for sign in (1.0, -1.0)]
+        np.testing.assert_allclose(slopes.point("tip")[name], (ends[0] - ends[1]) / (2.0 * size), rtol=0, atol=1e-6)
+    with pytest.raises(fb.SceneError, match="moments or moving air act"):
+        slopes.frequencies()

@@ -91,7 +91,21 @@ def test_what_cannot_follow_is_refused() -> None:
     with pytest.raises(fb.SceneError, match="does not know user force 'push'"):
         fb.simulate(cantilever(1.0)[0], t_end=1.0, step=0.1, method="midpoint")
     with pytest.raises(fb.SceneError, match="numba cannot compile"):
-        cantilever(1.0, time=fb.Signal(np.linspace(0, 1, 5), np.linspace(0, 1, 5)**2))
+        cantilever(1.0, time=np.polynomial.Polynomial((0.0, 1.0)))
+
+
+def test_the_factor_of_a_load_that_follows_may_be_a_table() -> None:
+    table = fb.Signal([0.0, 0.5, 1.0], [0.0, 0.5, 2.0])
+    tips = []
+    for time in (table, lambda t: t if t < 0.5 else 3.0 * t - 1.0):
+        model, rod = cantilever(30.0, elements=4, time=time)
+        tips.append(fb.solve_static(model, at_time=0.75, points={"tip": rod.end}).point("tip")[-1])
+    assert np.max(np.abs(tips[0] - tips[1])) < 1e-12
+    # 1.25 x 30 N
+    assert np.linalg.norm(tips[0][:2] - exact_tip(37.5)[:2]) < 1e-4
+    model, rod = cantilever(30.0, elements=4, time=fb.Signal([0.0, 0.02], [0.0, 1.0], rest=False))
+    with pytest.raises(fb.ConvergenceError, match="'push': its law fails, SceneError: Signal: t = 0.021 s lies outside"):
+        fb.simulate(model, t_end=0.04, step=2e-3, progress=False)
 
 
 @pytest.mark.parametrize("order", [2, 4])

@@ -167,13 +167,46 @@ def test_a_load_that_follows_from_one_time_to_another() -> None:
         fb.solve_path(model)
 
 
-def test_a_law_of_ones_own_grows_along_a_path() -> None:
+def test_a_law_of_ones_own_grows_along_a_path_where_it_is_a_load() -> None:
     def pull(t: float, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
         force[1] = t * parameters[0] * position[0]
 
     rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=section(1e4, 1e4), elements=4)
-    model = fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), fb.UserForce("law", rod.end, pull, parameters=(2.0,))))
+    model, stays = (fb.compile_scene(fb.Scene(
+        rod, fb.Clamp(rod.start), fb.UserForce("law", rod.end, pull, parameters=(2.0,), grows=grows),
+        fb.Load("push", rod.end, force=(0, 0, 0.1)))) for grows in (True, False))
     path = fb.solve_path(model, at_time=1.5)
     np.testing.assert_allclose(path.state.q, fb.solve_static(model, at_time=1.5).state.q, atol=1e-11)
     with pytest.raises(fb.SceneError, match="user force 'law' is a law of its own"):
         fb.solve_path(model, at_time=(0.0, 1.0))
+    # levels of statics: half of what grows, all of what does not
+    for one, share in ((model, 0.5), (stays, 1.0)):
+        levels = fb.solve_static(one, at_time=1.5, levels=(0.5,), observe=("reaction",), points={"tip": rod.end})
+        row = np.flatnonzero(levels.t == 0.5)[0]
+        held, at = levels.reaction("clamp of beam 'rod' node 0")["force"][row], levels.point("tip")[row, 0]
+        np.testing.assert_allclose(held, (0.0, -share * 3.0 * at, -0.05), rtol=0, atol=1e-9)
+    with pytest.raises(fb.SceneError, match="user forces that do not grow act at the start"):
+        fb.solve_path(stays, at_time=1.5)
+
+
+def test_a_foundation_by_a_law_stays_while_the_load_of_a_column_grows() -> None:
+    """EI d^4w/dx^4 + P d^2w/dx^2 + k w = 0 between clamps: the lowest P with a symmetric solution."""
+    k = 400.0
+
+    def bed(t: float, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+        force[2] = -parameters[0] * position[2]
+
+    def left(P: float) -> float:
+        r = np.sqrt(0.5 * (P + np.array([1.0, -1.0]) * np.sqrt(P * P - 4.0 * k * EI)) / EI)
+        c, s = np.cos(0.5 * r), np.sin(0.5 * r)
+        return float(c[1] * r[0] * s[0] - c[0] * r[1] * s[1])
+
+    exact = brentq(left, 60.0, 80.0, xtol=1e-12)
+    wide = fb.Section(EA=1e7, GA2=1e7, GA3=1e7, GJ=1.0, EI2=EI, EI3=9.0 * EI, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
+    column = fb.Beam.straight("column", (0, 0, 0), (1, 0, 0), section=wide, elements=12)
+    push = fb.Load("push", column.end, force=(-exact, 0, 0))
+    bedding = fb.UserForce("bed", column, bed, parameters=(k,), dissipates=False)
+    ends = fb.Clamp(column.start), fb.Clamp(column.end, axes="yz")
+    model = fb.compile_scene(fb.Scene(column, *ends, push, bedding), planar=False)
+    at = fb.solve_path(model, to=2.0, stop_at="bifurcation")
+    assert at.series["load_factor"][-1] == pytest.approx(1.0, abs=1e-5)

@@ -150,11 +150,11 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit_however_it_is_cut() -> None
 
 def test_a_signal_is_the_spline_through_its_table() -> None:
     t = np.linspace(0.0, 2.0, 401)
-    signal = fb.Signal(t, np.sin(t), rest=False)
+    signal = fb.Signal(t, np.sin(t), rest=False, interpolation="cubic")
     assert abs(signal(1.2345) - np.sin(1.2345)) < 1e-9
     with pytest.raises(fb.SceneError, match="outside its table"):
         signal(2.1)
-    push = fb.Signal(t, np.sin(np.pi * t)**2, direction=(0, 2, 0))
+    push = fb.Signal(t, np.sin(np.pi * t)**2, direction=(0, 2, 0), interpolation="cubic")
     np.testing.assert_allclose(push(0.505), (0.0, 2.0 * np.sin(0.505 * np.pi)**2, 0.0), rtol=0, atol=1e-8)
     assert push(-1.0).tolist() == [0.0, 0.0, 0.0] and abs(push(5.0)[1]) < 1e-15
 
@@ -162,7 +162,7 @@ def test_a_signal_is_the_spline_through_its_table() -> None:
 def test_a_quake_from_a_table_is_that_of_its_function() -> None:
     t = np.linspace(0.0, 0.5, 201)
     found = []
-    for displacement in (fb.Signal(t, 0.02 * np.sin(2.0 * np.pi * t)**2, direction=(0, 1, 0)),
+    for displacement in (fb.Signal(t, 0.02 * np.sin(2.0 * np.pi * t)**2, direction=(0, 1, 0), interpolation="cubic"),
                          lambda t: (0, 0.02 * np.sin(2.0 * np.pi * t)**2, 0)):
         mast = fb.Beam.straight("mast", (0, 0, 0), (2, 0, 0), section=SOFT, elements=5, degree=3)
         shake = fb.PrescribedMotion("quake", mast.start, displacement=displacement)
@@ -174,6 +174,16 @@ def test_a_quake_from_a_table_is_that_of_its_function() -> None:
 def scene_of(**motion: Any) -> fb.Scene:
     mast = fb.Beam.straight("mast", (0, 0, 0), (2, 0, 0), section=SOFT, elements=5, degree=3)
     return fb.Scene(mast, fb.Clamp(mast.start), fb.PrescribedMotion("shake", mast.start, **motion))
+
+
+@pytest.mark.parametrize("kind", ["linear", "pchip"])
+def test_a_support_whose_velocity_jumps_at_a_row_of_its_table_is_told(kind: str) -> None:
+    lift = fb.Signal([0.0, 0.02, 0.04], [0.0, 0.0, 0.01], direction=(0, 0, 1), interpolation=kind)
+    run = fb.simulate(fb.compile_scene(scene_of(displacement=lift)), t_end=0.05, step=0.005, progress=False)
+    told = [event for event in run.events if event["kind"] == "kink"]
+    assert len(told) == (kind == "linear")
+    if told:
+        assert told[0]["time"] == 0.02 and "'shake' (displacement): the rate of its table jumps by 0.5 per s" in told[0]["text"]
 
 
 def still(t: float) -> tuple[float, float, float]:
@@ -340,14 +350,14 @@ def test_base_excitation_along_one_axis_from_a_signal() -> None:
     found = []
     for shaken in (True, False):
         beam = fb.Beam.straight("beam", (0, 0, 0), (2, 0, 0), section=SOFT, elements=6)
-        up = fb.Signal(t, 0.05 * np.sin(np.pi * t)**4)
+        up = fb.Signal(t, 0.05 * np.sin(np.pi * t)**4, interpolation="cubic")
         parts: list[Any] = [fb.Pin(beam.end, axes="yz")]
         options: dict[str, Any] = {}
         if shaken:
             parts = [fb.PrescribedMotion(f"up {k}", at, displacement=up, axes="z") for k, at in enumerate((beam.start, beam.end))]
             parts += [fb.Pin(beam.start, axes="xy"), fb.Pin(beam.end, axes="y")]
         else:
-            acceleration = up._spline.derivative(2)
+            acceleration = up._curve.derivative(2)
             parts.append(fb.Pin(beam.start))
             options = {"gravity": (0, 0, -1), "gravity_time": lambda t: float(acceleration(min(t, 1.0)))}
         run = fb.simulate(fb.compile_scene(fb.Scene(beam, *parts, **options)), t_end=1.0, step=0.0025, progress=False,

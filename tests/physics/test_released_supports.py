@@ -116,7 +116,7 @@ def test_what_is_carried_is_thrown() -> None:
     ball = fb.PointMass("ball", mass=0.5, position=(0, 0, 0), velocity=(1, 0, 0))
     spear = fb.RigidBody("spear", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 1, 0))
     T = 0.25
-    table = fb.Signal(np.linspace(0, T, 6), 3.0 * np.linspace(0, T, 6)**2, rest=False)
+    table = fb.Signal(np.linspace(0, T, 6), 3.0 * np.linspace(0, T, 6)**2, rest=False, interpolation="cubic")
     scene = fb.Scene(ball, spear, fb.PrescribedMotion("throw", ball, displacement=lambda t: (t, 0, 2.0 * t * t), until=T),
                      fb.PrescribedMotion("turn", spear, rotation=lambda t: (0, 0, 4.0 * t * t), displacement=table, axes="x",
                                          until=T), gravity=(0, 0, -G))

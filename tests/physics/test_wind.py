@@ -35,7 +35,7 @@ def same(t, position, directors, velocity, spin, parameters, force, moment):
                  + parameters[6] * w)
 
 
-def scene(own: bool) -> Any:
+def scene(own: bool, support: Any = fb.Pin) -> Any:
     """A hanging rope with a body at its end, from a horizontal start."""
     rope = fb.Beam.straight("rope", (0, 0, 0), (2, 0, 0), section=ROPE, elements=5, degree=3, interpolation="lagrange")
     ball = fb.RigidBody("ball", mass=0.05, inertia=(1e-4, 1e-4, 1e-4), position=(2, 0, 0))
@@ -43,11 +43,11 @@ def scene(own: bool) -> Any:
     for part, slender, tangential in ((rope, 1.0, 0.01), (ball, 0.0, 0.0)):
         if own:
             forces.append(fb.UserForce(f"wind on {part.name}", part, same,
-                                       parameters=(*NUMBERS, slender, 0.05, tangential, 0.01)))
+                                       parameters=(*NUMBERS, slender, 0.05, tangential, 0.01), grows=True))
         else:
             forces.append(fb.Drag(f"wind on {part.name}", part, normal=0.05, tangential=tangential, linear=0.01, wind=shear,
                                   parameters=NUMBERS))
-    return fb.compile_scene(fb.Scene(rope, ball, fb.RigidConnection(rope.end, ball), fb.Pin(rope.start), *forces,
+    return fb.compile_scene(fb.Scene(rope, ball, fb.RigidConnection(rope.end, ball), support(rope.start), *forces,
                                      gravity=(0, 0, -G)))
 
 
@@ -60,6 +60,20 @@ def test_it_is_the_force_of_the_users_own_with_the_same_law() -> None:
     assert np.max(np.abs(taken + wind.balance()["gravity"] - own.balance()["loads"])) < 1e-12 and np.ptp(taken) > 0.01
     # the tangent knows how the air changes along the way
     assert wind.info["iterations"] <= own.info["iterations"]
+
+
+def test_its_equilibrium_is_that_of_the_users_own_with_the_same_law() -> None:
+    wind, own = (scene(x, fb.Clamp) for x in (False, True))
+    rests = [fb.solve_static(model, at_time=0.4) for model in (wind, own)]
+    assert np.max(np.abs(rests[0].state.q - rests[1].state.q)) < 1e-11 and abs(rests[0].phi[-1, -1, 1]) > 1e-3
+    kept = [fb.modes(model, state=rest.state, at_time=0.4, n=6).angular for model, rest in zip((wind, own), rests)]
+    np.testing.assert_allclose(*kept, rtol=1e-8)
+    path = fb.solve_path(wind, at_time=0.4, largest_step=0.5, step=0.2)
+    assert np.max(np.abs(path.state.q - rests[0].state.q)) < 1e-11
+    with pytest.raises(fb.SceneError, match="its air moves by wind="):
+        fb.frequency_response(wind, [1.0], base=(1, 0, 0), state=rests[0].state, at_time=0.4)
+    with pytest.raises(fb.SceneError, match="two times tell no path of its force"):
+        fb.solve_path(wind, at_time=(0.0, 0.4), start=rests[0].state)
 
 
 def test_a_mass_in_a_shear_flow_has_the_exact_way() -> None:
@@ -90,5 +104,5 @@ def test_winds_that_cannot_be_are_refused() -> None:
     with pytest.raises(fb.SceneError, match="its wind gives"):
         fb.compile_scene(fb.Scene(mass, fb.Drag("d", mass, linear=1.0, wind=wrong)))
     model = fb.compile_scene(fb.Scene(mass, fb.Drag("d", mass, linear=1.0, wind=shear, parameters=NUMBERS)), planar="auto")
-    with pytest.raises(fb.SceneError, match="nothing is at rest"):
+    with pytest.raises(fb.SceneError, match="point mass 'mass' has an unbalanced force of"):
         fb.modes(model, n=1, damped=True)

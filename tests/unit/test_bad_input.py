@@ -333,7 +333,7 @@ def calls(folder: Path) -> dict[str, Call]:
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
                                             dict(t=0.5), dict(t=is_real)) for name in ("place", "turn", "rates")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
-            times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag)),
+            times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag, interpolation=is_text)),
         "Signal.from_acceleration": Call(fb.Signal.from_acceleration, dict(times=np.arange(4.0), acceleration=np.zeros(4)), dict(
             times=VECTOR, acceleration=is_array(1, 2), direction=VECTOR, velocity=either(is_real, VECTOR),
             displacement=either(is_real, VECTOR), baseline=is_count)),
@@ -542,7 +542,7 @@ def calls(folder: Path) -> dict[str, Call]:
             name=is_text, law=is_function, period=is_real, start=is_real, memory=VECTOR, points=one_of(Mapping))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
             name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
-            derivative=is_function, dissipates=is_flag)),
+            derivative=is_function, dissipates=is_flag, grows=is_flag)),
         "section_forces": Call(fb.section_forces, dict(model=model(), shapes=model().state(), beam=BEAM), dict(
             model=one_of(Model), shapes=one_of(State, fb.Result), beam=one_of(fb.Beam), s=either(is_real, VECTOR))),
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),

@@ -1,4 +1,5 @@
-"""Drag of nodes in still or moving air (theory.md (4.12)): force, tangent and energy taken, in space and in a plane.
+"""Drag of nodes in still or moving air (theory.md (4.12)): force, tangent and energy taken, in space and in a plane. At rest,
+with h = 0, what moves is the air alone.
 
 Arrays: blocks_out [8 n (blocks + 1)].
 """
@@ -12,7 +13,7 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import add_matrix, add_skew, call_force, component0, component1, cross, cross2, dot, ld3, outer, perp
 from .kinds import Plane, Space, add_outer, add_stiffness, add_to, coordinates, dim, vector
-from .terms import Conserving, account, assemble, put_loads, spread_nodes
+from .terms import Conserving, Equilibrium, account, assemble, put_loads, spread_nodes
 from .user_force import BASE, FOUND, GIVEN, INCREMENT, RATES, TIME, Laws
 
 
@@ -142,12 +143,18 @@ def add_gradient_of_wind(wind, drag, k, x, across, mixed, over, system):
 
 
 @kernel
+def per_step(h):
+    """1/h, 0 at rest."""
+    return 1.0 / h if h != 0.0 else 0.0
+
+
+@kernel
 def flow(drag, k, system, h):
     """Mean velocity of the step against the air, split by the direction of the beam."""
     work, dofs = system.work, system.dofs
     n = drag.node[k]
     d = dim(dofs)
-    relative = (1.0 / h) * vector(work.dphi, d * n, 1, dofs) - air_at.call(drag.wind, drag, k, system)
+    relative = per_step(h) * vector(work.dphi, d * n, 1, dofs) - air_at.call(drag.wind, drag, k, system)
     axis = vector(work.q_mid, coordinates(dofs) * n + d, 1, dofs)
     short = dot(axis, axis)**0.5
     axis = (drag.slender[k] / short) * axis
@@ -184,10 +191,11 @@ def add_spin_columns_in_plane(dofs, blocks_out, o, x, y, c, axis, direction):
 
 
 @assemble.register(Drag, Conserving)
+@assemble.register(Drag, Equilibrium)
 @kernel
 def assemble_drag(drag, method, system, h):
     work, dofs = system.work, system.dofs
-    d = dim(dofs)
+    d, rate = dim(dofs), per_step(h)
     for k in range(drag.node.shape[0]):
         x = flow(drag, k, system, h)
         add_to(work.r, 8 * drag.row[k], 1, resistance(drag, k, x))
@@ -196,12 +204,12 @@ def assemble_drag(drag, method, system, h):
         along = drag.tangential[k] * abs(x.along)
         over = drag.normal[k] / x.speed if x.speed > 0.0 else 0.0
         # by the velocity
-        add_stiffness(work.blocks, o, (across + drag.linear[k]) / h, (over / h) * x.across, x.across)
+        add_stiffness(work.blocks, o, rate * (across + drag.linear[k]), (rate * over) * x.across, x.across)
         mixed = drag.slender[k] * (2.0 * along - across)
         add_gradient.call(drag.wind, drag, k, x, across, mixed, over, system)
         if drag.slender[k] != 0:
-            add_stiffness(work.blocks, o, 0.0, (mixed / h) * x.direction, x.direction)
-            # by the direction; only half of it is at the end of the step
+            add_stiffness(work.blocks, o, 0.0, (rate * mixed) * x.direction, x.direction)
+            # by the direction; only half of it is at the end of the step, and half the tangent is formed at rest
             share = 0.5 / x.short
             axis = vector(work.q_end, coordinates(dofs) * drag.node[k] + d, 1, dofs)
             add_spin_columns.call(dofs, work.blocks, o + d, share * (mixed * x.direction - (over * x.along) * x.across), x.across,

@@ -14,7 +14,7 @@ import numpy as np
 from .._jit import kernel
 from .algebra import call_force
 from .terms import account, assemble, spread_nodes
-from .user_force import FACTOR, FOUND, GIVEN, TIME, Laws
+from .user_force import FOUND, GIVEN, TIME, Laws
 
 
 class PlanarFollowers(NamedTuple):
@@ -24,6 +24,7 @@ class PlanarFollowers(NamedTuple):
     row: np.ndarray        # int64 [K]
     block: np.ndarray      # int64 [K]: diagonal block
     share: np.ndarray      # float64 [K]: 1, along beams the length that belongs to the node, m
+    grows: np.ndarray      # int64 [K]: 1 where it grows with the load factor in statics
     along: np.ndarray      # int64 [K]: 1 along beams, 0 at nodes
     first: np.ndarray      # int64 [K]: first of its parameters
     parameters: np.ndarray  # float64 [6 K]: a, b, 0, 0, 0, moment
@@ -58,7 +59,7 @@ def assemble_planar_followers(term, method, system, h):
     work, w = system.work, term.work
     q1 = work.q_end
     for k in range(term.node.shape[0]):
-        factor = term.share[k] * w[FACTOR]
+        factor = term.share[k]
         evaluate_in_plane(term, k, system.state.q, q1)
         r = 8 * term.row[k]
         work.r[r] -= factor * w[FOUND]
@@ -86,4 +87,4 @@ def account_planar_followers(term, system, h):
         spread_nodes.call(system.dofs, system.method, system.state, work, h, n, n + 1)
         evaluate_in_plane(term, k, system.state.q, work.q_end)
         done = w[FOUND] * work.dphi[2 * n] + w[FOUND + 1] * work.dphi[2 * n + 1] + w[FOUND + 5] * work.theta[n]
-        system.state.history[term.place[0]] += term.share[k] * w[FACTOR] * done
+        system.state.history[term.place[0]] += term.share[k] * done

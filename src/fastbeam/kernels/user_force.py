@@ -1,8 +1,8 @@
 """Forces by functions of the user's own, called through their addresses: another function compiles no kernel again.
 
 The law is evaluated in the middle of the step: time, means of both ends of position and directors, mean velocity and spin; force
-and moment are constant over the step, theory.md (4.4). In statics it is evaluated at the present shape and scaled by the load
-factor.
+and moment are constant over the step, theory.md (4.4). In statics it is evaluated at the present shape; where it grows with the
+load factor, this is in the shares of the nodes (`assembly.Growing`).
 
 Arrays: q0, q1 [12 N]; w [SIZE], as of `UserForces`.
 """
@@ -16,9 +16,9 @@ from .._jit import kernel
 from .algebra import add3, call_force, cross, dot, ld3, st3, triple, zero3
 from .terms import account, assemble, put_loads, spread_nodes
 
-# places in the work array: time, factor of the loads, what a law is given, force and moment, rates; then what differences keep:
-# triads, coordinates, force and moment; of force elements what acts on both nodes, twice, and rates of their rotation; slopes of
-# the six numbers that a law finds by the 18 that it is given, and where these are taken
+# places in the work array: time, load factor in statics, what a law is given, force and moment, rates; then what differences
+# keep: triads, coordinates, force and moment; of force elements what acts on both nodes, twice, and rates of their rotation;
+# slopes of the six numbers that a law finds by the 18 that it is given, and where these are taken
 TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SLOPES, ORIGIN = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97, 205
 # what code that takes differences is given: as the law; 1/h and increments of positions and turns; changes of nine components of
 # directors and three of the spin by three turns, [3, 12]; room for 24 numbers, force and moment
@@ -41,6 +41,7 @@ class UserForces(NamedTuple):
     row: np.ndarray        # int64 [K]
     block: np.ndarray      # int64 [K]: diagonal block
     share: np.ndarray      # float64 [K]: 1, along beams the length that belongs to the node, m
+    grows: np.ndarray      # int64 [K]: 1 where it grows with the load factor in statics
     along: np.ndarray      # int64 [K]: 1 along beams, 0 at nodes
     first: np.ndarray      # int64 [K]: first of its parameters
     parameters: np.ndarray  # float64 [*]
@@ -91,7 +92,7 @@ def evaluate(term, k, q0, q1, h):
 def assemble_user_forces(term, method, system, h):
     work, w = system.work, term.work
     for k in range(term.node.shape[0]):
-        factor = term.share[k] * w[FACTOR]
+        factor = term.share[k]
         evaluate(term, k, system.state.q, work.q_end, h)
         for i in range(6):
             work.r[8 * term.row[k] + i] -= factor * w[FOUND + i]
@@ -186,4 +187,4 @@ def account_user_forces(term, system, h):
         total = 0.0
         for i in range(3):
             total += w[FOUND + i] * work.dphi[3 * n + i] + w[FOUND + 3 + i] * work.theta[3 * n + i]
-        system.state.history[term.place[0]] += term.share[k] * w[FACTOR] * total
+        system.state.history[term.place[0]] += term.share[k] * total

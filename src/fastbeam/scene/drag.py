@@ -34,7 +34,8 @@ class InAir:
          parameters=Numbers((None,), "a list of numbers for the wind"))
 @noun
 class Drag:
-    """Force against the velocity relative to the air (theory.md (4.12)); what it takes is in `result.balance()`.
+    """Force against the velocity relative to the air (theory.md (4.12)); what it takes is in `result.balance()`. At rest moving
+    air is a load, which grows with the load factor.
 
     On beams and nets the coefficients are those of a length, and velocities are split along d1 and across it; on bodies and
     masses the force acts at the centre and has no direction of its own, so there is no `tangential`. `linear` alone, alpha x
@@ -97,6 +98,11 @@ class Drag:
     def label(self) -> str:
         """`drag 'name'`."""
         return f"{self.kind} {self.name!r}"
+
+    @property
+    def blows(self) -> bool:
+        """Whether the air moves, so that there is a force at rest."""
+        return self.wind is not None or bool(np.any(self.air))
 
     @property
     def is_slender(self) -> bool:

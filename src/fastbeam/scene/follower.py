@@ -37,7 +37,8 @@ class FollowerForce(UserForce):
         at = load.at if isinstance(load, Load) else load.beam
         both = [np.zeros(3) if x is None else np.asarray(x, float) for x in (load.force, load.moment)]
         checks.fill(self, time=load.time)
-        super().__init__(load.name, at, turning, parameters=np.concatenate(both), dissipates=False, derivative=turning_slopes)
+        super().__init__(load.name, at, turning, parameters=np.concatenate(both), dissipates=False, derivative=turning_slopes,
+                         grows=True)
 
 
 def as_force(load: Load | DistributedLoad) -> FollowerForce:

@@ -1,13 +1,15 @@
 """Supports that move as functions of time, and signals: functions from tables."""
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import LARGEST, Count, Flag, Name, Number, Numbers, Refusal, Vector, checked, numbers, shown, take
+from fastbeam.arguments import LARGEST, Count, Flag, Name, Number, Numbers, Refusal, Vector, Word, checked, numbers, shown, take
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array, NodeField, Rotation, UntilLike, called, noun, tried
@@ -18,10 +20,13 @@ from fastbeam.scene.supports import AXES, SomeAxes, Until, check_since, mask_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# a signal needs so many values
+# accelerations need so many values
 FEWEST = 4
+INTERPOLATIONS = ("linear", "cubic", "pchip")
 # degrees of corrections of accelerations, which the spline of their sum keeps exactly; points that integrate (v + w)^2 exactly
 MOST_DEGREE, GAUSS = 3, 5
+# a share of the largest rate of a table that is no jump of it
+KINK = 1e-9
 TIME = Number(unit="s")
 
 
@@ -237,47 +242,61 @@ def _degree(value: Any) -> int | None:
 TIMES = Numbers((None,), "increasing finite numbers [n]")
 
 
-@checked(times=TIMES, values=_values, direction=Vector, rest=Flag())
+@checked(times=TIMES, values=_values, direction=Vector, rest=Flag(), interpolation=Word(INTERPOLATIONS))
 class Signal:
-    """A function of time from a table: a cubic spline through its values, or through accelerations (`from_acceleration`).
+    """A function of time from a table, along straight lines between its rows unless said; accelerations: `from_acceleration`.
 
     Parameters
     ----------
     times : array_like [n]
-        s, increasing, at least four.
+        s, increasing, at least two.
     values : array_like [n] or [n, 3]
     direction : array_like (3,), optional
         Makes vectors of values [n]: value x direction.
     rest : bool
-        True (default): what it describes rests before and after, so the slope is zero at both ends and the end values stay.
-        False: the spline is that without a jump of the third derivative at the second and last but one value, and asking
-        outside the table is an error.
+        True (default): the end values stay before and after the table. False: asking outside the table is an error.
+    interpolation : {"linear", "cubic", "pchip"}
+        "linear": straight lines, nothing between two rows lies beyond them. "pchip": smooth, with the same bounds. "cubic": the
+        cubic spline, of smooth and dense tables the most accurate; it overshoots beside jumps. With `rest=True` both begin and
+        end with slope zero, with `rest=False` the spline has no jump of the third derivative at the second and last but one row.
+
+    As the factor of a load any of them is integrated over each step exactly, whatever rows it contains. The place of a support,
+    joint or slider should come from a smooth one: at a row of straight lines the velocity jumps by dv, which in a step h is a
+    blow with the force m dv/h on the mass m that moves along, and makes reactions alternate from step to step afterwards; an
+    event `kink` tells the largest jump. With `order=4` a jump of the slope inside a step leaves order 2 there.
 
     Raises
     ------
     SceneError
-        Tables of different length, times that do not increase, less than four of them; called outside the table with rest=False.
+        Tables of different length, times that do not increase, less than two of them; called outside the table with rest=False.
 
     Examples
     --------
+    >>> ramp = Signal([0.0, 0.5], [0.0, 1.0])
+    >>> ramp(0.25), ramp(2.0)
+    (0.5, 1.0)
     >>> import numpy as np
     >>> t = np.linspace(0.0, 1.0, 101)
-    >>> push = Signal(t, 0.01 * np.sin(np.pi * t)**2, direction=(0, 0, 1))
+    >>> push = Signal(t, 0.01 * np.sin(np.pi * t)**2, direction=(0, 0, 1), interpolation="cubic")
     >>> push(0.5).round(6).tolist(), push(2.0).round(6).tolist()
     ([0.0, 0.0, 0.01], [0.0, 0.0, 0.0])
     """
 
     kind: ClassVar[str] = "signal"
 
-    def __init__(self, times: ArrayLike, values: ArrayLike, *, direction: ArrayLike | None = None, rest: bool = True) -> None:
-        x = _table("Signal", times, values, direction)
-        self._take(times, x, _through("Signal", times, x, "clamped" if rest else "not-a-knot"), rest)
+    def __init__(self, times: ArrayLike, values: ArrayLike, *, direction: ArrayLike | None = None, rest: bool = True,
+                 interpolation: str = "linear") -> None:
+        x = _table("Signal", times, values, direction, 2)
+        ends = "clamped" if rest else "not-a-knot"
+        self._take(times, x, _through("Signal", times, x, ends, interpolation), rest)
 
-    def _take(self, times: Array, values: Array, spline: Any, rest: bool, velocities: tuple[Array, Array] | None = None) -> None:
+    def _take(self, times: Array, values: Array, curve: Any, rest: bool, velocities: tuple[Array, Array] | None = None) -> None:
         """velocities: before and after the table, None: what is outside rests, or is unknown."""
         self.begin, self.end, self.rest = float(times[0]), float(times[-1]), rest
         self.times, self.values = checks.constant(times), checks.constant(values)
-        self._spline, self._outside = spline, velocities
+        self._curve, self._outside = curve, velocities
+        # smooth between these times: `load_times.mean_factors`
+        self._rows = self.times
 
     @classmethod
     @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start, baseline=_degree)
@@ -316,7 +335,7 @@ class Signal:
         True
         """
         who = "Signal.from_acceleration"
-        x = _table(who, times, acceleration, direction)
+        x = _table(who, times, acceleration, direction, FEWEST)
         start = [_initial(who, name, value, acceleration, direction) for name, value in
                  (("velocity", velocity), ("displacement", displacement))]
         if baseline is not None:
@@ -337,10 +356,34 @@ class Signal:
         if not self.rest and not self.begin <= t <= self.end:
             raise SceneError(f"Signal: t = {t:.6g} s lies outside its table, {self.begin:.6g} to {self.end:.6g} s; give more "
                              "values, or rest=True where nothing moves beyond it")
-        found = self._spline(min(max(float(t), self.begin), self.end))
-        if self._outside is not None and not self.begin <= t <= self.end:
-            found = found + self._outside[int(t > self.end)] * (t - (self.end if t > self.end else self.begin))
-        return float(found) if found.ndim == 0 else found
+        if self.begin <= t < self.end:
+            found = self._curve(float(t))
+        else:
+            # the last row itself, not what its piece comes to
+            found = self.values[0 if t < self.begin else -1]
+            if self._outside is not None:
+                found = found + self._outside[int(t >= self.end)] * (t - (self.end if t >= self.end else self.begin))
+        return float(found) if np.ndim(found) == 0 else np.array(found)
+
+    @cached_property
+    def compilable(self) -> Callable[[float], float]:
+        """The same of a signal of numbers as a function that numba compiles; NaN where asking is an error."""
+        begin, end, times, degree = self.begin, self.end, np.array(self.times), len(self._curve.c) - 1
+        pieces, first, last = np.ascontiguousarray(self._curve.c.T), float(self.values[0]), float(self.values[-1])
+        before, after = (0.0, 0.0) if self._outside is None else (float(self._outside[0]), float(self._outside[1]))
+        rest = self.rest
+
+        def value(t: float) -> float:
+            if t < begin or t >= end:
+                if not rest and t != end:
+                    return math.nan
+                return first + before * (t - begin) if t < begin else last + after * (t - end)
+            k = np.searchsorted(times, t, side="right") - 1
+            out = pieces[k, 0]
+            for i in range(1, degree + 1):
+                out = out * (t - times[k]) + pieces[k, i]
+            return out
+        return value
 
     def __repr__(self) -> str:
         what, rests = "numbers" if self.values.ndim == 1 else "vectors", ", at rest outside" if self.rest else ""
@@ -348,10 +391,29 @@ class Signal:
         return f"<signal: {len(self.times)} {what}, {self.begin:.6g} to {self.end:.6g} s{rests}>"
 
 
-def _table(who: str, times: Any, values: Any, direction: Any) -> Array:
+def largest_kink(of: Signal, begin: float, end: float) -> tuple[float, float]:
+    """When in [begin, end) the rate jumps most, s, and by how much: 0 where it does not. At the begin it does not either,
+    what moves starts with the rate behind it."""
+    slope = of._curve.derivative()
+    before, after = np.zeros((2, *of.values.shape))
+    before[1:] = np.array([slope(t) for t in np.nextafter(of.times[1:], -np.inf)])
+    after[:-1] = slope(of.times[:-1])
+    if of._outside is not None:
+        before[0], after[-1] = of._outside
+    elif not of.rest:
+        before[0], after[-1] = after[0], before[-1]
+    jump = np.linalg.norm((after - before).reshape(len(of.times), -1), axis=1)
+    size = np.linalg.norm(np.maximum(np.abs(before), np.abs(after)).reshape(len(of.times), -1), axis=1)
+    scale = max(float(np.max(size)), float(np.max(np.ptp(of.values, axis=0))) / (of.end - of.begin))
+    jump = np.where((jump > KINK * scale) & (of.times > begin) & (of.times < end), jump, 0.0)
+    k = int(np.argmax(jump))
+    return float(of.times[k]), float(jump[k])
+
+
+def _table(who: str, times: Any, values: Any, direction: Any, fewest: int) -> Array:
     """Values [n] or [n, 3] of a table."""
-    if len(times) < FEWEST or not np.all(np.diff(times) > 0.0):
-        raise SceneError(f"{who}: times must increase, and be at least {FEWEST}, got {shown(times)}")
+    if len(times) < fewest or not np.all(np.diff(times) > 0.0):
+        raise SceneError(f"{who}: times must increase, and be at least {fewest}, got {shown(times)}")
     if len(values) != len(times):
         what = "values" if who == "Signal" else "accelerations"
         raise SceneError(f"{who}: {what} must be as many as times, got {len(values)} and {len(times)}")
@@ -362,18 +424,26 @@ def _table(who: str, times: Any, values: Any, direction: Any) -> Array:
     return np.asarray(values[:, None] * direction)
 
 
-def _through(who: str, times: Array, values: Array, ends: str) -> Any:
-    """The spline through a table."""
-    from scipy.interpolate import CubicSpline
+def _through(who: str, times: Array, values: Array, ends: str, interpolation: str = "cubic") -> Any:
+    """The curve through a table."""
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, PPoly
     try:
         with np.errstate(all="ignore"):
-            spline = CubicSpline(times, values, bc_type=ends)
-        good = np.isfinite(spline.c).all()
+            if interpolation == "linear":
+                step = np.diff(times).reshape(-1, *np.ones(values.ndim - 1, int))
+                curve = PPoly(np.stack((np.diff(values, axis=0) / step, values[:-1])), times)
+            elif interpolation == "cubic":
+                curve = CubicSpline(times, values, bc_type=ends)
+            else:
+                slopes = PchipInterpolator(times, values).derivative()(times)
+                slopes[[0, -1]] *= float(ends != "clamped")
+                curve = CubicHermiteSpline(times, values, slopes)
+        good = np.isfinite(curve.c).all()
     except (ValueError, np.linalg.LinAlgError):
         good = False
     if not good:
-        raise SceneError(f"{who}: no spline goes through this table, its numbers are too large or its times too close")
-    return spline
+        raise SceneError(f"{who}: no curve goes through this table, its numbers are too large or its times too close")
+    return curve
 
 
 def _initial(who: str, name: str, value: Any, acceleration: Array, direction: Any) -> Array:

@@ -27,7 +27,7 @@ class NodeOrBeam:
 
 
 @checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"),
-         dissipates=Flag(), derivative=Function(DERIVATIVE))
+         dissipates=Flag(), derivative=Function(DERIVATIVE), grows=Flag())
 @noun
 class UserForce:
     """A force and a moment on a node or body, or per length along a beam, by a function that is compiled into the step.
@@ -56,6 +56,10 @@ class UserForce:
         out[i, j] (6, 18), 0 when it is called, how number i of (force, moment) changes with number j of (position, directors
         row by row, velocity, spin), each for itself. Default: by differences. It is compared with them at the start.
 
+    grows : bool
+        Whether it is a load, which grows with the load factor of `solve_static` and `solve_path`. False (default): it acts in
+        full from the start, as springs do: foundations, contact, magnets.
+
     Raises
     ------
     SceneError
@@ -81,6 +85,7 @@ class UserForce:
     parameters: ArrayField = ()
     dissipates: bool = True
     derivative: Callable[..., None] | None = None
+    grows: bool = False
 
     def __post_init__(self) -> None:
         checks.fill(self, parameters=np.array(self.parameters, dtype=float))

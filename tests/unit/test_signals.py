@@ -1,0 +1,55 @@
+"""Functions of time from tables: what they are between rows, means over steps, and what a kink costs."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+from fastbeam.load_times import mean_factors
+from fastbeam.scene.prescribed import largest_kink
+
+JUMPS = np.array([0.0, 1.0, 1.01, 1.5, 1.51, 3.0]), np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+OFTEN = np.linspace(-0.5, 3.5, 2001)
+
+
+def test_tables_are_read_along_straight_lines() -> None:
+    signal = fb.Signal(*JUMPS)
+    assert np.max(np.abs([signal(t) - np.interp(t, *JUMPS) for t in OFTEN])) < 1e-13
+    assert fb.Signal([2.0, 4.0], [1.0, -1.0], direction=(0, 2, 0))(2.5).tolist() == [0.0, 1.0, 0.0]
+    # the last row itself, where 0.1 + 0.2 is not 0.3
+    assert fb.Signal([0.0, 0.3], [0.1, 0.3])(0.3) == 0.3 and fb.Signal([0.0, 0.3], [0.1, 0.3])(5.0) == 0.3
+
+
+@pytest.mark.parametrize("rest", [True, False])
+def test_smooth_tables(rest: bool) -> None:
+    smooth = fb.Signal(*JUMPS, interpolation="pchip", rest=rest)
+    values = np.array([smooth(t) for t in OFTEN[(OFTEN >= 0.0) & (OFTEN <= 3.0)]])
+    assert values.min() >= 0.0 and values.max() <= 1.0 and largest_kink(smooth, -1.0, 9.0)[1] == 0.0
+    # two rows: x^2 (3 - 2 x) from rest to rest, else the straight line
+    for kind in ("cubic", "pchip"):
+        ramp = fb.Signal([0, 2], [0, 1], interpolation=kind, rest=rest)
+        assert ramp(0.5) == pytest.approx(0.15625 if rest else 0.25, abs=1e-15)
+    sine = fb.Signal(np.linspace(0, 1, 101), np.sin(np.linspace(0, 1, 101)), interpolation="cubic", rest=False)
+    assert abs(sine(0.12345) - np.sin(0.12345)) < 1e-9
+    assert largest_kink(fb.Signal([0, 1, 3], [0, 2, 2]), -1.0, 9.0) == (0.0, 2.0)
+    assert largest_kink(fb.Signal([0, 1, 3], [0, 2, 2]), 0.0, 9.0) == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("kind", ["linear", "cubic", "pchip", "acceleration"])
+def test_the_compiled_form_and_the_means_are_those_of_the_table(kind: str) -> None:
+    signal = (fb.Signal.from_acceleration(*JUMPS, velocity=1.0) if kind == "acceleration" else
+              fb.Signal(*JUMPS, interpolation=kind))
+    assert max(abs(signal.compilable(t) - signal(t)) for t in OFTEN) < 1e-12
+    # steps that contain no row, several rows and all of the table, forward and backward; integrals of the pieces of the curve
+    begins, sizes = np.array([0.2, 0.9, 0.0, 1.505, 1.6]), np.array([0.5, 0.7, 3.0, 0.01, -0.7])
+    exact = [signal._curve.integrate(a, a + h) / h for a, h in zip(begins, sizes)]
+    assert np.max(np.abs(mean_factors(signal, begins, sizes) - exact)) < 1e-14 * max(1.0, np.max(np.abs(exact)))
+
+
+def test_a_blow_shorter_than_a_step_has_its_impulse() -> None:
+    """A hammer blow of 2 ms in steps of 50 ms: behind it the bead has the whole impulse."""
+    bead = fb.PointMass("bead", mass=0.5, position=(0, 0, 0))
+    blow = fb.Signal([0.0, 0.110, 0.111, 0.112, 1.0], [0.0, 0.0, 1.0, 0.0, 0.0])
+    scene = fb.Scene(bead, fb.Load("blow", bead, force=(0, 0, 400.0), time=blow))
+    run = fb.simulate(fb.compile_scene(scene), t_end=0.5, step=0.05, progress=False)
+    assert run.state.v[2] == pytest.approx(400.0 * 1e-3 / 0.5, rel=1e-13)
