@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, is_masked, real, shown, take
+from .doubts import warns
 from .dynamic_stiffness import PUSHED, DynamicStiffness, with_still
 from .eigen import Eigen, Pencil, Shifted, SingularError
 from .errors import ConvergenceError, SceneError
@@ -15,6 +16,7 @@ from .linearised import Linearisation
 from .model import Model
 from .observe import POINTS
 from .point_rows import place_of
+from .resolution import mesh_events
 from .responses import FrequencyResponse
 from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .scene.checks import Place
@@ -54,6 +56,7 @@ class Excitation(NamedTuple):
     text: str
 
 
+@warns
 @checked(model=Anything(), frequencies=Numbers((None,), "finite frequencies in Hz, of shape [f]"), state=START, loads=Anything(),
          base=Anything(), damping_ratio=Number(least=0.0, most=10.0), loss_factor=Number(least=0.0, most=10.0), points=POINTS,
          load_factor=Number(), at_time=Number(unit="s"), held=which_sliders, planar=Flag(), shapes=Flag(), backend=Word())
@@ -139,7 +142,9 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     ratios = None
     if damping_ratio > NO_DAMPING:
         ratios = _ratios(about, settled, found, damping_ratio, UP_TO * 2.0 * np.pi * float(frequencies.max()), backend)
-    return _Response(model, settled, excitation, found, places, shapes).at(frequencies, loss_factor, ratios, backend)
+    result = _Response(model, settled, excitation, found, places, shapes).at(frequencies, loss_factor, ratios, backend)
+    result.events = mesh_events(model, about.stepper.state)
+    return result
 
 
 class _Response:

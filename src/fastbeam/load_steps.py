@@ -276,7 +276,7 @@ class LoadSteps:
     def _look_at_mesh(self, factor: float) -> str:
         """Events where elements are too coarse for the last equilibrium; the first as a text."""
         resolution = Resolution(self.task.model)
-        resolution.look(factor, self.solver.state.q)
+        resolution.look(factor, self.solver.state)
         found = resolution.events()
         for event in found:
             self.buffer.event(event)

@@ -77,7 +77,7 @@ class PathWalk:
         self.buffer.append(row, self.length)
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
-        self.resolution.look(self.length, state.q)
+        self.resolution.look(self.length, state)
         if self.aside is not None:
             self.aside.keep(self.length, unstable)
         self.rows += 1

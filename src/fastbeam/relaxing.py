@@ -12,6 +12,7 @@ import numpy as np
 from .added import refuse_added
 from .arguments import Anything, Count, Flag, Number, Word, checked
 from .damping_matrix import check_still_air
+from .doubts import warns
 from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError, carry
@@ -54,6 +55,7 @@ HIGHER = 1e-9
 STILL = 1e-7
 
 
+@warns
 @checked(model=Anything(), start=START, step=Number(above=0.0, unit="s"), most_steps=Count(most=10**7), at_time=Number(unit="s"),
          observe=OBSERVED, points=POINTS, finish=Flag(), max_iterations=Count(most=10_000), backend=Word(), mend_start=Flag())
 def relax(model: Model, *, start: State | None = None, step: float | None = None, most_steps: int = 20_000,
@@ -386,7 +388,7 @@ class _Motion:
 
     def _last(self) -> Result:
         resolution = Resolution(self.model)
-        resolution.look(self.t, self.state().q)
+        resolution.look(self.t, self.state())
         for event in resolution.events():
             self.buffer.event(event)
         return self.result()

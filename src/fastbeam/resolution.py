@@ -20,6 +20,7 @@ import numpy as np
 from .kernels.layout import CONSTANTS, LIST, NODES
 from .kernels.observe import strain_energy
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
+from .kernels.work import State
 from .model import Model
 
 Array = np.ndarray
@@ -65,8 +66,9 @@ class Resolution:
         count = sum(len(e.at) for *_, sets in known for e in sets)
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
 
-    def look(self, t: float, q: Array) -> None:
-        """At the shape q [12 N] at time t."""
+    def look(self, t: float, state: State) -> None:
+        """At a state in space at time t."""
+        q = state.q
         for tables, strains, of_elements, sets in self._sets:
             strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
             found = of_elements.reshape(-1, 3)
@@ -193,6 +195,13 @@ class Resolution:
                 return (f"beam {beam['name']!r}", f"s = {s[first - beam['first']]:.4g} to {s[last - beam['first']]:.4g} m",
                         count if count > 1 or beam["count"] == last - first + 1 else 0)
         return label.split(" node ")[0], f"between {label} and {self.model.node_label(last)}", 0
+
+
+def mesh_events(model: Model, state: State) -> list[dict[str, Any]]:
+    """Events where elements do not resolve one state, in space, of a model."""
+    resolution = Resolution(model)
+    resolution.look(0.0, state)
+    return resolution.events()
 
 
 # the elements of models that were looked at

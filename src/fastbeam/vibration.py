@@ -8,6 +8,7 @@ import numpy as np
 
 from .arguments import Anything, Count, Flag, Number, Word, checked
 from .damped_modes import MORE, Damped, damped_of
+from .doubts import warns
 from .eigen import Eigen, SingularError, lowest
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
@@ -16,6 +17,7 @@ from .linsolve import check_backend
 from .load_times import load_factors_at
 from .mode_shapes import DampedModes, Modes, SteadyModes
 from .model import Model, check_model
+from .resolution import mesh_events
 from .resting_sliders import locked_sliders, resting_sliders
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
@@ -56,6 +58,7 @@ def modes(model: Model, *, steady: Spin | Travel, state: State | None = ..., n: 
     """About a steady motion."""
 
 
+@warns
 @checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
          held=which_sliders, planar=Flag(), damped=Flag(), steady=which_motion, backend=Word())
 def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
@@ -105,6 +108,14 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         The eigenvalues were not found: stiffness and masses are singular together.
     """
     about, _ = linearised_at("modes", model, state, load_factor, at_time, held, planar, backend, steady)
+    result = _modes_about(about, model, n, damped, steady, backend, state)
+    result.events = mesh_events(model, about.stepper.state)
+    return result
+
+
+def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, steady: Spin | Travel | None, backend: str,
+                 state: State | None) -> Modes | DampedModes | SteadyModes:
+    """See `modes`."""
     if steady is not None:
         found = equilibrium_of("modes", about, LEAST, backend, state)
         try:

@@ -121,7 +121,7 @@ class Watch:
         if self._resolution is None:
             self._resolution = Resolution(self.model)
         if last or (t >= self._next_look and steps >= self._steps_to_look):
-            self._resolution.look(t, self.stepper.state.q)
+            self._resolution.look(t, self.stepper.state)
             self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks
             self._steps_to_look = steps + STEPS_A_LOOK
         if last:
