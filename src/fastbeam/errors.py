@@ -97,9 +97,9 @@ class ResultWarning(UserWarning):
         What the call would have returned, with `.events`.
     """
 
-    def __init__(self, message: str = "", *, result: Any = None) -> None:
+    def __init__(self, message: str = "", *, result: object = None) -> None:
         super().__init__(message)
-        self.result = result
+        self.result: Any = result
 
 
 def carry(error: BaseException, result: Callable[[], Any]) -> None:

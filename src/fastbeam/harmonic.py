@@ -16,14 +16,13 @@ from .linearised import Linearisation
 from .model import Model
 from .observe import POINTS
 from .point_rows import place_of
-from .resolution import mesh_events
 from .responses import FrequencyResponse
 from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .scene.checks import Place
 from .statics import START, which_sliders
 from .supports import check_turned, standing_supports, supported
 from .unpacked import distributed
-from .vibration import equilibrium_of, linearised_at
+from .vibration import LEAST, equilibrium_of, events_about, linearised_at
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -128,7 +127,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
                          f"{shown(frequencies)}")
     damping_ratio, loss_factor = float(damping_ratio), float(loss_factor)
     places = {name: place_of(model, name, what) for name, what in (points or {}).items()}
-    found = equilibrium_of("frequency_response", about, 1, backend, state)
+    found = equilibrium_of("frequency_response", about, LEAST, backend, state)
     moved, vectors = _base(model, base, about.q[:, 0])
     settled = about
     if moved is not None:
@@ -143,7 +142,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     if damping_ratio > NO_DAMPING:
         ratios = _ratios(about, settled, found, damping_ratio, UP_TO * 2.0 * np.pi * float(frequencies.max()), backend)
     result = _Response(model, settled, excitation, found, places, shapes).at(frequencies, loss_factor, ratios, backend)
-    result.events = mesh_events(model, about.stepper.state)
+    result.events = events_about(about, found)
     return result
 
 

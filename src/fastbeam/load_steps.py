@@ -23,6 +23,7 @@ from .observe import Observer
 from .progress import Progress
 from .reactions import reactions_of
 from .resolution import Resolution
+from .response import place_events
 from .result import Result, ResultBuffer
 from .scene.checks import Place
 from .spring_laws import SpringRows
@@ -238,6 +239,9 @@ class LoadSteps:
             # about the normal of a plane moments have a potential
             counted_in, counted = "plane", solver.signs(factors, True)
         self._look_at_mesh(1.0)
+        if isinstance(solver, SlidingSolver) and not isinstance(solver, ExactSolver):
+            for event in place_events(solver, task.model):
+                self.buffer.event(event)
         info["counted_in"] = counted_in
         for (kind, text), found in zip(TOLD.items(), counted or (None, None)):
             info[kind + "_directions"] = found

@@ -30,6 +30,7 @@ from .observe import OBSERVED, POINTS, Observer
 from .prescribed import PrescribedMotions
 from .progress import Progress
 from .resolution import Resolution
+from .response import place_events
 from .result import Result, ResultBuffer
 from .scene.checks import Place
 from .starting import check_start
@@ -374,6 +375,9 @@ class _Motion:
         counted = leaves if flat == (counted_in == "plane") else solver.signs(ones, counted_in == "plane")
         if counted is None and flat and counted_in == "space":
             counted_in, counted = "plane", solver.signs(ones, True)
+        if isinstance(solver, SlidingSolver):
+            for event in place_events(solver, at_rest):
+                self.buffer.event({**event, "time": self.t})
         found = solver.state
         history = self.stepper.state.history.copy()
         self.stepper.set_state(State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), history))

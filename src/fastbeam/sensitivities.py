@@ -20,7 +20,7 @@ from .objective import Linear, Objective
 from .parameters import CHANGES, Build, Family, numbers_of, which_build
 from .reactions import reactions_of
 from .resolution import mesh_events
-from .response import OutOfPlane, Response, Solver, at_shape
+from .response import OutOfPlane, Response, Solver, at_shape, place_events
 from .result import Result
 from .scene.checks import Place
 from .section_gradient import SectionGradient, section_gradients
@@ -101,7 +101,7 @@ class Sensitivity(Doubts):
         self._linear = Linear(base, family.base(base.stepper.plane is not None).points)
         self._slopes = {name: self._by(name) for name in family.values}
         self.accuracy = {name: x.accuracy for name, x in self._slopes.items()}
-        self.events = mesh_events(self.model, self.state)
+        self.events = mesh_events(self.model, self.state) + place_events(base, self.model)
 
     @property
     def factorisations(self) -> int:
