@@ -326,9 +326,9 @@ class Contacts:
         force = state.force[self.model.first_force[[j, k]][:, None] + np.arange(3)]
         if 0.0 < distance < size and force.any():
             text = (f"sliders {one.name!r} and {other.name!r} of {_owner(one).label} stand {distance:.3g} m apart on "
-                    f"{beam.label}, whose elements are {size:.3g} m long: the force of each depends on where in an element they are, and may "
-                    f"be some {min(1.0 + 0.2 * size / distance, 10.0):.2g} times too large; their sum is right. Take elements of "
-                    f"{0.5 * distance:.2g} m there, or elements that move (with_moving_meshes), where these know the scene")
+                    f"{beam.label}, whose elements are {size:.3g} m long: the force of each depends on where in an element they "
+                    f"are, and may be some {min(1.0 + 0.2 * size / distance, 10.0):.2g} times too large; their sum is right. "
+                    f"Take elements of {0.5 * distance:.2g} m there")
             self._note(f"{one.name} {other.name}", size / distance, t, text)
 
 
