@@ -17,7 +17,7 @@ _WHERE = {
               "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
               "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "Switch", "UniversalJoint", "UserForce",
               "Winch"],
-    "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
+    "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "ResultWarning", "SceneError"],
     "compile": ["compile_scene"],
     "remeshing": ["with_moving_meshes"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],
@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     )
     from .errors import (
         BackendError as BackendError, ConvergenceError as ConvergenceError, Interrupted as Interrupted,
-        ResultFileError as ResultFileError, SceneError as SceneError,
+        ResultFileError as ResultFileError, ResultWarning as ResultWarning, SceneError as SceneError,
     )
     from .compile import compile_scene as compile_scene
     from .remeshing import with_moving_meshes as with_moving_meshes

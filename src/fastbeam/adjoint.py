@@ -9,6 +9,7 @@ import numpy as np
 
 from .arguments import LARGEST, Anything, Count, Names, Number, Word, checked, numbers, shown
 from .backward import Backward, Stretch, Sums, Weights
+from .doubts import Doubts, warns
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
 from .kernels.ball_joint import BallJoints
@@ -27,6 +28,7 @@ from .newton import Stepper
 from .observe import POINTS, Observer
 from .parameters import Build, which_build
 from .plane import TOLERANCE
+from .resolution import mesh_events
 from .run_parameters import RunFamily
 from .scene.checks import Place
 from .scene.switches import Switch
@@ -140,7 +142,7 @@ class RunGradient(NamedTuple):
     by: dict[str, float]
 
 
-class AdjointRun:
+class AdjointRun(Doubts):
     """A run that remembers its steps; made by `adjoint_run`.
 
     Attributes
@@ -153,7 +155,7 @@ class AdjointRun:
     outside : int
         Steps of the last `gradient` that block elimination left to a solver with pivoting.
     events : list of dict
-        What there is to say about the start, as in a `Result`.
+        What there is to say about the start, and about the mesh at the end, as in a `Result`.
     """
 
     def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Place], h: float, n: int, every: int,
@@ -374,6 +376,7 @@ class AdjointRun:
         return out
 
 
+@warns
 @checked(model=Anything(), t_end=Number(above=0.0, unit="s"), step=Number(above=0.0, unit="s"), start=START, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), keep_every=Count(most=1_000_000_000))
 def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None,
@@ -436,7 +439,7 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
         start, notes = check_start(model, start, step)
     run = AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every,
                      start is None)
-    run.events = [{"kind": kind, "time": 0.0, "text": text} for kind, text in notes]
+    run.events = [{"kind": kind, "time": 0.0, "text": text} for kind, text in notes] + mesh_events(model, run.state)
     return run
 
 

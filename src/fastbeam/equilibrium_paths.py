@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from .arc_length import PathSolver
 from .arguments import LARGEST, Anything, Count, Number, Refusal, Word, checked, numbers, shown, whole
+from .doubts import warns
 from .errors import SceneError
 from .joint_motion import check_at_rest
 from .kernels.along import NO_DRIVE
@@ -51,6 +52,7 @@ def which_branch(value: Any) -> int:
     return side
 
 
+@warns
 @checked(model=Anything(), to=Number(), start=START, load_factor=Number(), step=STEP, largest_step=STEP, smallest_step=STEP,
          most_points=Count(most=1_000_000), at_time=which_times, points=POINTS, observe=OBSERVED, held=which_sliders,
          max_iterations=Count(most=10_000), backend=Word(), stop_at=Word(KINDS), side=which_branch, branch=Count(0),

@@ -1,4 +1,4 @@
-"""The errors that fastbeam raises. Each message names the object, the value, the allowed range and the next step."""
+"""The errors and the warning of fastbeam. Each message names the object, the value, the allowed range and the next step."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -84,6 +84,22 @@ class ResultFileError(ValueError):
     """
 
     result: Result | None = None
+
+
+class ResultWarning(UserWarning):
+    """A result has events that say where its numbers are not to be trusted: a mesh that is too coarse, a step that is too long.
+
+    It comes once for a result, when that is complete. `warnings.simplefilter("error", fb.ResultWarning)` makes it an exception.
+
+    Attributes
+    ----------
+    result : Result, Modes, ...
+        What the call would have returned, with `.events`.
+    """
+
+    def __init__(self, message: str = "", *, result: object = None) -> None:
+        super().__init__(message)
+        self.result: Any = result
 
 
 def carry(error: BaseException, result: Callable[[], Any]) -> None:

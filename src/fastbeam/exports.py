@@ -1,7 +1,6 @@
 """What a result hands to other programs: files for ParaView, tables for pandas."""
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 
 from . import notebook
 from .arguments import Anything, Count, FilePath, Flag, checked
+from .doubts import KINDS
 from .errors import BackendError
 from .readings import ROWS, SECTION
 
@@ -116,12 +116,14 @@ def import_pandas() -> Any:
 
 def html_of(result: Any) -> str:
     """Of a result what notebooks show: invariants with their drift, and events."""
-    rows = [[part.strip() for part in re.split(r"\s{2,}", line)] for line in result.table().splitlines()]
+    first, second = result._rows_of_table()
     facts = f"{len(result.t)} rows, {len(result.t_snap)} snapshots of {result.phi.shape[1]} nodes"
     if len(result.t):
         facts += f", t = {result.t[0]:g} to {result.t[-1]:g}"
-    notes = [f"{event.get('kind', '')}: {event.get('text', '')}" for event in result.events[:notebook.MOST_ROWS]]
-    return notebook.table(f"Result {result.info.get('scene', '')!s:.80}", rows[0], rows[1:], [facts, *notes])
+    told = [event for event in result.events if event.get("kind") not in KINDS]
+    notes = [f"{event.get('kind', '')}: {event.get('text', '')}" for event in told[:notebook.MOST_ROWS]]
+    return notebook.table(f"Result {result.info.get('scene', '')!s:.80}", first[0], [*first[1:], *second],
+                          [facts, *notes, *result._doubts()])
 
 
 def columns_of(series: Mapping[str, np.ndarray], names: Mapping[str, list[Any]]) -> dict[str, np.ndarray]:

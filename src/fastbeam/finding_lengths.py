@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import Anything, Count, Number, Word, checked, shown
+from .doubts import warns
 from .errors import ConvergenceError, SceneError
 from .joint_motion import check_at_rest
 from .kernels.step import OK, SINGULAR
@@ -140,6 +141,7 @@ class LengthSteps(LoadSteps):
                                 residuals=sizes, state=result.state, result=result)
 
 
+@warns
 @checked(model=Anything(), lengths=Anything(), conditions=Anything(), points=POINTS, start=START, at_time=Number(unit="s"),
          mass=Word(MASSES), observe=OBSERVED, held=which_sliders, step=SHARE, largest_step=SHARE, smallest_step=SHARE,
          max_iterations=Count(most=10_000), backend=Word())

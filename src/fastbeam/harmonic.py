@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, is_masked, real, shown, take
+from .doubts import warns
 from .dynamic_stiffness import PUSHED, DynamicStiffness, with_still
 from .eigen import Eigen, Pencil, Shifted, SingularError
 from .errors import ConvergenceError, SceneError
@@ -21,7 +22,7 @@ from .scene.checks import Place
 from .statics import START, which_sliders
 from .supports import check_turned, standing_supports, supported
 from .unpacked import distributed
-from .vibration import equilibrium_of, linearised_at
+from .vibration import LEAST, equilibrium_of, events_about, linearised_at
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -54,6 +55,7 @@ class Excitation(NamedTuple):
     text: str
 
 
+@warns
 @checked(model=Anything(), frequencies=Numbers((None,), "finite frequencies in Hz, of shape [f]"), state=START, loads=Anything(),
          base=Anything(), damping_ratio=Number(least=0.0, most=10.0), loss_factor=Number(least=0.0, most=10.0), points=POINTS,
          load_factor=Number(), at_time=Number(unit="s"), held=which_sliders, planar=Flag(), shapes=Flag(), backend=Word())
@@ -125,7 +127,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
                          f"{shown(frequencies)}")
     damping_ratio, loss_factor = float(damping_ratio), float(loss_factor)
     places = {name: place_of(model, name, what) for name, what in (points or {}).items()}
-    found = equilibrium_of("frequency_response", about, 1, backend, state)
+    found = equilibrium_of("frequency_response", about, LEAST, backend, state)
     moved, vectors = _base(model, base, about.q[:, 0])
     settled = about
     if moved is not None:
@@ -139,7 +141,9 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
     ratios = None
     if damping_ratio > NO_DAMPING:
         ratios = _ratios(about, settled, found, damping_ratio, UP_TO * 2.0 * np.pi * float(frequencies.max()), backend)
-    return _Response(model, settled, excitation, found, places, shapes).at(frequencies, loss_factor, ratios, backend)
+    result = _Response(model, settled, excitation, found, places, shapes).at(frequencies, loss_factor, ratios, backend)
+    result.events = events_about(about, found)
+    return result
 
 
 class _Response:

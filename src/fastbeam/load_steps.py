@@ -24,6 +24,7 @@ from .observe import Observer
 from .progress import Progress
 from .reactions import reactions_of
 from .resolution import Resolution
+from .response import place_events
 from .result import Result, ResultBuffer
 from .scene.checks import Place
 from .spring_laws import SpringRows
@@ -242,6 +243,9 @@ class LoadSteps:
             # about the normal of a plane moments have a potential
             counted_in, counted = "plane", solver.signs(factors, True)
         self._look_at_mesh(1.0)
+        if isinstance(solver, SlidingSolver) and not isinstance(solver, ExactSolver):
+            for event in place_events(solver, task.model):
+                self.buffer.event(event)
         info["counted_in"] = counted_in
         for (kind, text), found in zip(TOLD.items(), counted or (None, None)):
             info[kind + "_directions"] = found
@@ -280,7 +284,7 @@ class LoadSteps:
     def _look_at_mesh(self, factor: float) -> str:
         """Events where elements are too coarse for the last equilibrium; the first as a text."""
         resolution = Resolution(self.task.model)
-        resolution.look(factor, self.solver.state.q)
+        resolution.look(factor, self.solver.state)
         found = resolution.events()
         for event in found:
             self.buffer.event(event)

@@ -8,6 +8,7 @@ import numpy as np
 
 from . import notebook
 from .arguments import Count, Flag, Number, checked
+from .doubts import Doubts
 from .errors import SceneError
 from .result import Result
 
@@ -110,7 +111,7 @@ def _turned(directors: Array, turn: Array) -> Array:
                       + 0.5 * np.sinc(0.5 * angle / np.pi)**2 * np.cross(about, once))
 
 
-class Modes:
+class Modes(Doubts):
     """Natural vibrations of a scene about an equilibrium, by w^2, unstable ones first (theory.md 11).
 
     Attributes
@@ -139,6 +140,8 @@ class Modes:
         Whether the number of pivots of K - w^2 M confirms that no mode below the last is missing.
     info, names : dict
         Facts; names of parts as in a `Result`.
+    events : list of dict
+        Where the modes are not to be trusted, as in a `Result`.
     positions : float64 [N, 3]
         Of the equilibrium.
     directors : float64 [N, 3, 3]
@@ -257,7 +260,7 @@ class Modes:
             more.append(f"{self.left_out} beams of nets may spin about their axes, which is not listed")
         if not self.is_complete:
             more.append("whether modes are missing between these was not confirmed by pivots")
-        return "\n".join([*rows, *more])
+        return "\n".join([*rows, *more, *self._doubts()])
 
     def __str__(self) -> str:
         return self.table()
@@ -266,7 +269,7 @@ class Modes:
         return notebook.text(f"Modes of {self.info['scene']}", self.table())
 
 
-class DampedModes:
+class DampedModes(Doubts):
     """Motions Re(x e^(r t)) of a scene with damping about an equilibrium, by |r| (theory.md 14).
 
     Of a vibration the motion with positive Im r is listed. One with more than critical damping is two motions without vibration,
@@ -292,6 +295,8 @@ class DampedModes:
         Of (K + r C + r^2 M) x - B^T m, next to the sum of the sizes of its terms.
     info, names : dict
         Facts; names of parts as in a `Result`.
+    events : list of dict
+        Where the modes are not to be trusted, as in a `Result`.
     positions, directors : float64 [N, 3], [N, 3, 3]
         Of the equilibrium.
     """
@@ -366,7 +371,7 @@ class DampedModes:
         for k in range(len(self)):
             rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.undamped[k] / (2.0 * np.pi):14.8g} "
                         f"{self.damping_ratios[k]:14.7g} {self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
-        return "\n".join(rows)
+        return "\n".join([*rows, *self._doubts()])
 
     def __str__(self) -> str:
         return self.table()
@@ -436,7 +441,7 @@ class SteadyModes(DampedModes):
                         f"{self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
         if not self.is_complete:
             rows.append("whether modes are missing between these was not confirmed")
-        return "\n".join(rows)
+        return "\n".join([*rows, *self._doubts()])
 
     def _repr_html_(self) -> str:
         return notebook.text(f"Modes of {self.info['scene']} in steady motion", self.table())

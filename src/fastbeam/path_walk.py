@@ -20,6 +20,7 @@ from .path_stops import Wanted
 from .progress import Progress
 from .reactions import reactions_of
 from .resolution import Resolution
+from .response import place_events
 from .result import Result, ResultBuffer
 from .scene.checks import Place
 
@@ -77,7 +78,7 @@ class PathWalk:
         self.buffer.append(row, self.length)
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
-        self.resolution.look(self.length, state.q)
+        self.resolution.look(self.length, state)
         if self.aside is not None:
             self.aside.keep(self.length, unstable)
         self.rows += 1
@@ -106,6 +107,8 @@ class PathWalk:
             with Interrupts() as self.solver.interrupts:
                 self._go(to, stop_at, branch, bar)
                 self._look_aside()
+                for event in place_events(self.solver, self.model):
+                    self.buffer.event({**event, "time": self.length})
         except ConvergenceError:
             raise
         except Exception as failed:

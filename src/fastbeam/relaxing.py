@@ -11,6 +11,7 @@ import numpy as np
 
 from .added import refuse_added
 from .arguments import Anything, Count, Flag, Number, Word, checked
+from .doubts import warns
 from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError, carry
@@ -28,6 +29,7 @@ from .observe import OBSERVED, POINTS, Observer
 from .prescribed import PrescribedMotions
 from .progress import Progress
 from .resolution import Resolution
+from .response import place_events
 from .result import Result, ResultBuffer
 from .scene.checks import Place
 from .starting import check_start
@@ -53,6 +55,7 @@ HIGHER = 1e-9
 STILL = 1e-7
 
 
+@warns
 @checked(model=Anything(), start=START, step=Number(above=0.0, unit="s"), most_steps=Count(most=10**7), at_time=Number(unit="s"),
          observe=OBSERVED, points=POINTS, finish=Flag(), max_iterations=Count(most=10_000), backend=Word(), mend_start=Flag())
 def relax(model: Model, *, start: State | None = None, step: float | None = None, most_steps: int = 20_000,
@@ -370,6 +373,9 @@ class _Motion:
         counted = leaves if flat == (counted_in == "plane") else solver.signs(ones, counted_in == "plane")
         if counted is None and flat and counted_in == "space":
             counted_in, counted = "plane", solver.signs(ones, True)
+        if isinstance(solver, SlidingSolver):
+            for event in place_events(solver, at_rest):
+                self.buffer.event({**event, "time": self.t})
         found = solver.state
         history = self.stepper.state.history.copy()
         self.stepper.set_state(State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), history))
@@ -384,7 +390,7 @@ class _Motion:
 
     def _last(self) -> Result:
         resolution = Resolution(self.model)
-        resolution.look(self.t, self.state().q)
+        resolution.look(self.t, self.state())
         for event in resolution.events():
             self.buffer.event(event)
         return self.result()

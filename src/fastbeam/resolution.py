@@ -20,7 +20,9 @@ import numpy as np
 from .kernels.layout import CONSTANTS, LIST, NODES
 from .kernels.observe import strain_energy
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
+from .kernels.work import State
 from .model import Model
+from .ripples import Contacts, mode_events
 
 Array = np.ndarray
 # squares of the lengths of directors may fall by this share, and should by this one
@@ -56,6 +58,7 @@ class Resolution:
         self.model = model
         self._sets: list[tuple[Any, Any, Array, list[_Elements]]] = []
         self._work = np.zeros(6)
+        self.contacts = Contacts(model)
         self._worst: dict[tuple[str, str], tuple[float, float, str]] = {}
         known = _KNOWN.get(model)
         if known is None:
@@ -65,8 +68,10 @@ class Resolution:
         count = sum(len(e.at) for *_, sets in known for e in sets)
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
 
-    def look(self, t: float, q: Array) -> None:
-        """At the shape q [12 N] at time t."""
+    def look(self, t: float, state: State, moves: bool = False) -> None:
+        """At a state in space at time t; moves: one of a run, in which contacts are looked at for their motion, too."""
+        q = state.q
+        self.contacts.look(t, state, self.tension, moves)
         for tables, strains, of_elements, sets in self._sets:
             strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
             found = of_elements.reshape(-1, 3)
@@ -75,6 +80,15 @@ class Resolution:
                 self._turns_between_nodes(t, q, e)
                 self._short_directors(t, e, found[e.at, 1])
                 self._bending_lengths(t, q, e, found[e.at, 0])
+
+    def tension(self, q: Array) -> Array:
+        """Of beams at their nodes [N] at the shape q [12 N], N; NaN elsewhere."""
+        out = np.full(self.model.n_nodes, np.nan)
+        for tables, strains, of_elements, sets in self._sets:
+            strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
+            for e in sets:
+                out[e.nodes] = of_elements.reshape(-1, 3)[e.at, 0][:, None]
+        return out
 
     def is_folded(self, q: Array) -> bool:
         """Whether an axis runs against its sections at the shape q [12 N], or neighbouring nodes turn by more than a right
@@ -88,7 +102,7 @@ class Resolution:
 
     def events(self) -> list[dict[str, Any]]:
         """The worst of every kind and beam, MOST_EVENTS of a kind."""
-        out = []
+        out = self.contacts.events()
         for kind in ("reversed", "turn", "curvature", "layer"):
             rows = sorted((x for (k, _), x in self._worst.items() if k == kind), key=lambda x: -x[0])
             name = "reversed" if kind == "reversed" else "coarse"
@@ -193,6 +207,17 @@ class Resolution:
                 return (f"beam {beam['name']!r}", f"s = {s[first - beam['first']]:.4g} to {s[last - beam['first']]:.4g} m",
                         count if count > 1 or beam["count"] == last - first + 1 else 0)
         return label.split(" node ")[0], f"between {label} and {self.model.node_label(last)}", 0
+
+
+def mesh_events(model: Model, state: State, slides: Array | None = None, squared: Array | None = None) -> list[dict[str, Any]]:
+    """Events where elements do not resolve one state, in space, of a model, nor modes about it: their w^2 [n], and motions of
+    sliders in those of modal mass 1 [n, S]."""
+    resolution = Resolution(model)
+    resolution.look(0.0, state)
+    out = resolution.events()
+    if slides is not None and squared is not None and slides.size:
+        out += mode_events(model, state, resolution.tension(state.q), slides, squared)
+    return out
 
 
 # the elements of models that were looked at

@@ -12,6 +12,8 @@ from .mkl import load_mkl
 from .mapping import follow, turned
 from .model import Model
 from .maps import velocity_map
+from .resolution import Resolution
+from .ripples import rest_events
 from .saddle import REGULAR, Factors, Saddle, least_singular_value
 from .saddle_solver import Increment
 from .static_sliders import SlidingSolver
@@ -165,6 +167,24 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
     out.stepper.core_state.s[:] += length * way[like.nodes:n]
     out.stepper.core_state.force[:] = like.stepper.core_state.force + length * way[n:]
     return out
+
+
+def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
+    """Events where sliders that are free in the equilibrium of a model, at which the solver is, rest where the mesh lets them."""
+    if not np.any(solver.sliding):
+        return []
+    saddle, free = solver.at_places()
+    first = saddle.multiplier.size - solver.core.n_forces - free.size
+    factored = Solver(saddle, "superlu")
+
+    def compliance(k: int) -> Array | None:
+        push = np.zeros(saddle.multiplier.size)
+        push[first + k] = 1.0
+        x = factored.solve(push)
+        return None if x is None else x[first:first + free.size]
+
+    state = State(*(x.copy() for x in solver.state))
+    return rest_events(model, state, Resolution(model).tension(state.q), free, compliance)
 
 
 class Solver:

@@ -7,6 +7,7 @@ import numpy as np
 
 from . import notebook
 from .arguments import Count, Name, checked
+from .doubts import Doubts
 from .errors import SceneError
 
 Array = np.ndarray
@@ -14,7 +15,7 @@ Array = np.ndarray
 MOST_PEAKS, MOST_POINTS = 8, 30
 
 
-class FrequencyResponse:
+class FrequencyResponse(Doubts):
     """Steady vibrations under harmonic excitation: every quantity is Re(X e^(i w t)) with these complex amplitudes X (theory.md
     14).
 
@@ -39,6 +40,8 @@ class FrequencyResponse:
         Displacements of all nodes, with shapes=True.
     info, names : dict
         Facts; names of parts as in a `Result`, and `points`.
+    events : list of dict
+        Where the response is not to be trusted, as in a `Result`.
     positions : float64 [N, 3]
         Of the equilibrium.
     """
@@ -133,7 +136,7 @@ class FrequencyResponse:
             rows.append(f"{name}: at most {size[k]:.4g} m at {self.frequencies[k]:.6g} Hz; peaks: {found or 'none'}")
         if len(names) > MOST_POINTS:
             rows.append(f"and {len(names) - MOST_POINTS} more points")
-        return "\n".join(rows)
+        return "\n".join([*rows, *self._doubts()])
 
     def __str__(self) -> str:
         return self.table()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, hides_others, is_masked, shown
+from .doubts import Doubts
 from .errors import SceneError
 from .exchanged import balance_of, joint_of, power_of
 from .exports import Exports
@@ -174,7 +175,7 @@ SERIES, NAMED = Series(), Word()
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
          phi=SERIES, directors=SERIES, velocities=SERIES, spins=SERIES, events=Items(dict))
-class Result(Readings, Exports):
+class Result(Readings, Exports, Doubts):
     """A finished or aborted run.
 
     Parameters
@@ -339,25 +340,31 @@ class Result(Readings, Exports):
     @checked()
     def table(self) -> str:
         """Neat table of energies, momenta and gap: first value, last value, largest relative drift; where something dissipates or
-        drives also of the parts of the balance (`balance()`)."""
-        lines = [f"{'quantity':<28}{'start':>16}{'end':>16}{'max drift':>14}"]
+        drives also of the parts of the balance (`balance()`); events that say where numbers are not to be trusted."""
+        first, second = self._rows_of_table()
+        lines = [f"{label:<28}{start:>16}{end:>16}{drift:>14}" for label, start, end, drift in first]
+        if second:
+            width = max(28, *(2 + len(label) for label, *_ in second))
+            lines += ["", *(f"{label:<{width}}{start:>16}{end:>16}" for label, start, end, _ in second)]
+        return "\n".join([*lines, *self._doubts()])
+
+    def _rows_of_table(self) -> tuple[list[tuple[str, str, str, str]], list[tuple[str, str, str, str]]]:
+        """Cells of the table: quantities, and parts of the balance where there are some, each below its header."""
+        rows = [("quantity", "start", "end", "max drift")]
         for name, label, unit in INVARIANTS:
             x = self.series.get(name)
             if x is None or x.size == 0:
                 continue
-            rows = x.reshape(len(x), -1)
+            flat = x.reshape(len(x), -1)
             # vectors and gaps show their size: the norm of a momentum, the largest gap of all sliders
-            size = rows[:, 0] if x.ndim == 1 else np.abs(rows).max(axis=1) if name == "gap" else np.linalg.norm(rows, axis=1)
+            size = flat[:, 0] if x.ndim == 1 else np.abs(flat).max(axis=1) if name == "gap" else np.linalg.norm(flat, axis=1)
             label = f"{'|' + label + '|' if x.ndim > 1 else label} [{unit}]"
-            drift = f"{self.drift(name):14.2e}" if self.is_conserved(name) else f"{'-':>14}"
-            lines.append(f"{label:<28}{size[0]:16.8e}{size[-1]:16.8e}{drift}")
+            drift = f"{self.drift(name):.2e}" if self.is_conserved(name) else "-"
+            rows.append((label, f"{size[0]:.8e}", f"{size[-1]:.8e}", drift))
         parts = self.balance() if len(self.t) and "balance" in self.series and "kinetic" in self.series else {}
         own = [name for name in parts if name not in ("kinetic", "strain", "gravity", "sum")]
-        if own:
-            width = max(28, 6 + max(map(len, own)))
-            lines += ["", f"{'parts of the balance':<{width}}{'start':>16}{'end':>16}"]
-            lines += [f"{f'{name} [J]':<{width}}{parts[name][0]:16.8e}{parts[name][-1]:16.8e}" for name in own]
-        return "\n".join(lines)
+        below = [(f"{name} [J]", f"{parts[name][0]:.8e}", f"{parts[name][-1]:.8e}", "") for name in own]
+        return rows, [("parts of the balance", "start", "end", ""), *below] if own else []
 
     @checked(model=Anything())
     def state_for(self, model: Model) -> State:
@@ -406,8 +413,9 @@ class Result(Readings, Exports):
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no rows"
         name = f" of '{self.info['scene']}'" if self.info.get("scene") else ""
-        return (f"Result{name}: {len(self.t)} rows, {span}; {len(self.t_snap)} snapshots of {self.phi.shape[1]} nodes; "
+        head = (f"Result{name}: {len(self.t)} rows, {span}; {len(self.t_snap)} snapshots of {self.phi.shape[1]} nodes; "
                 f"{len(self.events)} events; series {', '.join(sorted(self.series)) or 'none'}")
+        return "\n".join([head, *self._doubts()])
 
     def _series(self, name: str) -> np.ndarray:
         if name not in self.series:

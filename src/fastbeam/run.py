@@ -15,6 +15,7 @@ from .arguments import Anything, Count, FilePath, Flag, Function, Instance, Numb
 from .callback import Callback
 from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from .contact_force import AT_END, AT_ROWS, ContactForces
+from .doubts import warns
 from .dynamics import StepControl, composition, failure
 from .encounters import CONDITION, Encounters
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError, carry
@@ -48,6 +49,7 @@ TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
 START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
 
 
+@warns
 @checked(model=Anything(), t_end=TIME, step=STEP, order=Count(), method=Word(), rho_inf=Number(), start=START, t_start=TIME,
          observe=OBSERVED, points=POINTS, every=Count(), snapshots=Count(0, 10**6), file=FilePath(), overwrite=Flag(),
          checkpoint=FilePath(), checkpoint_every=Number(least=0.0, unit="s"), callback=Function("(t, state)"),

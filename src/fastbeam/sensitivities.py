@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .arguments import Count, Flag, Listing, Names, Number, Word, checked, shown
+from .doubts import Doubts, warns
 from .errors import ConvergenceError, SceneError
 from .frequency_slopes import FrequencySlopes, Linearised, frequency_slopes
 from .kernels.work import State
@@ -18,7 +19,8 @@ from .observe import Observer
 from .objective import Linear, Objective
 from .parameters import CHANGES, Build, Family, numbers_of, which_build
 from .reactions import reactions_of
-from .response import OutOfPlane, Response, Solver, at_shape
+from .resolution import mesh_events
+from .response import OutOfPlane, Response, Solver, at_shape, place_events
 from .result import Result
 from .scene.checks import Place
 from .section_gradient import SectionGradient, section_gradients
@@ -67,7 +69,7 @@ class Gradient(NamedTuple):
     moments: Array
 
 
-class Sensitivity:
+class Sensitivity(Doubts):
     """An equilibrium and its derivatives by parameters; made by `sensitivity`.
 
     Attributes
@@ -85,6 +87,8 @@ class Sensitivity:
         their error from above.
     factorisations : int
         Of the tangent and its transpose until now.
+    events : list of dict
+        Where the equilibrium is not to be trusted, as in a `Result`.
     """
 
     def __init__(self, family: Family, base: Response, solver: Solver, observe: tuple[str, ...], result: Result | None,
@@ -97,6 +101,7 @@ class Sensitivity:
         self._linear = Linear(base, family.base(base.stepper.plane is not None).points)
         self._slopes = {name: self._by(name) for name in family.values}
         self.accuracy = {name: x.accuracy for name, x in self._slopes.items()}
+        self.events = mesh_events(self.model, self.state) + place_events(base, self.model)
 
     @property
     def factorisations(self) -> int:
@@ -312,7 +317,7 @@ class Sensitivity:
     def __str__(self) -> str:
         lines = [f"sensitivity of scene {self.model.scene_name!r} by {len(self.values)} parameters"]
         lines += [f"  {name} = {value:g}: accuracy {self.accuracy[name]:.1e}" for name, value in self.values.items()]
-        return "\n".join(lines)
+        return "\n".join([*lines, *self._doubts()])
 
 
 def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[str, Any] | None,
@@ -343,6 +348,7 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     return family, stays
 
 
+@warns
 @checked(build=which_build, values=Names("must map names of parameters to numbers"),
          scale=Names("must map names of parameters to sizes"), state=START,
          observe=Listing(Word(OBSERVED), "a sequence of kinds, as in ('energy', 'reaction')"), load_factor=Number(),

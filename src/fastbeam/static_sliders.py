@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from .kernels.step import NOT_CONVERGED, OK, SINGULAR, SLIDER_END
+from .saddle import Saddle
 from .saddle_solver import Increment, SaddleSolver
 from .static_along import RESERVE
 
@@ -152,6 +153,12 @@ class SlidingSolver(SaddleSolver):
         found = self._assembled(self._unhindered)[0].signs(self.has_potential(in_plane))
         self.contacts.loose = None
         return found
+
+    def at_places(self) -> tuple[Saddle, Array]:
+        """Tangent at the present equilibrium with the sliders free that move without friction and away from stops, and which
+        these are, bool [S]."""
+        self.work.increment.control[0] = 0.0
+        return self._assembled(self._unhindered)[0], self._unhindered
 
     @property
     def _unhindered(self) -> Array:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import Anything, Count, Flag, Instance, Listing, Name, Number, Numbers, Refusal, Word, checked, shown
+from .doubts import warns
 from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .kernels.work import State
 from .linsolve import check_backend
@@ -47,6 +48,7 @@ def which_sliders(value: Any) -> bool | tuple[str, ...]:
 START = Instance(State, "a State (result.state, model.state())", "of a checkpoint: checkpoint.state")
 
 
+@warns
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
          smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,

@@ -23,6 +23,7 @@ import numpy as np
 
 from .arguments import Anything, Count, FilePath, Flag, Function, Names, Word, checked, real, shown
 from .compile import compile_scene
+from .doubts import MOST, Doubts, warns
 from .errors import BackendError, ResultFileError, SceneError
 from .exports import import_pandas
 from .mkl import load_mkl, on_threads
@@ -47,7 +48,7 @@ AHEAD, MANY = 4, 8
 FACTS = ("total", "balance", "lin_mom", "ang_mom", "gap")
 
 
-class Sweep:
+class Sweep(Doubts):
     """What came of a sweep: a table with a row for every case, in the order of the cases.
 
     Attributes
@@ -59,6 +60,8 @@ class Sweep:
         times.
     tracebacks : dict
         Number of a case that failed -> where, as a text.
+    doubts : dict
+        Number of a case -> events of its run that say where numbers are not to be trusted, as texts.
     missing : list of int
         Cases that were not run; there are some in files of sweeps that were cut short.
     """
@@ -69,6 +72,7 @@ class Sweep:
                                               for row in rows]
         self.arrays: list[dict[str, np.ndarray]] = [row["arrays"] for row in rows]
         self.tracebacks: dict[int, str] = {row["run"]: row["traceback"] for row in rows if row.get("traceback")}
+        self.doubts: dict[int, list[str]] = {row["run"]: row["doubts"] for row in rows if row.get("doubts")}
         self.missing = sorted(set(range(n_cases)) - {row["run"] for row in rows})
 
     @property
@@ -119,10 +123,17 @@ class Sweep:
 
     def __repr__(self) -> str:
         names = list(self.rows[0]) if self.rows else []
-        return (f"Sweep: {len(self.rows)} cases, {len(self.failures)} failed, {len(self.missing)} missing; "
+        head = (f"Sweep: {len(self.rows)} cases, {len(self.failures)} failed, {len(self.missing)} missing; "
                 f"columns {', '.join(map(str, names)) or 'none'}")
+        return "\n".join([head, *self._doubts()])
+
+    def _doubts(self) -> list[str]:
+        found = [f"case {k}, {lines[0]}" for k, lines in self.doubts.items()]
+        more = [f"and {len(found) - MOST} more cases like these in .doubts"] if len(found) > MOST else []
+        return found[:MOST] + more
 
 
+@warns
 @checked(build=Anything(), cases=Anything(), run=Names("must map arguments of simulate to values, as in run={'t_end': 1.0}"),
          measure=Function("(result)"), executor=Anything(), workers=Count(most=1024), threads=Count(most=1024), file=FilePath(),
          overwrite=Flag(), retry=Flag(), progress=Flag())
@@ -330,7 +341,9 @@ class Job:
         row: Row = {"run": k, "case": json.loads(json.dumps(case, default=_as_shown)), "values": {}, "error": None, "arrays": {}}
         try:
             with nullcontext() if _mkl() is None else on_threads(_mkl(), self.threads):
-                row["values"], row["arrays"] = self._found(case)
+                row["values"], row["arrays"], lines = self._found(case)
+            if lines:
+                row["doubts"] = lines
             taken = next((name for name in (*row["values"], *row["arrays"]) if name in case or name in ("run", "error")), None)
             if taken is not None:
                 raise SceneError(f"measured value {taken!r} has the name of another column; give it another")
@@ -339,7 +352,8 @@ class Job:
             row |= {"error": f"{type(error).__name__}: {said}", "traceback": traceback.format_exc(limit=-5)}
         return row
 
-    def _found(self, case: dict[str, Any]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    def _found(self, case: dict[str, Any]) -> tuple[dict[str, Any], dict[str, np.ndarray], list[str]]:
+        """Numbers and arrays of a case, and events of its run that say where these are not to be trusted."""
         found = self.build(**case)
         if isinstance(found, Scene):
             found = compile_scene(found)
@@ -347,12 +361,13 @@ class Job:
             if self.run is None:
                 raise SceneError("build returned a scene, and run={'t_end': ..., 'step': ...} does not say how to run it")
             found = simulate(found, **{"progress": False, "threads": self.threads, "snapshots": 0, **self.run})
+        lines = found._doubts() if isinstance(found, Result) else []
         if isinstance(found, Result) and self.measure is None:
             facts = {"t": float(found.t[-1]) if len(found.t) else math.nan, "steps": found.info.get("steps"),
                      "events": len(found.events)}
             drifts = {f"drift_{name}": found.drift(name) for name in FACTS if name in found.series and found.is_conserved(name)}
-            return facts | drifts, {"series_t": found.t, **{f"series_{name}": x for name, x in found.series.items()}}
-        return split(self.measure(found) if self.measure is not None and isinstance(found, Result) else found)
+            return facts | drifts, {"series_t": found.t, **{f"series_{name}": x for name, x in found.series.items()}}, lines
+        return *split(self.measure(found) if self.measure is not None and isinstance(found, Result) else found), lines
 
 
 def split(found: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

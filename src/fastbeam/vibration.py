@@ -8,6 +8,7 @@ import numpy as np
 
 from .arguments import Anything, Count, Flag, Number, Word, checked
 from .damped_modes import MORE, Damped, damped_of
+from .doubts import warns
 from .eigen import Eigen, SingularError, lowest
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
@@ -16,6 +17,7 @@ from .linsolve import check_backend
 from .load_times import load_factors_at
 from .mode_shapes import DampedModes, Modes, SteadyModes
 from .model import Model, check_model
+from .resolution import mesh_events
 from .resting_sliders import locked_sliders, resting_sliders
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
@@ -56,6 +58,7 @@ def modes(model: Model, *, steady: Spin | Travel, state: State | None = ..., n: 
     """About a steady motion."""
 
 
+@warns
 @checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
          held=which_sliders, planar=Flag(), damped=Flag(), steady=which_motion, backend=Word())
 def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
@@ -105,22 +108,38 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         The eigenvalues were not found: stiffness and masses are singular together.
     """
     about, _ = linearised_at("modes", model, state, load_factor, at_time, held, planar, backend, steady)
+    result, found = _modes_about(about, model, n, damped, steady, backend, state)
+    result.events = events_about(about, found)
+    return result
+
+
+def events_about(about: Linearisation, found: Eigen) -> list[dict[str, Any]]:
+    """Events where elements do not resolve an equilibrium, or sliders in its modes."""
+    k, state = about.free.size, about.stepper.state
+    slides = found.vectors[k:k + about.core.n_sliders].T * about.sliding
+    return mesh_events(about.model, state, slides, np.real(found.values))
+
+
+def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, steady: Spin | Travel | None, backend: str,
+                 state: State | None) -> tuple[Modes | DampedModes | SteadyModes, Eigen]:
+    """See `modes`; and the undamped motions that they come from."""
     if steady is not None:
         found = equilibrium_of("modes", about, LEAST, backend, state)
         try:
-            return _steady_modes_of(about, steady_modes_of(about, found, n, backend), found, steady)
+            return _steady_modes_of(about, steady_modes_of(about, found, n, backend), found, steady), found
         except SingularError:
             raise ConvergenceError(f"modes: those of scene {model.scene_name!r} about {steady!r} were not found; ask for fewer",
                                    state=state) from None
     if not damped:
-        return _modes_of(about, equilibrium_of("modes", about, n, backend, state))
+        found = equilibrium_of("modes", about, n, backend, state)
+        return _modes_of(about, found), found
     found = equilibrium_of("modes", about, n + MORE, backend, state)
     if not found.factors.pencil.is_symmetric:
         raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space, "
                          "loads that turn, laws and moving air do not leave; find the modes of the scene without them, or run in "
                          "time")
     try:
-        return _damped_modes_of(about, damped_of(about, found, n, backend))
+        return _damped_modes_of(about, damped_of(about, found, n, backend)), found
     except SingularError:
         raise ConvergenceError(f"modes: a damped mode of scene {model.scene_name!r} was not found; ask for fewer, or look at "
                                "frequency_response", state=state) from None

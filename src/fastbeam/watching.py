@@ -133,8 +133,9 @@ class Watch:
         """Remember where elements do not resolve the shape after so many steps, a few times a run; at the end events say so."""
         if self._resolution is None:
             self._resolution = Resolution(self.model)
+        self._resolution.contacts.remember(t, self.stepper.core_state.s)
         if last or (t >= self._next_look and steps >= self._steps_to_look):
-            self._resolution.look(t, self.stepper.state.q)
+            self._resolution.look(t, self.stepper.state, moves=True)
             self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks
             self._steps_to_look = steps + STEPS_A_LOOK
         if last:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.resolution import Resolution
+from fastbeam.resolution import Resolution, mesh_events
 
 WIRE = fb.Section.circle(radius=0.008, E=1e10, rho=5000.0)
 ROD = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
@@ -134,9 +134,7 @@ def hoisted(elements: int, rounding: float, height: float = 6.0) -> list[str]:
     eye, car, weight = (fb.PointMass(name, mass=m) for name, m in (("pulley", 1.0), ("car", 1000.0), ("weight", 900.0)))
     model = fb.compile_scene(fb.Scene(rope, eye, car, weight, fb.Pin(eye), fb.Slider("sheave", eye, rope, at=rope.length / 2),
                                       fb.BallJoint(car, rope.end), fb.BallJoint(weight, rope.start), gravity=(0, 0, -9.81)))
-    look = Resolution(model)
-    look.look(0.0, model.q0)
-    return [event["text"] for event in look.events()]
+    return [event["text"] for event in mesh_events(model, model.state())]
 
 
 @pytest.mark.parametrize("elements", [12, 36, 37, 144])

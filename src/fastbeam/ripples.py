@@ -1,0 +1,372 @@
+"""How much of the energy of a contact depends on where in an element it is (theory.md 3.3).
+
+A force on a beam between two nodes makes a kink, over the bending length sqrt(EI/N) of a taut beam, and a jump of shear. How well
+polynomials of an element show both depends on where in it the force acts. With the compliance C of the mesh instead of the beam's
+the energy -F^2 C(s)/2 is off by V(s) = -F^2 (C_mesh - C)/2, which goes up and down over every element: V' pushes along the
+beam, V'' is a stiffness against motions along it. Both compliances are found here for a piece of some elements on two pins,
+straight, with the tension N: C in closed form, that of the mesh with the elements and the curve of the contact.
+"""
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial import Chebyshev
+
+from .basis import Basis, build_basis
+from .mapping import shapes_at
+from .scene import Beam, Path, PointMass, RigidBody, Sleeve, Slider, Switch
+
+Array = np.ndarray
+# elements on each side of the one with the contact; places in that one, and degree of the polynomial through them
+AROUND, PLACES, DEGREE = 3, 17, 14
+# bending lengths in the piece at least, so that no digits are lost where there is no tension
+LEAST_TAUT = 0.1
+# how many times as many elements are tried, and a slope of the beam (rad) below which a force along it is nothing
+FINER, LEAST_SLOPE = (2, 4, 8, 16, 32, 64), 1e-6
+# errors that are told of: of places, as a share of the size of the scene; of the stiffness along the beam and of w^2; of energies
+# next to that of the motion along the beam; of the compliance of what a sleeve holds
+PLACE, STIFFNESS, ENERGY, SLEEVE = 2e-3, 0.02, 0.05, 0.02
+# error of the compliance of a cantilever that a sleeve holds, times its length and next to that of an element: of a bore that is
+# as long, and of a point in the middle of an element (found on cubic elements, 3 to 50 of them beside the sleeve)
+OF_BORE, OF_PLACE = 0.3, 0.14
+# sliders that are looked at, those with the largest forces; looks in a run, the least slope (rad) and way (of the beam) there
+MOST, MOST_LOOKS, LEAST_SLOPE_IN_TIME, LEAST_WAY, MOST_EVENTS = 20, 8, 1e-4, 1e-4, 5
+
+
+class Contact(NamedTuple):
+    """A slider on its beam under a force across it."""
+
+    slider: int
+    name: str
+    beam: Beam
+    s: float           # arc length of the beam, m
+    curve: str
+    force: float       # N
+    total: float       # of all contacts in the element, N
+    EI: float          # in the direction of the force, N m^2
+    GA: float          # N
+    tension: float     # N
+
+    @property
+    def mesh(self) -> str:
+        """Of the beam there, for messages."""
+        basis, e = self.beam.basis, element_at(self.beam, self.s)
+        taut = f", bending length sqrt(EI/N) = {np.sqrt(self.EI / self.tension):.2g} m" if self.tension > 0.0 else ""
+        return f"{self.beam.label} (elements of {basis.element_ends[e + 1] - basis.element_ends[e]:.3g} m{taut})"
+
+
+class Ripple(NamedTuple):
+    """What depends on the place in an element."""
+
+    energy: float      # J, from the lowest to the highest
+    force: float       # N, the largest along the beam
+    stiffness: float   # N/m, where the contact is
+    most: float        # N/m, the largest
+    size: float        # m, of the element
+
+
+def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
+    """Sliders of a model that exert a force at a state in space; tension: of beams at all nodes [N], N, NaN where there is none.
+
+    Sleeves hold means over their bore, and are left out; so are sliders on switches.
+    """
+    scene = getattr(model.uneliminated, "scene", None)
+    if scene is None or not model.n_sliders:
+        return
+    triads, found, total = state.q.reshape(-1, 4, 3)[:, 1:], [], dict[tuple[Beam, int], Array]()
+    for k, slider in enumerate(scene.sliders[:model.n_sliders]):
+        first = model.first_force[k]
+        push = state.force[first:first + 3]
+        if isinstance(slider, Sleeve) or isinstance(slider.beam, Switch) or not push.any():
+            continue
+        nodes, values = shapes_at(model, k, float(state.s[k]))
+        beam, s = place_of(slider, float(state.s[k]))
+        across = np.einsum("a,aic,c->i", values[0], triads[nodes], push)[1:]
+        if np.isfinite(tension[nodes]).any() and across.any():
+            key = beam, element_at(beam, s)
+            found.append((k, slider, beam, s, nodes, values, across, key))
+            total[key] = total.get(key, 0.0) + across
+    for k, slider, beam, s, nodes, values, across, key in found:
+        axial = tension[nodes]
+        known = np.isfinite(axial)
+        force = float(np.linalg.norm(across))
+        share, C = (across / force)**2, beam.section.C
+        # a force along d2 bends about d3
+        EI, GA = 1.0 / float(share @ (1.0 / np.diag(C)[[5, 4]])), 1.0 / float(share @ (1.0 / np.diag(C)[[1, 2]]))
+        weight = np.abs(values[0]) * known
+        yield Contact(k, slider.name, beam, s, slider.curve, force, float(np.linalg.norm(total[key])), EI, GA,
+                      float(weight @ np.where(known, axial, 0.0) / weight.sum()))
+
+
+def place_of(slider: Slider, s: float) -> tuple[Beam, float]:
+    """The beam that a slider is on at arc length s of what it slides on, and the arc length of that, m."""
+    return slider.beam.locate(s) if isinstance(slider.beam, Path) else (slider.beam, s)
+
+
+def element_at(beam: Beam, s: float) -> int:
+    """Number of the element of a beam at arc length s."""
+    ends = beam.basis.element_ends
+    return int(np.clip(np.searchsorted(ends, s, side="right") - 1, 0, ends.size - 2))
+
+
+def ripple_of(contact: Contact, finer: int = 1) -> Ripple:
+    """Of the mesh of its beam, or of one with so many times as many elements."""
+    basis, e = contact.beam.basis, element_at(contact.beam, contact.s)
+    ends = basis.element_ends[max(e - AROUND, 0):e + AROUND + 2]
+    size = float(basis.element_ends[e + 1] - basis.element_ends[e])
+    x = (contact.s - float(basis.element_ends[e])) / size
+    own = min(e, AROUND)
+    shape = tuple(np.round((ends - ends[0]) / size, 9).tolist())
+    if finer > 1:
+        size, own, shape = size / finer, AROUND, tuple(range(2 * AROUND + 2))
+    piece = _piece(basis.interpolation, basis.degree, shape, basis.directors)
+    at = shape[own] + 0.5 * (1.0 + np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES))
+    # lengths in elements, forces in EI/size^2
+    unit = contact.EI / size**2
+    GA = contact.GA / unit
+    least = (LEAST_TAUT / shape[-1])**2
+    N = min(max(contact.tension / unit, least), 0.5 * GA)
+    error = _of_mesh(piece, contact.curve, GA, N, at) - _exact(shape[-1], GA, N, at)
+    error *= -0.5 * contact.force * contact.total / unit * size
+    fit = Chebyshev.fit(at, error, DEGREE, domain=[shape[own], shape[own] + 1.0])
+    bent = fit.deriv(2)
+    return Ripple(float(np.ptp(error)), float(np.max(np.abs(fit.deriv()(at)))) / size,
+                  float(bent(shape[own] + np.clip(x, 0.0, 1.0))) / size**2, float(np.max(np.abs(bent(at)))) / size**2, size)
+
+
+def worst_of(model: Any, state: Any, tension: Array, free: Array) -> list[Contact]:
+    """Contacts of sliders that are free, bool [S], those with the largest forces."""
+    found = [contact for contact in contacts_of(model, state, tension) if free[contact.slider]]
+    return sorted(found, key=lambda contact: -contact.force * contact.total)[:MOST]
+
+
+def rest_events(model: Any, state: Any, tension: Array, free: Array,
+                compliance: Callable[[int], Array | None]) -> list[dict[str, Any]]:
+    """Events where sliders that are free, bool [S], rest at places, or with a stiffness, of the mesh more than of the beam.
+
+    `compliance(k)` are the motions [S] of all sliders by a force of 1 N along the beam on slider k, None where there are none.
+    """
+    contacts = [(contact, ripple_of(contact)) for contact in worst_of(model, state, tension, free)]
+    contacts = [(contact, ripple) for contact, ripple in contacts if ripple.force > LEAST_SLOPE * contact.force]
+    columns = [compliance(contact.slider) for contact, _ in contacts]
+    if not contacts or any(x is None for x in columns):
+        return []
+    at = [contact.slider for contact, _ in contacts]
+    soft = np.array([x[at] for x in columns if x is not None]).T
+    # without the stiffness that the mesh adds
+    true = np.linalg.pinv(np.linalg.pinv(soft) - np.diag([ripple.stiffness for _, ripple in contacts]))
+    out = []
+    for j, (contact, ripple) in enumerate(contacts):
+        here = np.array([float(other.beam is contact.beam and element_at(other.beam, other.s) == element_at(
+            contact.beam, contact.s)) * r.force for other, r in contacts])
+        off = float(np.abs(true[j] @ here))
+        share = float(abs(true[j, j] * ripple.stiffness))
+        if off > PLACE * model.length or share > STIFFNESS:
+            text = (f"slider {contact.name!r}: on {contact.mesh} the force along the beam depends by up to {ripple.force:.2g} N "
+                    f"on where in an element it stands, so that its place of rest may be off by about {off:.1g} m, and its "
+                    f"stiffness along the beam, with frequencies, critical loads and derivatives, by {100.0 * share:.2g} %")
+            out.append((max(off / (PLACE * model.length), share / STIFFNESS), text + _cure(contact, lambda x: max(
+                x.force / ripple.force * off / (PLACE * model.length), x.most * true[j, j] / STIFFNESS) < 1.0,
+                "solve_static(contacts='exact') finds the place")))
+    return _told(out, 1.0)
+
+
+def mode_events(model: Any, state: Any, tension: Array, slides: Array, squared: Array) -> list[dict[str, Any]]:
+    """Events where w^2 of modes, squared [n], are those of the mesh more than of the beam; slides: motions of sliders [n, S] in
+    modes of modal mass 1."""
+    out = []
+    for contact in worst_of(model, state, tension, np.any(slides != 0.0, axis=0)):
+        ripple = ripple_of(contact)
+        own = np.abs(slides[:, contact.slider])**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = ripple.stiffness * own / (squared - ripple.stiffness * own)
+        share[~np.isfinite(share) | (ripple.force <= LEAST_SLOPE * contact.force)] = 0.0
+        k = int(np.argmax(np.abs(share)))
+        if abs(share[k]) > STIFFNESS:
+            true = float(squared[k] - ripple.stiffness * own[k])
+            size = f"{100.0 * share[k]:+.2g} %" if abs(share[k]) < 1.0 else "more than its size"
+            text = (f"slider {contact.name!r}: on {contact.mesh} its stiffness along the beam depends on where in an element it "
+                    f"stands, which changes w^2 of mode {k} by about {size}")
+            out.append((float(abs(share[k])), text + _cure(
+                contact, lambda x: x.most * own[k] < STIFFNESS * abs(true), "a run with elements that move "
+                "(with_moving_meshes), where these know the scene, has none of it")))
+    return _told(out, 0.0)
+
+
+def _cure(contact: Contact, enough: Callable[[Ripple], bool], other: str) -> str:
+    """What to say at the end: how many more elements are enough, and what else is there."""
+    found = next((finer for finer in FINER if enough(ripple_of(contact, finer))), None)
+    if found is None:
+        return f"; more elements are not enough, as a jump of the shear force makes it grow again: {other}"
+    return f"; it takes about {found} times as many elements there, or {other}"
+
+
+def _told(found: Sequence[tuple[float, str]], t: float) -> list[dict[str, Any]]:
+    """Events of the worst, by size."""
+    rows = sorted(found, key=lambda row: -row[0])
+    more = [f"and {len(rows) - MOST_EVENTS} more sliders like that"] if len(rows) > MOST_EVENTS else []
+    return [{"kind": "contact", "time": t, "text": text} for text in [*(text for _, text in rows[:MOST_EVENTS]), *more]]
+
+
+class Contacts:
+    """Looks at the contacts of a model, in runs and at rest: sleeves, two sliders of one body in an element, and in runs the
+    energy of sliders that moves with their elements."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        scene = getattr(model.uneliminated, "scene", None)
+        sliders = [] if scene is None else scene.sliders[:model.n_sliders]
+        self.sleeves = [(k, x) for k, x in enumerate(sliders) if isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
+        points = [(k, x) for k, x in enumerate(sliders) if not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
+        of = dict[Any, list[tuple[int, Slider]]]()
+        for k, x in points:
+            of.setdefault(_owner(x), []).append((k, x))
+        self.pairs = [(j, k, one, other) for some in of.values() for i, (j, one) in enumerate(some[:MOST])
+                      for k, other in some[i + 1:MOST]][:5 * MOST]
+        # those that nothing holds along their beam, with the mass that moves along it
+        held = () if scene is None else {part.at.owner for part in (*scene.clamps, *scene.pins, *scene.prescribed)}
+        self.free = {k: float(owner.mass if isinstance(owner, PointMass | RigidBody) and owner not in held
+                              else x.beams[0].section.rhoA * x.beam.length)
+                     for k, x in points for owner in (_owner(x),)
+                     if x.lock is None and not (x.drive is not None and x.drive.is_prescribed)}
+        self.friction = np.array([0.0 if x.friction is None else x.friction.coefficient for x in sliders])
+        # how fast they moved, m/s, where they came to, m, and the last row
+        n = len(sliders)
+        self.speed, self.least, self.largest = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
+        self.before: tuple[float, Array] = 0.0, np.zeros(0)
+        self.looks = 0
+        self._worst: dict[str, tuple[float, float, str]] = {}
+        self._energy: dict[int, list[tuple[float, float, Contact]]] = {}
+
+    def remember(self, t: float, s: Array) -> None:
+        """Places [S] of a row of a run."""
+        if self.before[1].size and t > self.before[0]:
+            np.maximum(self.speed, np.abs(s - self.before[1]) / (t - self.before[0]), out=self.speed)
+        np.minimum(self.least, s, out=self.least)
+        np.maximum(self.largest, s, out=self.largest)
+        self.before = t, s.copy()
+
+    def look(self, t: float, state: Any, tension: Callable[[Array], Array], moves: bool) -> None:
+        """At a state in space; moves: of a run, a look of which is due for energies, too."""
+        for k, sleeve in self.sleeves:
+            self._sleeve(t, state, k, sleeve)
+        for j, k, one, other in self.pairs:
+            self._pair(t, state, j, k, one, other)
+        if moves and self.free and self.looks < MOST_LOOKS:
+            self.looks += 1
+            free = np.zeros(self.model.n_sliders, bool)
+            free[list(self.free)] = True
+            for contact in worst_of(self.model, state, tension(state.q), free):
+                ripple = ripple_of(contact)
+                weight = max(self.friction[contact.slider], LEAST_SLOPE_IN_TIME) * contact.force
+                energy = ripple.energy if ripple.force > weight else 0.0
+                self._energy.setdefault(contact.slider, []).append((energy, t, contact))
+
+    def events(self) -> list[dict[str, Any]]:
+        """The worst."""
+        found = [(size, t, text) for size, t, text in self._worst.values()]
+        for k, rows in self._energy.items():
+            moving = 0.5 * self.free[k] * float(self.speed[k])**2
+            energy, t, contact = max(rows, key=lambda row: row[0])
+            energy = float(np.mean([row[0] for row in rows]))
+            # what is held some other way does not move
+            if energy > ENERGY * moving and self.largest[k] - self.least[k] > LEAST_WAY * contact.beam.length:
+                text = (f"slider {contact.name!r}: on {contact.mesh} its energy goes up and down by {energy:.2g} J in every "
+                        f"element, while it moves along the beam with {moving:.2g} J at most: where it stops, and how it "
+                        "swings there, depends on the mesh")
+                enough = max(ENERGY * moving, 1e-300)
+                found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, "elements that move "
+                                                               "with it (with_moving_meshes), where these know the scene")))
+        return [{**event, "time": t} for (_, t, _), event in zip(sorted(found, key=lambda x: -x[0]), _told(
+            [(size, text) for size, _, text in found], 0.0))]
+
+    def _note(self, name: str, size: float, t: float, text: str) -> None:
+        if size > self._worst.get(name, (0.0, 0.0, ""))[0]:
+            self._worst[name] = size, t, text
+
+    def _sleeve(self, t: float, state: Any, k: int, sleeve: Any) -> None:
+        """The length that is free beside a sleeve, which its bore and its place in an element make uncertain."""
+        beam, s = place_of(sleeve, float(state.s[k]))
+        ends, e = beam.basis.element_ends, element_at(beam, s)
+        size, x = float(ends[e + 1] - ends[e]), float((s - ends[e]) / (ends[e + 1] - ends[e]))
+        a = self.model.first_force
+        force = state.force[a[k]:a[k] + 3]
+        (row,) = self.model.sleeve_pairs[self.model.sleeve_pairs[:, 0] == k, 1]
+        moment = state.force[a[row]:a[row] + 3]
+        # the arm of the force there, or the shorter part of the beam
+        sides = [part for part in (s, beam.length - s) if part > 0.5 * size]
+        if force.any() and np.linalg.norm(moment) > 1e-3 * size * np.linalg.norm(force):
+            arm = float(np.linalg.norm(moment) / np.linalg.norm(force))
+        elif sides:
+            arm = min(sides)
+        else:
+            return
+        mean = beam.length / beam.basis.n_elements
+        is_default = abs(sleeve.length - mean) <= 1e-12 * mean
+        error = (OF_BORE * mean * is_default + OF_PLACE * size * 4.0 * x * (1.0 - x) * (sleeve.length < size)) / arm
+        if error > SLEEVE:
+            text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the length of {arm:.2g} m that it "
+                    "leaves free is uncertain by a part of an element, so that it may be too stiff by about "
+                    f"{100.0 * error:.2g} %; ")
+            text += "its bore is one element long: give length=, 0 for a point, and " if is_default else ""
+            text += f"take {math.ceil(error / SLEEVE)} times as many elements, or an element end at the sleeve"
+            self._note(sleeve.name, error, t, text)
+
+    def _pair(self, t: float, state: Any, j: int, k: int, one: Slider, other: Slider) -> None:
+        """Two points of one body in an element: their forces are those of a stiffness that the element has not."""
+        (beam, a), (second, b) = place_of(one, float(state.s[j])), place_of(other, float(state.s[k]))
+        if beam is not second:
+            return
+        ends, e = beam.basis.element_ends, element_at(beam, 0.5 * (a + b))
+        size, distance = float(ends[e + 1] - ends[e]), abs(a - b)
+        force = state.force[self.model.first_force[[j, k]][:, None] + np.arange(3)]
+        if 0.0 < distance < size and force.any():
+            text = (f"sliders {one.name!r} and {other.name!r} of {_owner(one).label} stand {distance:.3g} m apart on "
+                    f"{beam.label}, whose elements are {size:.3g} m long: the force of each depends on where in an element they "
+                    f"are, and may be some {min(1.0 + 0.2 * size / distance, 10.0):.2g} times too large; their sum is right. "
+                    f"Take elements of {0.5 * distance:.2g} m there")
+            self._note(f"{one.name} {other.name}", size / distance, t, text)
+
+
+def _owner(slider: Slider) -> Any:
+    """The part that a slider is a point of."""
+    return getattr(slider.point, "owner", slider.point)
+
+
+def _exact(W: float, GA: float, N: float, s: Array) -> Array:
+    """Compliance at s of a taut Reissner beam with EI = 1 on two pins, W apart."""
+    length = np.sqrt(GA / (N * (GA - N)))
+    a, b = s / length, (W - s) / length
+    # sinh a sinh b / sinh(a + b)
+    hyperbolic = 0.5 * np.expm1(-2.0 * a) * np.expm1(-2.0 * b) / -np.expm1(-2.0 * (a + b))
+    return np.asarray(s * (W - s) / (N * W) - (1.0 - N / GA) * length / N * hyperbolic)
+
+
+@lru_cache(maxsize=64)
+def _piece(interpolation: str, degree: int, ends: tuple[float, ...], directors: str) -> Basis:
+    own = "greville" if directors == "nodes" else directors
+    return build_basis(interpolation, degree, np.array(ends), ends[-1], directors=own)
+
+
+def _of_mesh(basis: Basis, curve: str, GA: float, N: float, s: Array) -> Array:
+    """The same with elements."""
+    n = basis.n_nodes
+    # energies of shear, of bending and of the tension; places come before turns
+    K = np.zeros((2 * n, 2 * n))
+    for e, nodes in enumerate(basis.element_nodes):
+        none = np.zeros_like(basis.phi_s[e])
+        at = np.concatenate((nodes, n + nodes))
+        for stiffness, rows in ((GA - N, np.hstack((basis.phi_s[e], -basis.dir[e]))), (1.0, np.hstack((none, basis.dir_s[e]))),
+                                (N, np.hstack((basis.phi_s[e], none)))):
+            K[np.ix_(at, at)] += stiffness * (rows.T * basis.weight[e]) @ rows
+    first, values, _ = basis.curve(curve).evaluate(s)
+    load = np.zeros((2 * n, s.size))
+    for k, (a, row) in enumerate(zip(first, values)):
+        count = min(row.size, n - a)
+        load[a:a + count, k] = row[:count]
+    free = np.delete(np.arange(2 * n), [0, n - 1])
+    return np.asarray(np.einsum("ik,ik->k", load[free], np.linalg.solve(K[np.ix_(free, free)], load[free])))

@@ -1,0 +1,130 @@
+"""Events where a contact inside an element has a place of rest, a frequency, a force of the mesh (theory.md 3.3)."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import fastbeam as fb
+from fastbeam import ripples
+from fastbeam.basis import build_basis
+
+G = 9.81
+# of a cable of 10 m between pins 9.5 m apart: w^2 of a rider at its lowest point, whose place is on an ellipse, and with EI = 10
+# N m^2 1.0185^2 of that, from the force along the beam at places 1 cm beside it (solve_static(contacts="exact"))
+SPAN, LENGTH, BENT = 9.5, 10.0, 1.0185**2
+ELLIPSE = G * 0.5 * np.sqrt(LENGTH**2 - SPAN**2) / (0.5 * LENGTH)**2
+
+
+def contact(result: object) -> list[str]:
+    return [event["text"] for event in result.events if event["kind"] == "contact"]
+
+
+def number(text: str, before: str) -> float:
+    return float(text.split(before)[1].split()[0].rstrip(";,%"))
+
+
+def rider(elements: int) -> fb.Model:
+    half = brentq(lambda a: np.sin(a) / a - SPAN / LENGTH, 1e-3, 3)
+    section = fb.Section(EA=1e6, GA2=4e5, GA3=4e5, GJ=10.0, EI2=10.0, EI3=10.0, rhoA=1e-4, rhoI2=1e-9, rhoI3=1e-9)
+    cable = fb.Beam.arc("cable", (0, 0, 0), (np.cos(half), 0, -np.sin(half)), (np.sin(half), 0, np.cos(half)),
+                        radius=LENGTH / (2 * half), angle=2 * half, section=section, elements=elements)
+    mass = fb.PointMass("rider", mass=10.0)
+    return fb.compile_scene(fb.Scene(cable, mass, fb.Pin(cable.start), fb.Pin(cable.end),
+                                     fb.Slider("trolley", mass, cable, at=0.5 * cable.length), gravity=(0, 0, -G)))
+
+
+def test_the_compliance_of_a_taut_beam_is_that_of_a_fine_mesh_with_an_element_end_at_the_force() -> None:
+    for GA, N, s in ((40.0, 0.3, 2.0), (1e4, 25.0, 2.5), (300.0, 1e-3, 1.0)):
+        ends = np.concatenate((np.linspace(0.0, s, 31), np.linspace(s, 5.0, 31)[1:]))
+        found = ripples._of_mesh(build_basis("lagrange", 5, ends, 5.0), "own", GA, N, np.array([s]))
+        np.testing.assert_allclose(found, ripples._exact(5.0, GA, N, np.array([s])), rtol=1e-9)
+
+
+@pytest.mark.parametrize("elements", [33, 129])
+def test_modes_tell_how_much_of_a_frequency_is_of_the_mesh(elements: int) -> None:
+    model = rider(elements)
+    rest = fb.solve_static(model)
+    found = fb.modes(model, state=rest.state, n=3, planar=True)
+    error = found.squared[0] / (BENT * ELLIPSE) - 1.0
+    assert -0.45 < error < -0.1
+    (text,) = contact(found)
+    # measured: 38 % told of 40 %, 13 of 13
+    assert text.startswith("slider 'trolley': on beam 'cable'")
+    assert abs(number(text, "mode 0 by about ") / 100 - error) < -0.2 * error
+    (text,) = contact(rest)
+    assert abs(number(text, "derivatives, by ") / 100 + error) < -0.2 * error
+    assert len(contact(fb.modes(model, state=rest.state, n=3, planar=True, damped=True))) == 1
+    # held sliders have no place of rest and no motion along the beam
+    assert not contact(fb.modes(model, state=rest.state, n=3, planar=True, held=True))
+
+
+def ring(elements: int, **how: str) -> fb.Result:
+    """A ring on a level taut rope, which comes to rest in its middle, at 2 m."""
+    section = fb.Section(EA=2e5, GA2=8e4, GA3=8e4, GJ=0.02, EI2=0.02, EI3=0.02, rhoA=0.05, rhoI2=1e-8, rhoI3=1e-8)
+    rope = fb.Beam.straight("rope", (0, 0, 0), (4, 0, 0), section=section, elements=elements, prestress=200.0)
+    mass = fb.PointMass("ring", mass=0.5)
+    return fb.solve_static(fb.compile_scene(fb.Scene(rope, mass, fb.Pin(rope.start), fb.Pin(rope.end), fb.Slider(
+        "on", mass, rope, at=1.1), gravity=(0, 0, -G))), **how)
+
+
+def test_a_place_of_rest_that_the_mesh_decides_is_told_of_with_its_error() -> None:
+    for elements in (21, 80):
+        found = ring(elements)
+        (text,) = contact(found)
+        off = abs(found.slider("on")["s"][-1] - 2.0)
+        assert 0.03 < off < number(text, "may be off by about ") < 0.25 and "contacts='exact'" in text
+    found = ring(21, contacts="exact")
+    assert abs(found.slider("on")["s"][-1] - 2.0) < 1e-6 and not contact(found)
+
+
+def test_runs_tell_where_a_contact_has_little_motion_for_the_mesh() -> None:
+    """Of +-5 cm, 0.0077 J; a run of 2 m/s has 20 J, and no event."""
+    for elements, told in ((32, True), (128, False)):
+        model = rider(elements)
+        rest = fb.solve_static(model)
+        start = fb.modes(model, state=rest.state, n=1, planar=True).state(0, 0.05)
+        run = fb.simulate(model, t_end=4.0, step=0.02, start=start, progress=False)
+        found = contact(run)
+        assert len(found) == told
+        if told:
+            assert 0.003 < number(found[0], "moves along the beam with ") < 0.03 and "it takes about" in found[0]
+
+
+def in_a_sleeve(elements: int, length: float | None) -> tuple[float, list[str]]:
+    """How much too stiff 0.4 m of a rod are that a sleeve holds, and what is told."""
+    section = fb.Section(EA=1e5, GA2=1e5, GA3=1e5, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=0.1, rhoI2=1e-7, rhoI3=1e-7)
+    rod = fb.Beam.straight("rod", (-0.8, 0, 0), (0.4, 0, 0), section=section, elements=elements)
+    body = fb.RigidBody("mouth", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0))
+    bore = {} if length is None else {"length": length}
+    model = fb.compile_scene(fb.Scene(rod, body, fb.Clamp(body), fb.Sleeve("mouth sleeve", body, rod, at=0.8, **bore),
+                                      fb.Load("tip", rod.end, force=(0, 0, 0.01))))
+    found = fb.solve_static(model, held=True, points={"tip": rod.end})
+    return 1.0 - float(found.point("tip")[-1, 2]) / (0.01 * 0.4**3 / 3), contact(found)
+
+
+@pytest.mark.parametrize(("elements", "length"), [(4, None), (13, None), (8, 0.0)])
+def test_a_sleeve_on_a_coarse_mesh_is_told_of_with_its_error(elements: int, length: float | None) -> None:
+    error, (text,) = in_a_sleeve(elements, length)
+    # measured: 22, 6.7, 4.4 %; told 22, 6.9, 4.7
+    assert abs(number(text, "too stiff by about ") / 100 - error) < 0.25 * error
+    assert ("its bore is one element long: give length=" in text) == (length is None)
+
+
+def test_a_sleeve_at_an_element_end_is_not() -> None:
+    error, told = in_a_sleeve(12, 0.0)
+    assert abs(error) < 1e-3 and not told
+
+
+def test_two_wheels_of_a_trolley_in_an_element_are_told_of() -> None:
+    def run(elements: int) -> list[str]:
+        section = fb.Section(EA=1e7, GA2=4e6, GA3=4e6, GJ=50.0, EI2=50.0, EI3=50.0, rhoA=1.0, rhoI2=5e-6, rhoI3=5e-6)
+        cable = fb.Beam.straight("cable", (0, 0, 0), (20, 0, 0), section=section, elements=elements, prestress=2e5)
+        cart = fb.RigidBody("cart", mass=300.0, inertia=(30, 30, 30), position=(6, 0, -0.5))
+        wheels = [fb.Slider(name, cart.point((x, 0, 0.5)), cable, at=6.0 + x) for name, x in (("rear", -0.15), ("front", 0.15))]
+        scene = fb.Scene(cable, cart, fb.Pin(cable.start), fb.Pin(cable.end), *wheels, gravity=(0, 0, -G))
+        return contact(fb.simulate(fb.compile_scene(scene), t_end=0.05, step=0.01, progress=False))
+
+    told = [text for text in run(10) if "'rear' and 'front' of body 'cart' stand 0.3 m apart on beam 'cable'" in text]
+    assert len(told) == 1 and "their sum is right" in told[0]
+    assert not [text for text in run(80) if "their sum is right" in text]
