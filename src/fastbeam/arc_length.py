@@ -223,6 +223,8 @@ class PathSolver(SlidingSolver):
         nodes = n - s
 
         self.gone, first = np.zeros_like(along.x), self.factor
+        if isinstance(self.motion, StaticShift):
+            self.motion.reached = first
 
         def move(x: Array, factor: float) -> float:
             self.gone += x

@@ -56,8 +56,10 @@ class StaticSolver:
         """The present shape."""
         return self.stepper.state
 
-    def count_joints(self) -> None:
-        """Bring the coordinates of joints, counted over turns, up to the present shape."""
+    def count_turns(self) -> None:
+        """Bring what counts turns, coordinates of joints and supports, up to the present equilibrium."""
+        if self.motion is not None:
+            self.motion.count_turns(self.core.turns_of(self.stepper.core_state.history))
         motions = self.core.motions
         if motions is not None:
             motions.settle(self.stepper.core_state, self.state, self.core.motion_place, None)

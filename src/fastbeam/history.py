@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .kernels.joint_coordinates import VALUE
 from .kernels.twist import TWIST
 from .kernels.work import State
 
@@ -12,9 +13,9 @@ Array = np.ndarray
 
 
 class HistoryLayout:
-    """Of a compiled scene: forces of sliders, the work of loads, energies taken away, works put in, changes of supports,
-    coordinates of joints, sleeves that rub on beams that turn in them, momenta of moving meshes, momenta of added mass,
-    and controllers, in this order."""
+    """Of a compiled scene: forces of sliders, the work of loads, energies taken away, works put in, how far supports have turned,
+    how often they have changed, coordinates of joints, sleeves that rub on beams that turn in them, momenta of moving meshes,
+    momenta of added mass, and controllers, in this order."""
 
     n_nodes: int
     slider_forces: Any
@@ -75,7 +76,22 @@ class HistoryLayout:
     @property
     def release_place(self) -> int:
         """Where it stands how often supports have let go or taken hold."""
+        return self.turn_place + (0 if self.prescribed is None else int(self.prescribed.turns_size))
+
+    @property
+    def turn_place(self) -> int:
+        """Where it stands how far supports have turned since t = 0: rotation vectors of motions that turn."""
         return self.drive_place + len(self.works)
+
+    def turns_of(self, history: Array) -> Array:
+        """These numbers of a history, [3 K], rad."""
+        return history[self.turn_place:self.release_place]
+
+    def keep_turns(self, history: Array, of: Array) -> None:
+        """Count turns of supports and joints in a history as in another."""
+        self.turns_of(history)[:] = self.turns_of(of)
+        if self.motions is not None:
+            self.motions.own(history, self.motion_place)[:, VALUE] = self.motions.own(of, self.motion_place)[:, VALUE]
 
     @property
     def losses(self) -> tuple[str, ...]:

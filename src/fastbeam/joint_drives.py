@@ -18,14 +18,13 @@ from .kernels.joint_motion import JointForces, JointStops
 from .kernels.terms import NoTies
 from .load_times import factor_at, mean_factors
 from .coordinates import Coordinate
+from .mapping import HALF_TURN
 from .multipliers import KeptLink
 
 Array = np.ndarray
 # a given value may be so far from where the joint stands at the start, m or rad, of a distance times the size of the scene: the
 # first step closes it
 JUMP = 1e-9
-# an angle turns by less in a step, rad
-HALF_TURN = np.pi * (1.0 - 1e-3)
 # a rate below this share of the fastest motion is none
 AT_REST = 1e-12
 # a coordinate may be so far beyond a rigid stop at the start, rad or a share of the size of the scene

@@ -286,6 +286,7 @@ class Linearisation:
         v[:, 0] = velocity
         v[:, 1:] = np.cross(turning[:, None, :], q[:, 1:])
         fresh = self.model.state()
+        self.model.keep_turns(fresh.history, start.history)
         if self.resting is not None:
             self.resting.remember(fresh.history)
         state = State(q.reshape(-1), follow(self.model, v).reshape(-1), start.s + slide, start.force.copy(), fresh.history)

@@ -111,7 +111,7 @@ class StaticTask:
         else:
             out = StaticSolver(model, self.start, self.max_iterations, self.backend, self.threads)
         if model.prescribed is not None and self.at_time is not None:
-            out.motion = StaticMotion(model, out.state.q, self.start is None, self.at_time)
+            out.motion = StaticMotion(model, out.state, self.start is None, self.at_time)
         return out
 
 
@@ -191,6 +191,8 @@ class LoadSteps:
                 raise _no_rest(solver, target, reached, self._finish())
             if size <= smallest * (1.0 + 1e-12):
                 bar.close()
+                if isinstance(solver.motion, StaticMotion):
+                    solver.motion.check_turns(reached)
                 raise self._failure(status, sizes, reached)
             step = max(smallest, 0.25 * size)
 
@@ -255,7 +257,7 @@ class LoadSteps:
     def _record(self, factor: float, iterations: int, size: float) -> None:
         """A row of the last equilibrium."""
         task, solver, observer, t = self.task, self.solver, self.observer, self.task.at_time or 0.0
-        solver.count_joints()
+        solver.count_turns()
         state = shown = solver.state
         row = {**observer.row(t, state), "iterations": iterations, "step_size": size}
         loads = factor * task.factors if task.raise_loads else task.factors

@@ -11,6 +11,7 @@ from numpy.polynomial import legendre
 from .errors import SceneError
 from .kernels.along import CAME_BY, HELD, HISTORY, OFF, OFFSET, STICKS, TURNS
 from .kernels.curves import FIRST_NODE, MOST_NODES, NODES_OF_CURVE, TERMS, Curves, Paths
+from .kernels.joint_coordinates import MOTION, VALUE
 from .kernels.layout import ARM, POSITION, TRIAD
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from .model import Model
 
 Array = np.ndarray
+# what is given turns by less from one evaluation to the next, rad: what turns further may have gone the other way
+HALF_TURN = np.pi * (1.0 - 1e-3)
 
 
 def follow(model: Model, x: Array) -> Array:
@@ -155,7 +158,7 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
 
 def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State) -> None:
     """Locks that have taken hold or let go, where a slider has as many as its namesake; whether its point is on the beam;
-    supports that have let go."""
+    supports that have let go; how far supports have turned."""
     if model.slider_forces is not None:
         locks, theirs = names.get("locks", []), names.get("sliders", [])
         history = state.history[:HISTORY * len(locks)].reshape(-1, HISTORY)
@@ -180,6 +183,24 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
         for k, named in enumerate(zip(model.released.names, model.released.waits.tolist())):
             if named in theirs:
                 fresh.history[model.release_place + k] = state.history[place + theirs.index(named)]
+    _carry_turns(model, names, state.history, fresh.history)
+
+
+def _carry_turns(model: Model, names: Mapping[str, list[Any]], history: Array, fresh: Array) -> None:
+    """How far supports have turned, and values of joints, which count turns, into a fresh history."""
+    if "turns" not in names:
+        return
+    of_supports, of_joints = names["turns"]
+    if model.prescribed is not None:
+        for own, label in zip(model.turns_of(fresh).reshape(-1, 3), model.prescribed.turning_labels):
+            if label in names["turning"]:
+                own[:] = history[of_supports + 3 * names["turning"].index(label):][:3]
+    if model.motions is not None:
+        theirs = list(zip(names.get("joints", []), names.get("coordinates", [])))
+        values = history[of_joints:][:MOTION * len(theirs)].reshape(-1, MOTION)[:, VALUE]
+        for own, named in zip(model.motions.own(fresh, model.motion_place), zip(model.motions.names, model.motions.what)):
+            if named in theirs:
+                own[VALUE] = values[theirs.index(named)]
 
 
 def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) -> list[tuple[slice, slice]]:

@@ -50,6 +50,8 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
 _announce = cache(announce_first_use)
 # doubles of a dense border beyond which a failed step is not repeated with one
 LARGEST_BORDER = 250_000_000
+# a start whose supports have turned as far as their functions, rad
+SAME_TURN = 1e-9
 
 
 class Stepper:
@@ -134,6 +136,7 @@ class Stepper:
         self.alpha, self._static = empty_rates(method, model.n_nodes), static
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self.prescribed = self.motion = None
+        self._more_turns: Array | None = None
         if core.prescribed is not None and not static:
             self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
         if not static:
@@ -335,7 +338,18 @@ class Stepper:
         result = self._run(t, h, n, done)
         while result.status == OK and result.steps < n and not self.stop():
             result = self._run(t, h, n - result.steps, done + result.steps).after(result)
+        if self.prescribed is not None and self.core.prescribed.turns_size:
+            self._count_turns(t + h * done, t + h * (done + result.steps))
         return result
+
+    def _count_turns(self, begin: float, end: float) -> None:
+        """How far supports have turned since t = 0, from one time to another, into the history. What the state of the start
+        differs by from their functions stays."""
+        now = self.core.turns_of(self.core_state.history)
+        if self._more_turns is None:
+            more = now - self.core.prescribed.vectors(begin)
+            self._more_turns = np.where(np.abs(more) > SAME_TURN, more, 0.0)
+        now[:] = self.core.prescribed.vectors(end) + self._more_turns
 
     def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
         """Like `advance`, but returns after a step that was repeated."""

@@ -351,6 +351,9 @@ class Observer:
         if model.released is not None:
             names |= {"until": list(model.released.names), "since": model.released.waits.tolist(),
                       "history": [model.release_place]}
+        if model.prescribed is not None or model.motions is not None:
+            names |= {"turning": [] if model.prescribed is None else model.prescribed.turning_labels,
+                      "turns": [model.turn_place, model.motion_place]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         names = self.meshes.named(names)

@@ -68,7 +68,7 @@ class PathWalk:
 
     def record(self, iterations: int, size: float, unstable: int | None) -> None:
         """A row and a shape of the present equilibrium."""
-        self.solver.count_joints()
+        self.solver.count_turns()
         state, (t, share) = self.solver.state, self.solver.drives_at or (0.0, None)
         row = {**self.observer.row(t, state), "iterations": iterations, "step_size": size,
                "load_factor": self.solver.factor, "unstable_directions": np.nan if unstable is None else float(unstable)}

@@ -8,6 +8,7 @@ import numpy as np
 from .connections import Connections, held_axes, held_in_plane
 from .errors import SceneError
 from .kernels.prescribed import Prescribed
+from .mapping import HALF_TURN
 from .numbering import NodeList
 from .released import Released
 from .scene import PrescribedMotion, RigidBody, Scene
@@ -52,6 +53,7 @@ class PrescribedMotions:
         shares = joints.row_root[None] == root[:, None]
         self.motion_of_node, self.nodes = np.nonzero(shares)
         self._root = root
+        self.turning = [k for k, motion in enumerate(motions) if motion.rotation is not None]
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -89,20 +91,33 @@ class PrescribedMotions:
                 continue
             out[:, k, :3] = np.diff([motion.place(t) for t in times.tolist()], axis=0)
             if motion.rotation is not None:
-                turns = np.array([motion.turn(t) for t in times.tolist()])
-                turn = turns[1:] @ turns[:-1].transpose(0, 2, 1)
-                axis = _axial(turn)
-                size = 1.0 + np.trace(turn, axis1=1, axis2=2)
-                if np.any(size < 1e-6):
-                    n = int(np.argmin(size))
-                    raise SceneError(f"{motion.label}: rotation(t) makes half a turn in the step from t = {times[n]:.6g} s; use "
-                                     "smaller steps")
-                out[:, k, 3:] = 2.0 * axis / size[:, None]
+                turn = turns_between(motion, times.tolist())
+                out[:, k, 3:] = 2.0 * _axial(turn) / (1.0 + np.trace(turn, axis1=1, axis2=2))[:, None]
             if axes is not None:
                 self._check_plane(motion, out[:, k], axes[2], times)
         if axes is None:
             return out
         return np.concatenate((out[:, :, :3] @ axes[:2].T, (out[:, :, 3:] @ axes[2])[:, :, None]), axis=2)
+
+    @property
+    def turning_labels(self) -> list[str]:
+        """Those of motions that turn."""
+        return [self.labels[k] for k in self.turning]
+
+    @property
+    def turns_size(self) -> int:
+        """Numbers of `State.history`: a rotation vector of each motion that turns."""
+        return 3 * len(self.turning)
+
+    def vectors(self, t: float) -> Array:
+        """Rotation vectors at time t less those at t = 0, rad, [3 K]; 0 where matrices are given."""
+        pairs = [(self.motions[k].turning(t)[1], self.motions[k].turning(0.0)[1]) for k in self.turning]
+        return np.array([np.zeros(3) if now is None or first is None else now - first for now, first in pairs]).reshape(-1)
+
+    def more_turns(self, counted: Array, t: float) -> dict[str, float]:
+        """Motions that have turned [3 K] by over half a turn more or less than at time t, by name, with the difference, rad."""
+        off = np.linalg.norm((counted - self.vectors(t)).reshape(-1, 3), axis=1)
+        return {self.motions[k].name: float(x) for k, x in zip(self.turning, off) if x > np.pi}
 
     @staticmethod
     def _check_plane(motion: PrescribedMotion, given: Array, normal: Array, times: Array) -> None:
@@ -133,6 +148,26 @@ class PrescribedMotions:
                 for i in np.flatnonzero(size > OUT_OF_PLANE * max(float(size[0]), 1e-300)).tolist():
                     found[first + i][which][self.own[k]] = size[i] * axes[i]
         return [pair for pair in found if np.any(pair[0]) or np.any(pair[1])]
+
+
+def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
+    """Rotations of a motion from each of these times to the next, [n, 3, 3].
+
+    Raises
+    ------
+    SceneError
+        One of them is half a turn or more.
+    """
+    turns, vectors = zip(*(motion.turning(t) for t in times))
+    out = np.array([after @ before.T for before, after in zip(turns[:-1], turns[1:])])
+    for k, (turn, before, after) in enumerate(zip(out, vectors[:-1], vectors[1:])):
+        told = before is not None and after is not None
+        angle = np.linalg.norm(after - before) if told else np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0))
+        if angle > HALF_TURN:
+            raise SceneError(f"{motion.label}: rotation(t) turns by {angle:.6g} rad from t = {times[k]:.9g} s to "
+                             f"{times[k + 1]:.9g} s, and only less than half a turn can be followed; use smaller steps, and let "
+                             "a rotation vector grow beyond a turn where it would jump back by one")
+    return out
 
 
 def _axial(turn: Array) -> Array:

@@ -169,8 +169,8 @@ class Readings:
 
     @checked(name=NAMED)
     def winch(self, name: str) -> dict[str, np.ndarray]:
-        """Of a winch, [n] each: unstressed free length (m), its rate, speed (m/s), tensions at the drum and at the load (N).
-        Needs `observe=("spring", ...)`.
+        """Of a winch, [n] each: unstressed free length (m), its rate, speed (m/s), tensions at the ends of the rope, at the drum
+        and at the load (N; of one segment without its inertia). Needs `observe=("spring", ...)`.
 
         Raises
         ------

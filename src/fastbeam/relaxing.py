@@ -17,7 +17,6 @@ from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .interrupt import Interrupts
 from .joint_motion import check_at_rest
-from .kernels.joint_coordinates import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .linsolve import check_backend
@@ -182,6 +181,10 @@ class _Still:
         """Increments of no motion, as `PrescribedMotions.schedule`."""
         return np.zeros((len(times) - 1, len(self._of.motions), 6 if plane is None else 3))
 
+    def vectors(self, t: float) -> Array:
+        """Rotation vectors of no motion."""
+        return np.zeros(self._of.turns_size)
+
 
 class _Motion:
     """From the start to rest."""
@@ -215,11 +218,9 @@ class _Motion:
         """The present shape at rest, as one of the model."""
         now, history = self.stepper.state, self.model.state().history
         found = State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
+        self.model.keep_turns(history, now.history)
         if self.model.motions is not None:
-            # angles count turns
-            motions, place = self.model.motions, self.model.motion_place
-            motions.own(history, place)[:, VALUE] = motions.own(now.history, place)[:, VALUE]
-            motions.settle(found, found, place, None)
+            self.model.motions.settle(found, found, self.model.motion_place, None)
         return found
 
     def record(self, iterations: int, size: float) -> None:

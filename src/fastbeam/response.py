@@ -156,6 +156,7 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
     # those that slide go with the length of what they slide on, those that stay with their place on it
     s = np.where(like.sliding, state.s * model.slider_lengths / own.slider_lengths, state.s + (model.s0 - own.s0))
     start = State(follow(model, q).reshape(-1), np.zeros(q.size), s, state.force.copy(), model.state().history)
+    model.keep_turns(start.history, state.history)
     plane, own_plane = model.plane, like.stepper.plane
     if own_plane is not None and (plane is None or np.max(np.abs(plane.axes - own_plane.axes)) > 1e-9):
         raise OutOfPlane

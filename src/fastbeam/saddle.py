@@ -421,7 +421,11 @@ def _orthonormal(v: Array) -> tuple[Array, Array]:
 
 def _factors(matrix: Any, options: dict[str, Any], least: float = LEAST_PIVOT) -> Any:
     """Of SuperLU; None where a pivot vanishes."""
+    from scipy.sparse.csgraph import structural_rank
     from scipy.sparse.linalg import splu
+    # SuperLU writes beyond its arrays where a matrix is singular whatever its entries are (SciPy 1.17)
+    if structural_rank(matrix) < matrix.shape[0]:
+        return None
     try:
         factors = splu(matrix, **options)
     except RuntimeError:

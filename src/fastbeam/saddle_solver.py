@@ -10,6 +10,7 @@ from .equilibrium import StaticSolver
 from .iteration import newton_loop
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State
+from .mapping import HALF_TURN
 from .model import Model
 from .saddle import Saddle, factors_for
 from .static_along import StaticAlong
@@ -84,7 +85,8 @@ class SaddleSolver(StaticSolver):
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
-        self._gone = 0.0
+        # how much of that way they have gone, and at the last equilibrium
+        self._gone = self._reached = 0.0
         # those that friction or rigid stops may hold, and where those of joints are
         self.joints, self.resting = static_joints(self), np.zeros(0)
         if self.joints is not None:
@@ -110,6 +112,18 @@ class SaddleSolver(StaticSolver):
             self.along.share = share
         self._gone = share
         self.hold_joints()
+
+    def count_turns(self) -> None:
+        super().count_turns()
+        self._reached = self._gone
+
+    @property
+    def turns_too_far(self) -> bool:
+        """Whether a joint is given half a turn or more beyond the last equilibrium, which may as well be the other way."""
+        if self.given is None:
+            return False
+        holds, way = self.core.motions.holds, (self._gone - self._reached) * (self.given[1] - self.given[0])
+        return bool(np.any(np.abs(way[holds.is_angle[holds.given]]) > HALF_TURN))
 
     def hold_joints(self) -> None:
         """Where coordinates of joints stand that are given, or that friction and rigid stops hold."""

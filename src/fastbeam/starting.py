@@ -304,11 +304,13 @@ def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]
     q, q0 = state.q.reshape(-1, 4, 3), model.q0.reshape(-1, 4, 3)
     reach = model.length + float(np.max(np.abs(q0[:, 0])))
     out = []
+    more = {} if model.prescribed is None else model.prescribed.more_turns(model.turns_of(state.history), t)
     for motion, node in moving_supports(model, state):
         place = motion.place(t) if motion.position is not None else q0[node, 0] + motion.place(t) - motion.place(0.0)
         away = float(np.linalg.norm(np.where(held_axes(np.array([motion.mask]))[0], q[node, 0] - place, 0.0)))
         turn = motion.turn(t) @ motion.turn(0.0).T
         angle = _turned_by(q[node, 1:], q0[node, 1:] @ turn.T) if motion.rotation is not None else 0.0
+        angle = max(angle, more.get(motion.name, 0.0))
         if away > TIED * reach or angle > 10.0 * TIED:
             by = " and ".join(text for text, size in ((f"{away:.3g} m", away), (f"{angle:.3g} rad", angle)) if size)
             out.append(("support", f"{motion.label} begins at t = {t:.6g} s, where {model.labels[node]} is {by} off its place at "

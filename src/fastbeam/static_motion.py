@@ -10,8 +10,10 @@ from ._records import Record
 from .connections import held_axes
 from .errors import SceneError
 from .kernels import step as kernels
+from .kernels.work import State
 from .mapping import follow, turned
 from .model import Model
+from .prescribed import turns_between
 
 Array = np.ndarray
 # what is missing up to the place of a support counts as round-off up to this share of its coordinates, and of 1 rad
@@ -31,16 +33,16 @@ class StaticMotion:
     ----------
     model : Model
         With supports that move; tables in space.
-    q : float64 [12 N]
-        The shape at load factor 0.
+    state : State
+        At load factor 0, in space.
     from_start : bool
         Whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go straight,
-        and turn about one axis.
+        and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
     at_time : float
         s.
     """
 
-    def __init__(self, model: Model, q: Array, from_start: bool, at_time: float) -> None:
+    def __init__(self, model: Model, state: State, from_start: bool, at_time: float) -> None:
         self.of = model.prescribed
         for motion in self.of.motions:
             if motion.since is not None:
@@ -52,16 +54,21 @@ class StaticMotion:
         self.share = 0.0
         own = self.of.own
         self._place, self._triads = (model.q0.reshape(-1, 4, 3)[own][:, i] for i in (0, slice(1, 4)))
-        start = q.reshape(-1, 4, 3)[own]
+        start = state.q.reshape(-1, 4, 3)[own]
         self._start = start[:, 0].copy(), start[:, 1:].copy()
-        self._size = model.length + float(np.max(np.abs(q.reshape(-1, 12)[:, :3])))
+        self._size = model.length + float(np.max(np.abs(state.q.reshape(-1, 12)[:, :3])))
         motions = self.of.motions
-        self._first = [(motion.place(0.0), motion.turn(0.0)) for motion in motions]
+        self._first = [(motion.place(0.0), *motion.turning(0.0)) for motion in motions]
+        # how far they have turned since t = 0 where the way begins, where it ends, and at the last equilibrium
+        self._way = model.turns_of(state.history).reshape(-1, 3).copy(), self.of.vectors(at_time).reshape(-1, 3)
+        self._reached = self._way[0]
+        self._counts = {k: n for n, k in enumerate(self.of.turning)
+                        if self._first[k][2] is not None and motions[k].turning(at_time)[1] is not None}
         self._off = [self._start[0][k] - self._at(k, 0.0)[0] for k in range(len(motions))] if from_start else []
 
     def _at(self, k: int, t: float) -> tuple[Array, Array]:
         """Place and triad of support k at time t."""
-        motion, (place, turn) = self.of.motions[k], self._first[k]
+        motion, (place, turn, _) = self.of.motions[k], self._first[k]
         now = motion.place(t)
         triad = self._triads[k] if motion.rotation is None else self._triads[k] @ turn @ motion.turn(t).T
         return now if motion.position is not None else self._place[k] + now - place, triad
@@ -76,14 +83,47 @@ class StaticMotion:
             else:
                 place, triad = self._at(k, self.at_time)
                 places[k] += self.share * (place - places[k])
-                triads[k] = triads[k] @ _turned_by(self.share * _vector(triad.T @ triads[k])).T
+                if k in self._counts:
+                    # where the start is off the function, less and less so
+                    off = _vector(triads[k].T @ self._turned(k, self._way[0]))
+                    triads[k] = self._turned(k, self._vectors()) @ _turned_by((1.0 - self.share) * off).T
+                else:
+                    triads[k] = triads[k] @ _turned_by(self.share * _vector(triad.T @ triads[k])).T
         return places, triads
+
+    def _turned(self, k: int, vectors: Array) -> Array:
+        """The triad of support k where supports have turned by these vectors since t = 0."""
+        _, turn, first = self._first[k]
+        return np.asarray(self._triads[k] @ turn @ _turned_by(first + vectors[self._counts[k]]).T)
+
+    def _vectors(self) -> Array:
+        """How far supports have turned since t = 0 at the load factor `share`, [K, 3]."""
+        if self.from_start:
+            return np.asarray(self.of.vectors(self.share * self.at_time).reshape(-1, 3))
+        return self._way[0] + self.share * (self._way[1] - self._way[0])
+
+    def count_turns(self, out: Array) -> None:
+        """The same at an equilibrium into numbers of a history, [3 K]."""
+        self._reached = self._vectors()
+        out[:] = self._reached.reshape(-1)
+
+    def check_turns(self, reached: float) -> None:
+        """Refuse what turns by half a turn or more from the load factor `reached` to `share`.
+
+        Raises
+        ------
+        SceneError
+        """
+        for k in self.of.turning if self.from_start else ():
+            turns_between(self.of.motions[k], [reached * self.at_time, self.share * self.at_time])
 
     def pending(self, now: Array) -> Array | None:
         """What is missing at coordinates [M, 4, 3] of what moves up to the load factor `share`: position and Cayley vector,
         [M, 6]; None where nothing is. NaN where a support would turn too far at once."""
-        places, triads = self.targets()
         out = np.zeros((len(now), 6))
+        if np.any(np.linalg.norm(self._vectors() - self._reached, axis=1) > LARGEST_TURN):
+            return np.full_like(out, np.nan)
+        places, triads = self.targets()
         place = np.where(self._along, places - now[:, 0], 0.0)
         out[:, :3] = np.where(np.abs(place) <= ROUND_OFF * self._size, 0.0, place)
         turns = self._turns
@@ -132,12 +172,18 @@ class StaticShift:
         self._turns = np.flatnonzero(self.moves[:, 3:].any(axis=1))
         shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
         self._move_of_node = shared
+        # at the last equilibrium
+        self.reached = share
         # to first order, beyond `share`: for derivatives by it
         self.ahead = 0.0
+        # of supports that turn by a function: how far they had
+        self._turned: Array | None = None
 
     def pending(self, now: Array) -> Array | None:
         """As `StaticMotion.pending`, and by `ahead` further."""
         out = np.zeros((self.own.size, 6))
+        if np.any(np.linalg.norm((self.share - self.reached) * self.moves[:, 3:], axis=1) > LARGEST_TURN):
+            return np.full_like(out, np.nan)
         gone = (self.share - self._first) * self.moves
         out[:, :3] = np.where(self.moves[:, :3] != 0.0, self._start[:, 0] + gone[:, :3] - now[:, 0], 0.0)
         out[np.abs(out) <= ROUND_OFF * self._size] = 0.0
@@ -147,6 +193,16 @@ class StaticShift:
             out[self._turns, 3:] = _turns_left(self._start[self._turns, 1:] @ turn, now[self._turns, 1:])
         out += self.ahead * self.moves
         return out if out.any() else None
+
+    def count_turns(self, out: Array) -> None:
+        """As `StaticMotion.count_turns`."""
+        of = self.model.prescribed
+        if of is not None and of.turning:
+            if self._turned is None:
+                self._turned = out.copy()
+            for n, k in enumerate(of.turning):
+                for j in np.flatnonzero(self.own == of.own[k]):
+                    out[3 * n:3 * n + 3] = self._turned[3 * n:3 * n + 3] + (self.share - self._first) * self.moves[j, 3:]
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
         """As `StaticMotion.rows`.

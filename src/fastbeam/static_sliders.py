@@ -49,6 +49,8 @@ class SlidingSolver(SaddleSolver):
         return status, sizes
 
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        if self.turns_too_far:
+            return NOT_CONVERGED, []
         return self._with_sliders(factors) if self.joints is None else self.joints.settle(factors)
 
     def _with_sliders(self, factors: Array) -> tuple[int, list[float]]:

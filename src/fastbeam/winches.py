@@ -62,7 +62,8 @@ class Ropes:
 
 
 class WinchRows:
-    """What winches have at rows: free length, m, its rate, m/s, and the tension at the drum and at the load, N.
+    """What winches have at rows: free length, m, its rate, m/s, and the tension at the drum and at the load, N: at the ends of
+    the rope, by a straight line through the forces of the last two segments; of a single one less its weight, not its inertia.
 
     Parameters
     ----------
@@ -92,11 +93,24 @@ class WinchRows:
         x, v = (y.reshape(-1, 12)[:, :3] for y in (state.q, state.v))
         drum = t.node[t.first, 2]
         length = t.length[t.first] + (x[drum, 0] - t.origin[t.first])
+        rest = length / t.segments[t.first]
+
+        def force(k: Array) -> Array:
+            """Of segments k [W], on their upper ends, [W, 3]: that of their middles."""
+            along = x[t.node[k, 1]] - x[t.node[k, 0]]
+            chord = np.linalg.norm(along, axis=1)
+            pull = t.stiffness[k] * np.maximum(chord - rest, 0.0) / rest
+            return np.asarray((pull / np.maximum(chord, 1e-300))[:, None] * along)
+
+        weight = (t.mass[t.first] * rest)[:, None] * t.gravity
         tension = []
-        for k in (t.first, self._last):
-            rest = length / t.segments[k]
-            chord = np.linalg.norm(x[t.node[k, 1]] - x[t.node[k, 0]], axis=1)
-            tension.append(t.stiffness[k] * np.maximum(chord - rest, 0.0) / rest)
+        for end, side in ((t.first, 1), (self._last, -1)):
+            own, other = force(end), force(end + side * (t.first < self._last))
+            # what carries and moves a segment changes the force from middle to middle, and half as much up to the end
+            change = np.where((t.first < self._last)[:, None], own - other, side * weight)
+            pulls = own.any(axis=1) & other.any(axis=1)
+            at_end = own + 0.5 * np.where(pulls[:, None], change, 0.0)
+            tension.append(np.where(np.sum(own * at_end, axis=1) > 0.0, np.linalg.norm(at_end, axis=1), 0.0))
         return {"winch_length": length, "winch_speed": v[drum, 0].copy(), "winch_tension": np.stack(tension, axis=1)}
 
 

@@ -331,7 +331,8 @@ def calls(folder: Path) -> dict[str, Call]:
             name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text,
             until=either(is_real, is_function), since=either(is_real, is_function))),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
-                                            dict(t=0.5), dict(t=is_real)) for name in ("place", "turn", "rates")},
+                                            dict(t=0.5), dict(t=is_real)) for name in (
+                                                "place", "turn", "turning", "rates")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
             times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag, interpolation=is_text)),
         "Signal.from_acceleration": Call(fb.Signal.from_acceleration, dict(times=np.arange(4.0), acceleration=np.zeros(4)), dict(

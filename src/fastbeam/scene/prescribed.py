@@ -60,16 +60,16 @@ def _rate(x: Array, size: float) -> Array:
     return np.where(np.abs(rate) > noise, rate, 0.0)
 
 
-def _turn(value: Any) -> Array:
-    """A rotation matrix (3, 3) from a rotation vector or from itself."""
+def _turning(value: Any) -> tuple[Array, Array | None]:
+    """A rotation matrix (3, 3) from a rotation vector or from itself, and the vector, None where there is none."""
     found = numbers(value)
     if found is not None and found.shape == (3, 3):
-        return np.array(Rotation()(value))
+        return np.array(Rotation()(value)), None
     r = _three(value)
     angle = float(np.linalg.norm(r))
     x = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
     # sin(a)/a and (1 - cos(a))/a^2 without cancellation
-    return np.eye(3) + np.sinc(angle / np.pi) * x + 0.5 * np.sinc(0.5 * angle / np.pi)**2 * (x @ x)
+    return np.eye(3) + np.sinc(angle / np.pi) * x + 0.5 * np.sinc(0.5 * angle / np.pi)**2 * (x @ x), r
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Moving:
         if not callable(value) or isinstance(value, type):
             raise Refusal(f"must be a function of t that returns {what}, got {shown(value)}")
         try:
-            (_turn if self.turns else _Components(None))(tried(value, 0.0, "at t = 0"))
+            (_turning if self.turns else _Components(None))(tried(value, 0.0, "at t = 0"))
         except Refusal as refusal:
             raise Refusal(f"at t = 0 {refusal}" if "must not fail" not in str(refusal) else str(refusal)) from refusal.__cause__
         return value
@@ -108,7 +108,10 @@ class PrescribedMotion:
         t -> (3,) m, the place, or its difference to that at t = 0; one of the two, or neither where only the rotation is given.
         Velocities must be continuous: a jump of the velocity makes forces alternate from step to step for ever.
     rotation : callable, optional
-        t -> rotation vector (3,) in rad, or matrix (3, 3), in space: what turns the triad at t = 0 to that at t.
+        t -> rotation vector (3,) in rad, or matrix (3, 3), in space: what turns the triad at t = 0 to that at t. A vector counts
+        full turns, and must not jump back by one: from one evaluation to the next it changes by less than pi. A matrix cannot
+        tell how often the triad has turned: from one evaluation to the next, and from one equilibrium to the next, it goes the
+        shorter way.
     axes : str
         Letters of the axes of space along which the place is prescribed, as in axes="y": `position` and `displacement` return one
         number for each then. Along the others the node is free, or held by a `Pin` or `Clamp` of its own, or moved by another
@@ -201,9 +204,20 @@ class PrescribedMotion:
         SceneError
             The function fails, or returns something else.
         """
+        return self.turning(t)[0]
+
+    @checked(t=TIME)
+    def turning(self, t: float) -> tuple[Array, Array | None]:
+        """The same with the rotation vector (3,), rad, that it was given by; None where it was given by a matrix.
+
+        Raises
+        ------
+        SceneError
+            The function fails, or returns something else.
+        """
         if self.rotation is None:
-            return np.eye(3)
-        return take(_turn, f"{self.label}: rotation(t) at t = {t:.6g} s", called(self.label, "rotation", self.rotation, t))
+            return np.eye(3), np.zeros(3)
+        return take(_turning, f"{self.label}: rotation(t) at t = {t:.6g} s", called(self.label, "rotation", self.rotation, t))
 
     @checked(t=TIME)
     def rates(self, t: float = 0.0) -> tuple[Array, Array]:
