@@ -14,7 +14,7 @@ import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, hides_others, is_masked, shown
 from .errors import SceneError
-from .exchanged import balance_of, joint_of, power_of
+from .exchanged import AT_START, balance_of, joint_of, power_of
 from .exports import Exports
 from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, TWISTING, Readings
 from .rows import RowBuffer, Rows, listing
@@ -351,7 +351,8 @@ class Result(Readings, Exports):
             label = f"{'|' + label + '|' if x.ndim > 1 else label} [{unit}]"
             drift = f"{self.drift(name):14.2e}" if self.is_conserved(name) else f"{'-':>14}"
             lines.append(f"{label:<28}{size[0]:16.8e}{size[-1]:16.8e}{drift}")
-        parts = self.balance() if len(self.t) and "balance" in self.series and "kinetic" in self.series else {}
+        exchanges = "balance" in self.series or AT_START in self.info
+        parts = self.balance() if len(self.t) and exchanges and "kinetic" in self.series else {}
         own = [name for name in parts if name not in ("kinetic", "strain", "gravity", "sum")]
         if own:
             width = max(28, 6 + max(map(len, own)))
