@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from .result import Result
 
 Array = np.ndarray
+# in `Result.info`: what mending the start took, J
+AT_START = "books of the start"
 # series, what it is called, kind of part, sign in the balance
 ACCOUNTS = (("friction_loss", "friction", "slider", 1.0), ("stop_loss", "stops", "slider", 1.0),
             ("lock_loss", "lock", "slider", 1.0),
@@ -44,6 +46,7 @@ def balance_of(result: Result) -> dict[str, Array]:
         energies |= {part: sign * x for part, x in zip(result.names.get(name, []), series.get(name, np.zeros((0, 0))).T)}
     if "filter_loss" in series:
         energies |= dict(zip(("dissipated by filters", "stored in filters"), series["filter_loss"].T))
+    energies |= {part: np.full(len(result.t), x) for part, x in result.info.get(AT_START, {}).items() if x != 0.0}
     energies["sum"] = np.sum(list(energies.values()), axis=0)
     return energies
 

@@ -1,6 +1,8 @@
 """The initial state: positions, triads and velocities that agree with all connections, supports and sliders."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from .connections import Connections, held_axes
@@ -10,7 +12,7 @@ from .kernels.work import State
 from .multipliers import KeptLink
 from .numbering import NodeList
 from .prescribed import support_rates
-from .projection import along_curve, project
+from .projection import along_curve, project, strain_rates
 from .scene import PointMass, RigidBody, Scene
 from .sections_held import Section
 from .sleeves import held_at_start
@@ -20,6 +22,25 @@ from .tracks import track_of
 Array = np.ndarray
 # m/s and rad/s: smaller mismatches of velocities count as zero
 NO_VELOCITY = 1e-100
+# rate of a strain by which parts are not rigid, relative to the largest velocity over the size of the scene
+BENDS = 1e-6
+# what to do about velocities that do not agree
+TOGETHER = "give parts that hang together one RigidMotion, or velocities that agree"
+FROM_REST = "let its function begin with rate zero, give the parts that it moves their velocities (RigidMotion)"
+OF_SLIDERS = "give its point the velocity of the beam there and its speed along the beam as rate="
+
+
+class Mismatch(NamedTuple):
+    """What initial velocities violate: what, by how much as a speed, m/s, by how much in its own unit, and what to do."""
+
+    what: str
+    speed: float
+    amount: str
+    remedy: str
+
+
+def _speed_of(wrong: Mismatch) -> float:
+    return wrong.speed
 
 
 def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
@@ -36,7 +57,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     lines = _contact_lines(scene, nodes)
     v, omega = _given_velocities(scene, nodes)
     moving = support_rates(scene, nodes, joints)
-    for motion in (x for x in scene.prescribed if x.since is None):
+    # a projection takes along what hangs on supports that move
+    for motion in (x for x in scene.prescribed if x.since is None and not scene.project_velocities):
         at = nodes.number(motion.at)
         v[at] = np.where(held_axes(np.array([motion.mask]))[0], moving[0][at], v[at])
         omega[at] = moving[1][at] if motion.mask & 56 else omega[at]
@@ -52,20 +74,26 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving)
     if wrong:
         scale = max([_speed(nodes, v, omega), *(abs(slider.rate or 0.0) for slider in scene.sliders)])
-        size, text = max(wrong)
-        if size > 1e-10 * scale + NO_VELOCITY:
+        worst = max(wrong, key=_speed_of)
+        if worst.speed > 1e-10 * scale + NO_VELOCITY:
             if not scene.project_velocities:
-                raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
-                                 "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
+                raise SceneError(f"{worst.what}: the initial velocities violate it by {worst.amount}; {worst.remedy}, or let "
+                                 "Scene(..., project_velocities=True) find rigid motions of the parts that agree")
             if scene.winches:
-                raise SceneError(f"{text}: project_velocities does not know winches; give velocities that agree")
+                raise SceneError(f"{worst.what}: project_velocities does not know winches; give velocities that agree")
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
-            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving), default=(0.0, ""))
-            if size > 1e-7 * max(scale, _speed(nodes, v, omega)):
-                raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
-                                 "m/s remain; change the rate of a slider or leave a support out")
+            left = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving), key=_speed_of,
+                       default=Mismatch("", 0.0, "", ""))
+            if left.speed > 1e-7 * max(scale, _speed(nodes, v, omega)):
+                raise SceneError(f"{left.what}: no initial velocities agree with all connections, supports and sliders, "
+                                 f"{left.amount} remain; change the rate of a slider or leave a support out")
             changed = _change(nodes, given, (v, omega), energies)
+            before, (rate, where) = strain_rates(nodes, elements, *given)[0], strain_rates(nodes, elements, v, omega)
+            if rate > before + BENDS * _speed(nodes, v, omega) / _size(nodes):
+                changed += (f"; no rigid motions of the parts agree, so {nodes.labels[where]} begins with a rate of strain of "
+                            f"{rate:.3g} 1/s, which sends waves through it: give its velocities as a field (InitialVelocity), or "
+                            "let motions of supports and drives begin at rest")
     # what is held stands still exactly, or moves as prescribed, also after a projection: no step would correct it
     for x, of, which in ((v, moving[0], held_axes(joints.held) & ~tied[:, None]),
                          (omega, moving[1], (joints.held & 56 != 0) & (joints.spin_root == np.arange(n)))):
@@ -224,23 +252,29 @@ def tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array
 
 def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
               lines: list[tuple[Array, Array, Array, int]], kept: list[KeptLink], held: list[tuple[int, Section]],
-              moving: tuple[Array, Array]) -> list[tuple[float, str]]:
-    """(size in m/s, what) of what the velocities violate, the worst of every kind."""
+              moving: tuple[Array, Array]) -> list[Mismatch]:
+    """What the velocities violate, the worst of every kind."""
     size = _size(nodes)
     tied, turning = joints.tied, nodes.rank != 9
     alone = joints.spin_root == np.arange(len(v))
     velocity, spin = tied_velocities(nodes, joints, v, omega)
     out = []
+
+    def add(what: str, amount: float, turns: bool, remedy: str) -> None:
+        out.append(Mismatch(what, amount * size if turns else amount, f"{amount:.6g} {'rad/s' if turns else 'm/s'}", remedy))
+
+    driven = [nodes.number(motion.at) for motion in scene.prescribed if motion.since is None]
     for what, error, where in (
             ("connection of {}", v - velocity, tied),
-            ("connection of {} (rotation)", (omega - spin) * size, tied & turning),
+            ("connection of {} (rotation)", omega - spin, tied & turning),
             ("support of {}", np.where(held_axes(joints.held), v - moving[0], 0.0), ~tied & (joints.held & 7 != 0)),
-            ("support of {} (rotation)", (omega - moving[1]) * size, alone & (joints.held & 56 != 0) & turning)):
+            ("support of {} (rotation)", omega - moving[1], alone & (joints.held & 56 != 0) & turning)):
         k = np.flatnonzero(where)
         if k.size:
             amount = np.linalg.norm(error[k], axis=1)
             worst = int(np.argmax(amount))
-            out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
+            remedy = TOGETHER if k[worst] not in driven else FROM_REST
+            add(what.format(nodes.labels[k[worst]]), float(amount[worst]), "rotation" in what, remedy)
     moving_nodes = (np.any(v, axis=1) | np.any(omega, axis=1)).tolist()
     for link in kept:
         at_rest = not (moving_nodes[link.node[0]] or moving_nodes[link.node[1]] or link.law.rate)
@@ -248,21 +282,22 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             continue
         rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_motion(nodes.coordinates(link.node)))
         rates = rates - link.rates()
-        out.append((float(np.linalg.norm(rates)) * (size if link.law.is_angle else 1.0), link.name))
+        add(link.name, float(np.linalg.norm(rates)), bool(link.law.is_angle), FROM_REST if link.law.rate else TOGETHER)
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         if slider.starts_off:
             continue
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]
         rate = float(relative @ tangent / (tangent @ tangent))
-        out.append((float(np.linalg.norm(relative - rate * tangent)), f"slider {slider.name!r}"))
+        add(f"slider {slider.name!r}", float(np.linalg.norm(relative - rate * tangent)), False, OF_SLIDERS)
         if slider.rate is not None:
-            out.append((abs(rate - slider.rate), f"slider {slider.name!r} (rate {slider.rate:g} m/s against {rate:g} m/s)"))
+            add(f"slider {slider.name!r} (rate {slider.rate:g} m/s against {rate:g} m/s)", abs(rate - slider.rate), False,
+                OF_SLIDERS)
     for k, section in held:
         spins, of_holder = section.by_spins()
         lead, along = along_curve(nodes, lines[k])
         rate = sum(float(along[i] @ v[node]) for i, node in enumerate(lead))
         turning = np.einsum("pac,ac->p", spins, omega[section.roots[:-1]]) + of_holder @ omega[section.roots[-1]]
-        out.append((float(np.linalg.norm(turning + section.values(1) * rate)) * size,
-                    f"sleeve {scene.sliders[k].name!r} (rotation)"))
+        add(f"sleeve {scene.sliders[k].name!r} (rotation)", float(np.linalg.norm(turning + section.values(1) * rate)), True,
+            TOGETHER)
     return out

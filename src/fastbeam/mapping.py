@@ -151,7 +151,8 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
         else:
             _put_on_curve(model, k, fresh.s[k], own, before, known)
     _carry_history(model, names, state, fresh)
-    fresh.q[:], fresh.v[:] = (follow(model, x).reshape(-1) for x in own)
+    # what a joint of this model does not allow stays as it is: whoever starts from this state measures it
+    fresh.q[:], fresh.v[:] = (np.where(known[:, None, None], x, follow(model, x)).reshape(-1) for x in own)
     model.start_momenta(fresh.history, fresh.q, fresh.v)
     return fresh
 

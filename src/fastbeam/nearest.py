@@ -10,6 +10,10 @@ Array = np.ndarray
 HOLD = 1e-8
 # such a share for multipliers, so small that constraints which are almost dependent still count as two
 GIVE = 1e-14
+# and where rigid motions may not meet all of them: what they miss stays, as small as it may
+SHARED = 1e-8
+# share of what a constraint has of single nodes, below which a rigid motion leaves it as it is
+UNMOVED = 1e-9
 SOLUTIONS = 30
 
 
@@ -18,12 +22,42 @@ def nearest(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> 
     return nearest_by(mass, matrix, right, given, spin)[0]
 
 
-def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array,
-               momentum: Array | None = None, hold: float = HOLD) -> tuple[Array, Array]:
+def middles(places: Array, part: Array) -> tuple[Array, Array]:
+    """Means of the places [N, 3] of the nodes of every part [P, 3], and of every node the number of its part among these [N]."""
+    _, number = np.unique(part, return_inverse=True)
+    count = np.bincount(number)
+    return np.stack([np.bincount(number, x) / count for x in places.T], axis=1), number
+
+
+def rigid_motions(places: Array, part: Array) -> Any:
+    """Velocities at their middles and spins of parts -> (v, spin) of all nodes, sparse [6 N, 6 P]; places [N, 3], and of every
+    node the number of its part [N]."""
+    from scipy import sparse
+    n = len(part)
+    middle, number = middles(places, part)
+    block = np.zeros((n, 6, 6))
+    block[:, :3, :3] = block[:, 3:, 3:] = np.eye(3)
+    block[:, :3, 3:] = np.cross((places - middle[number])[:, None], np.eye(3))
+    return sparse.bsr_matrix((block, number, np.arange(n + 1)), shape=(6 * n, 6 * len(middle))).tocsr()
+
+
+def rigid_share(mass: Any, matrix: Any, right: Array, rigid: Any) -> Array:
+    """Of the x with matrix x = right that is nearest to zero the part that rigid motions of parts can do, [6 P]: shares of the
+    columns of `rigid`, the least in the norm of the mass matrix of those that miss least of these equations."""
+    rows = (matrix @ rigid).tocsr()
+    size = [np.sqrt(np.asarray(x.multiply(x).sum(axis=1)).reshape(-1)) for x in (rows, abs(matrix) @ abs(rigid))]
+    moved = np.flatnonzero(size[0] > UNMOVED * size[1])
+    of_parts = np.arange(rigid.shape[1])
+    return nearest_by((rigid.T @ mass @ rigid).tocsr(), rows[moved], right[moved], np.zeros(of_parts.size), of_parts % 6 >= 3,
+                      give=SHARED)[0]
+
+
+def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, momentum: Array | None = None,
+               hold: float = HOLD, give: float = GIVE) -> tuple[Array, Array]:
     """The x with matrix x = right that is nearest to `given` in the norm of a singular mass matrix, and among these near to it in
     its other components; with a momentum, nearest to what `given` is once that has been added to its own.
 
-    spin: which unknowns are spins; hold: the share of its inertia with which an unknown is held in one solution.
+    spin: which unknowns are spins; hold, give: shares as of HOLD and GIVE in one solution.
 
     Every unknown is measured by its own inertia, one without by that of what it hangs together with: parts that nothing joins do
     not know of each other. The matrix of the multipliers is made regular by a small share of that, which repeated solutions take
@@ -51,7 +85,7 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array,
     rows = sparse.diags(1.0 / size) @ rows
     weight = unit @ mass @ unit
     exact = sparse.bmat([[weight, rows.T], [rows, None]]).tocsr()
-    held = exact + sparse.diags(np.concatenate((np.full(n, hold), np.full(m, -GIVE))))
+    held = exact + sparse.diags(np.concatenate((np.full(n, hold), np.full(m, -give))))
     factors = splu(held.tocsc())
     start = given * np.sqrt(scale)
     pull = weight @ start if momentum is None else weight @ start + unit @ momentum

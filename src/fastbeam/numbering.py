@@ -103,6 +103,15 @@ class NodeList:
                 continue
             self.arms[key] = add(node, scene.position_of(node)[None], node.owner.directors[None], 4)
             self.arm_owner.append((self.first[id(node.owner)], self.arms[key]))
+        # of every node the first one of the beam, or of the beam of a net, that it belongs to; of points that of their body
+        self.part = np.arange(len(self.labels))
+        for beam in scene.beams:
+            self.part[self.span(beam)] = self.start(beam)
+        for net in scene.nets:
+            first, last = (self.start(net) + net.end_node).T
+            self.part[self.span(net)] = np.repeat(first, last - first + 1)
+        for owner, arm in self.arm_owner:
+            self.part[arm] = owner
         self.phi = np.concatenate(phi)
         self._in_space = np.delete(np.arange(len(self.phi)), elsewhere)
         self.directors = np.concatenate(directors)

@@ -9,6 +9,7 @@ import numpy as np
 from .added import add_energies
 from .arguments import Listing, Names, Word
 from .errors import SceneError
+from .exchanged import AT_START
 from .kernels import observe as kernels
 from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HELD, HISTORY, LOCK_LOSS, OFF, STOP_LOSS
 from .kernels.kinds import SPACE
@@ -22,6 +23,7 @@ from .point_rows import PointRows
 from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
 from .result import ResultHeader
 from .sections_held import Section, sections
+from .starting import own_state
 from .twisting import angles, push_of_twist
 from .winches import add_motion, ropes_of, weight_energy
 from .workspace import contact_of
@@ -34,6 +36,8 @@ LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
 EPSILON = float(np.finfo(float).eps)
+# a start has been moved by more than this share of the size of the scene
+MOVED = 1e-11
 OBSERVED = Listing(Word(KINDS), "a sequence of kinds, as in ('energy',)")
 POINTS = Names("must map names to nodes, as in points={'tip': beam.end}")
 
@@ -359,6 +363,23 @@ class Observer:
         names = self.meshes.named(names)
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
                             velocities=moving and self.of_nodes, spins=moving and self.of_nodes)
+
+
+def books_of_start(model: Model, given: Any, state: State, t: float, notes: list[Any]) -> tuple[dict[str, Any], list[Any]]:
+    """The energy that mending a given start took, J, for `Result.info`, and the notes with that in words. Where parts only met at
+    different velocities it is what an inelastic impact takes; where they were moved, also what changed with their places, of
+    either sign. Nothing where the start was taken as it is."""
+    if not any(kind == "mended" for kind, _ in notes):
+        return {}, notes
+    given = own_state(model, given)
+    kinetic, total = np.transpose([[row["kinetic"], row["balance" if model.balances else "total"]] for row in (
+        Observer(model, ("energy",), None).row(t, x) for x in (given, state))])
+    off = np.max(np.abs(np.concatenate((state.q - given.q, state.s - given.s))))
+    what = "impact at the start" if off < MOVED * model.length else "mending of the start"
+    said = (f"; the kinetic energy goes from {kinetic[0]:.6g} to {kinetic[1]:.6g} J, all energy changes by "
+            f"{total[1] - total[0]:.6g} J, {what!r} in balance()")
+    return ({AT_START: {what: float(total[0] - total[1])}},
+            [(kind, text + said if kind == "mended" else text) for kind, text in notes])
 
 
 def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:

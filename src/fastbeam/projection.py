@@ -1,4 +1,5 @@
-"""The consistent velocities nearest to given ones in the kinetic energy."""
+"""Velocities that agree with all connections, from given ones: parts change their rigid motions first, and bend only where that
+is not enough."""
 from __future__ import annotations
 
 from typing import Any
@@ -7,13 +8,15 @@ import numpy as np
 
 from .connections import ARM, POSITION, Connections, held_axes
 from .multipliers import KeptLink
-from .nearest import nearest
+from .nearest import nearest, rigid_motions, rigid_share
 from .numbering import NodeList
 from .scene import RigidBody, Scene
 from .sections_held import Section
-from .tables import Elements
+from .tables import Elements, strains_of
 
 Array = np.ndarray
+# share of what was given, below which all velocities that are left are round-off
+NOTHING = 1e-11
 Line = tuple[Array, Array, Array, int]
 
 
@@ -22,12 +25,18 @@ def project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[E
             ) -> tuple[Array, Array, tuple[float, float]]:
     """Velocities and spins [N, 3] that all connections, supports and sliders allow, and the kinetic energy before and after, J.
 
-    Weighed by the masses alone; what has no inertia changes as little as it may. moving: velocities and spins of supports.
+    Every beam, body and mass changes its rigid motion, with the least kinetic energy of the change; where connections miss more
+    than that, velocities change in the norm of the masses: a beam begins to bend only where no rigid motions agree. What has no
+    inertia changes as little as it may. moving: velocities and spins of supports.
     """
     mass = mass_matrix(scene, nodes, elements)
     matrix, right = _constraints(scene, nodes, joints, lines, kept, held, moving)
     given = np.concatenate((v, omega), axis=1).reshape(-1)
-    x = nearest(mass, matrix, right, given, np.arange(given.size) % 6 >= 3)
+    rigid = rigid_motions(nodes.phi, nodes.part)
+    begin = given + rigid @ rigid_share(mass, matrix, right - matrix @ given, rigid)
+    x = nearest(mass, matrix, right, begin, np.arange(given.size) % 6 >= 3)
+    if np.max(np.abs(x)) < NOTHING * np.max(np.abs(given), initial=0.0):
+        x[:] = 0.0
     found = x.reshape(-1, 6)
     energies = 0.5 * float(given @ (mass @ given)), 0.5 * float(x @ (mass @ x))
     return found[:, :3].copy(), found[:, 3:].copy(), energies
@@ -96,6 +105,33 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
         add(parts, np.zeros(section.pairs))
     where = np.concatenate(rows), np.concatenate(columns)
     return sparse.csr_matrix((np.concatenate(data), where), shape=(len(right), 6 * len(nodes))), np.array(right)
+
+
+def strain_rates(nodes: NodeList, elements: list[Elements], v: Array, omega: Array) -> tuple[float, int]:
+    """The largest rate of a strain of beams, 1/s, those of bending and torsion at the radius of gyration of the stiffness, and a
+    node of its element."""
+    worst, where = 0.0, 0
+    moving = np.any(v != 0.0, axis=1) | np.any(omega != 0.0, axis=1)
+    for part in elements:
+        some = np.flatnonzero(np.any(moving[part.nodes], axis=1))
+        if not some.size:
+            continue
+        at = part.nodes[some]
+        # derivative along the motion by a complex step
+        x = nodes.phi[at] + 1e-30j * v[at]
+        d = nodes.directors[at] + 1e-30j * np.cross(omega[at][:, :, None], nodes.directors[at])
+        found = strains_of(part.strain, np.einsum("egn,enc->egc", part.phi_s[some], x),
+                           *(np.einsum("egn,enkc->egkc", of[some], d) for of in (part.dir, part.dir_s)))
+        stiff = part.stiffness[part.section[some]][:, np.arange(6), np.arange(6)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            radius = np.nan_to_num(np.sqrt(stiff[:, 3:] / stiff[:, :1]))
+        rates = np.abs(found.imag) * 1e30
+        rates[..., 3:] *= radius[:, None]
+        largest = rates.max(axis=(1, 2))
+        e = int(np.argmax(largest))
+        if largest[e] > worst:
+            worst, where = float(largest[e]), int(at[e, 0])
+    return worst, where
 
 
 def along_curve(nodes: NodeList, line: Line) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ import numpy as np
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, hides_others, is_masked, shown
 from .doubts import Doubts
 from .errors import SceneError
-from .exchanged import balance_of, joint_of, power_of
+from .exchanged import AT_START, balance_of, joint_of, power_of
 from .exports import Exports
 from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, TWISTING, Readings
 from .rows import RowBuffer, Rows, listing
@@ -361,7 +361,8 @@ class Result(Readings, Exports, Doubts):
             label = f"{'|' + label + '|' if x.ndim > 1 else label} [{unit}]"
             drift = f"{self.drift(name):.2e}" if self.is_conserved(name) else "-"
             rows.append((label, f"{size[0]:.8e}", f"{size[-1]:.8e}", drift))
-        parts = self.balance() if len(self.t) and "balance" in self.series and "kinetic" in self.series else {}
+        exchanges = "balance" in self.series or AT_START in self.info
+        parts = self.balance() if len(self.t) and exchanges and "kinetic" in self.series else {}
         own = [name for name in parts if name not in ("kinetic", "strain", "gravity", "sum")]
         below = [(f"{name} [J]", f"{parts[name][0]:.8e}", f"{parts[name][-1]:.8e}", "") for name in own]
         return rows, [("parts of the balance", "start", "end", ""), *below] if own else []

@@ -31,7 +31,7 @@ from .methods import choose_method
 from .model import Model, check_model
 from .newton import AUGMENTATION, Stepper
 from .outcome import Outcome
-from .observe import OBSERVED, POINTS, Observer, conserved
+from .observe import OBSERVED, POINTS, Observer, books_of_start, conserved
 from .point_rows import PointRows
 from .progress import Progress
 from .reactions import ReactingStepper
@@ -127,8 +127,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     progress : bool
         Progress bar; default: on anything longer than a second.
     mend_start : bool
-        Start from the nearest state that joints, supports and sliders allow, where `start` misses it by less than a hundredth of
-        the size of the scene.
+        Start near to `start` where joints, supports and sliders do not allow it: parts up to a hundredth of the size of the scene
+        apart are moved, those that meet at different velocities do so in an inelastic impact. Momenta stay, `Result.balance` has
+        the energy.
 
     Returns
     -------
@@ -164,11 +165,13 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
     check_times(clock.now, t_end, step)
     notes = [("projected", model.projected)] if start is None and model.projected else []
+    books: dict[str, Any] = {}
     if state is not None:
         # a checkpoint goes on as if it had never stopped
         goes_on = isinstance(start, Checkpoint)
         state, notes = check_start(model, state, step, mend_start, t=clock.now, goes_on=goes_on)
         notes = [] if goes_on else notes
+        books, notes = books_of_start(model, start, state, clock.now, notes)
     elif clock.now != 0.0:
         notes += moved_supports(model, model.state(), clock.now)
     if checkpoint is not None:
@@ -176,7 +179,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     if order == 4 and method == "energy_momentum" and extrapolates(model, observe):
         check_two_runs(tolerance, callback, checkpoint, min_step, max_step)
         return of_two_runs(simulate, model, clock.now, t_end, step, every, file, overwrite, {
-            "rho_inf": rho_inf, "start": state, "observe": observe, "points": points, "snapshots": snapshots,
+            "rho_inf": rho_inf, "start": start if isinstance(start, State) else state, "observe": observe, "points": points,
+            "snapshots": snapshots,
             "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation, "threads": threads,
             "progress": progress, "mend_start": mend_start})
     if tolerance is None and not (min_step is None and max_step is None):
@@ -208,6 +212,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     run = _Run(model, stepper, observer, clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     run.notes = notes
+    run.info |= books
     run.impacts = Impacts(model, start.impacts if isinstance(start, Checkpoint) else None)
     return run.go(every)
 

@@ -11,17 +11,19 @@ from .connections import held_axes
 from .errors import SceneError
 from .coordinates import Coordinate
 from .kernels.along import HELD, HISTORY, OFF
+from .kernels.layout import TRIAD
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow, turned
-from .maps import free_unknowns, mass_map, rates_map, share_map, spins, velocities_and_spins
+from .maps import (free_unknowns, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins, velocity_map)
 from .model import Model
 from .multipliers import KeptLink, gap_matrix
-from .nearest import nearest
+from .nearest import middles, nearest_by, rigid_motions, rigid_share
 from .sections_held import sections
 
 Array = np.ndarray
-# what round-off of a long run may leave between tied nodes, relative to the size of the scene and to 1 for triads
+# what round-off of a long run may leave between welded ends of a net, relative to the size of the scene and to 1 for triads; what
+# supports hold elsewhere by more than that is worth a word
 TIED = 1e-7
 # gap of a slider at the start, relative to the size of the scene: a larger one would be closed by an impulse in the first step
 GAP = 1e-12
@@ -38,8 +40,10 @@ AT_REST = 1e-6
 TURNS_AROUND = "contact forces alternate from step to step by as much as it takes to turn that around; use a smaller step"
 JUMPS = ("the support takes its node along at once, a blow that makes forces alternate from step to step; let the motion begin "
          "with the velocity of the state")
-# misfits up to this share of the size of the scene, or of the fastest motion, are mended where that is asked for
+# misfits of places up to this share of the size of the scene are mended where that is asked for
 MENDABLE = 1e-2
+# rounds in which parts are moved until joints close
+ROUNDS = 8
 # factor on the mass of beams when places are mended, so that what slides moves rather than its beam
 STIFF = 100.0
 
@@ -93,7 +97,7 @@ def own_state(model: Model, state: State) -> State:
     return own
 
 
-def check_start(model: Model, state: State, step: float, mend: bool = False, at_rest: bool = False, t: float | None = None,
+def check_start(model: Model, state: State, step: float, mend: bool | None = None, at_rest: bool = False, t: float | None = None,
                 goes_on: bool = False) -> tuple[State, list[Any]]:
     """The state to start from, the same bits where it agrees with the model, and (kind, text) of what is to be said about it.
 
@@ -103,8 +107,8 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
     state : State
     step : float
         Of the run, s: round-off of a velocity is that of a position over it.
-    mend : bool
-        Take the nearest state that agrees where this one does not quite.
+    mend : bool, optional
+        Take a state near to it that agrees where this one does not quite; None: who asks has no such option.
     at_rest : bool
         The velocities do not count.
     t : float, optional
@@ -145,11 +149,13 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
     if mend:
         advice = f"mend_start mends up to {worst.mendable:.2g} {worst.unit}"
     elif worst.size <= worst.mendable:
-        advice = "have it mended with mend_start=True"
+        advice = "have it mended with mend_start=True" if mend is not None else "simulate(..., mend_start=True) mends it"
+        if worst.unit == "m/s":
+            advice += ": then the parts meet in an inelastic impact, which keeps momenta and takes energy"
     else:
         advice = "that is too much to be mended"
     raise SceneError(f"start: {worst.what} {worst.size:.3g} {worst.unit} off (allowed: {worst.allowed:.2g}); {advice}, or start "
-                     "from a state of a run of this model, or from result.state_for(model)")
+                     "from a state of a run of this model, or build the scene with its parts where the state has them")
 
 
 def _worst(found: list[Misfit]) -> Misfit | None:
@@ -165,6 +171,8 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
     reach = length + float(np.max(np.abs(q[:, 0])))
     speed = float(np.max(np.abs(v[:, 0]), initial=0.0)) + length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
     noise = 1e-12 * reach / step
+    # an impact has to know all inertia
+    most = np.inf if model.added is None and model.moving is None else MENDABLE * speed
     out: list[Misfit] = []
 
     def add(what: str, error: Array, nodes: Array, unit: str, allowed: float, mendable: float) -> None:
@@ -177,17 +185,20 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
             out.append(Misfit(what.format(_joint_of(model, int(nodes[k]))), float(size[k]), unit, allowed, mendable))
 
     place, rate = follow(model, q), follow(model, v)
-    led = np.flatnonzero(_follows(model))
-    add("{} stands", (q - place)[led, 0], led, "m", TIED * reach, MENDABLE * length)
-    add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * TIED, MENDABLE)
-    add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", TIED * speed + noise, MENDABLE * speed)
-    add("the spin of {} is", (v - rate)[led, 1:] * length, led, "m/s", TIED * speed + noise, MENDABLE * speed)
+    tied = model.ties.slave if model.ties is not None else np.zeros(0, np.int64)
+    # a run keeps between welded ends of a net what there is, and closes anything else in its first step
+    for led, off in ((tied, GAP), (np.setdiff1d(np.flatnonzero(_follows(model)), tied), TIED)):
+        add("{} stands", (q - place)[led, 0], led, "m", off * reach, MENDABLE * length)
+        add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * off, MENDABLE)
+        add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", off * speed + noise, most)
+        add("the spin of {}, times the size of the scene, is", (v - rate)[led, 1:] * length, led, "m/s", off * speed + noise,
+            most)
     held = _standing(model, state)
     for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
                              (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
         still = np.flatnonzero(held & bits != 0)
         axes = held_axes(held[still])[:, None] if bits == 7 else length
-        add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, MENDABLE * speed)
+        add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, most)
     for motion, node in moving_supports(model, state) if t is not None else ():
         rates = np.array(motion.rates(t))
         off = velocities_and_spins(q[node], v[node]).reshape(2, 3) - rates
@@ -343,47 +354,152 @@ def _displaced_supports(model: Model, state: State) -> list[tuple[str, str]]:
 
 
 def mended(model: Model, state: State, t: float | None = None) -> State:
-    """The nearest state that ties, supports and sliders allow: velocities weighed by the masses, places so that bodies and masses
-    give way before beams are bent. t: when supports that move have the velocities that they give, else those of the state."""
+    """A state near to this one that ties, supports and sliders allow.
+
+    Parts move as rigid bodies first, with the least motion in the norm of the masses, and bend only where joints are open still:
+    bodies and masses then give way before beams. Velocities jump as in an inelastic impact, the jump of least kinetic energy that
+    ends in velocities which everything allows: what has no support keeps its momenta. t: when supports that move have the
+    velocities that they give, else those of the state.
+    """
     from scipy import sparse
     if off_beam(model, state).any():
         raise SceneError("mend_start: a slider has left its beam; start from the state of a run without mending it")
-    q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
-    s = state.s.copy()
-    for motion, node in moving_supports(model, state) if t is not None else ():
-        velocity, spin = motion.rates(t)
-        v[node, 0] = np.where(held_axes(np.array([motion.mask]))[0], velocity, v[node, 0])
-        if motion.mask & 56:
-            v[node, 1:] = np.cross(spin, q[node, 1:])
+    q, s = state.q.reshape(-1, 4, 3).copy(), state.s.copy()
+    _close_rigidly(model, state, q, s)
     q = follow(model, q)
     inertia = mass_map(model)
     beams = sparse.diags(np.repeat(np.where(model.numbers.rank == 3, STIFF, 1.0), 12))
-    for _ in range(8 * (model.n_constraints > 0)):
+    for _ in range(ROUNDS * (model.n_constraints > 0)):
         across, gaps = _across(model, q, s)
         if not np.any(np.abs(gaps) > 0.1 * GAP * model.length):
             break
         lift, free = _lift(model, q, state)
         mass = (lift.T @ beams @ inertia @ beams @ lift).tocsr()
         step = np.zeros(6 * model.n_nodes)
-        step[free] = nearest(mass, (across @ lift).tocsr(), -gaps, np.zeros(free.size), free % 6 >= 3)
+        step[free] = nearest_by(mass, (across @ lift).tocsr(), -gaps, np.zeros(free.size), free % 6 >= 3)[0]
         step = (share_map(model) @ step).reshape(-1, 6)
         q[:, 0] += step[:, :3]
         q[:, 1:] = turned(q[:, 1:], step[:, 3:])
         q = follow(model, q)
-    across, _ = _across(model, q, s)
-    lift, free = _lift(model, q, state)
-    given = velocities_and_spins(q, v).reshape(-1)
-    found = given[free]
-    moved = _moved_unknowns(model, state)
-    # supports that move go on as they do
-    led = rates_map(model, q)[:, moved] @ given[moved]
-    if model.n_constraints:
-        mass = (lift.T @ inertia @ lift).tocsr()
-        right = _given_rates(model, across @ state.v) - across @ led
-        found = nearest(mass, (across @ lift).tocsr(), right, found, free % 6 >= 3)
-    out = State(q.reshape(-1), lift @ found + led, s, state.force.copy(), state.history.copy())
+    v = _after_impact(model, state, q, s, t)
+    out = State(q.reshape(-1), v, s, state.force.copy(), state.history.copy())
     model.start_momenta(out.history, out.q, out.v)
     return out
+
+
+def _close_rigidly(model: Model, state: State, q: Array, s: Array) -> None:
+    """Move parts as rigid bodies, and sliders along their beams, until ties and joints are closed, or as far as that goes."""
+    inertia, before = mass_map(model), np.inf
+    for _ in range(ROUNDS):
+        across, gaps = _across(model, q, s)
+        ties, open_ties = _ties(model, state, q)
+        gaps = np.concatenate((gaps, open_ties))
+        left = float(np.max(np.abs(gaps), initial=0.0))
+        if left <= 0.1 * GAP * model.length or left > 0.5 * before:
+            break
+        before, rates = left, velocity_map(q)
+        part = model.numbers.part
+        step = rigid_share((rates.T @ inertia @ rates).tocsr(), sparse_rows(across @ rates, ties), -gaps,
+                           rigid_motions(q[:, 0], part)).reshape(-1, 6)
+        middle, number = middles(q[:, 0], part)
+        # turned as a whole, however far
+        arms = (q[:, 0] - middle[number])[:, None]
+        q[:, 0] = middle[number] + step[number, :3] + turned(arms, step[number, 3:])[:, 0]
+        q[:, 1:] = turned(q[:, 1:], step[number, 3:])
+
+
+def sparse_rows(*parts: Any) -> Any:
+    """Sparse matrices below each other."""
+    from scipy import sparse
+    return sparse.vstack(parts, format="csr")
+
+
+def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array]:
+    """What tied nodes, welded ends and supports ask of all nodes: a matrix on their velocities and spins, sparse [m, 6 N], and by
+    how much each of them is off [m]."""
+    from scipy import sparse
+    place = follow(model, q)
+    led = np.flatnonzero(_follows(model))
+    unit = sparse.eye(6 * len(q), format="csr")
+    to_rates = velocity_map(q)
+    rates = tie_map(model) @ to_rates @ share_map(model)
+    # by how much a node moves less than what it follows
+    at = (12 * led[:, None] + np.arange(3)).reshape(-1)
+    rows, off = [(rates - to_rates)[at]], [(place - q)[led, 0].reshape(-1)]
+    leads = np.arange(len(q))
+    leads[model.pattern.first_on_row != leads] = model.pattern.first_on_row[model.pattern.first_on_row != leads]
+    if model.ties is not None:
+        owner = np.repeat(np.arange(len(q)), np.diff(model.ties.start))
+        turns = model.ties.kind == TRIAD
+        leads[owner[turns]] = model.ties.target[turns]
+    led = np.flatnonzero(leads != np.arange(len(q)))
+    of, to = ((6 * k[:, None] + np.arange(3, 6)).reshape(-1) for k in (led, leads[led]))
+    rows.append(unit[to] - unit[of])
+    off.append(0.5 * np.cross(q[led, 1:], place[led, 1:]).sum(axis=1).reshape(-1))
+    held = _standing(model, state)
+    for _, motion, node in active_motions(model, state):
+        held[node] |= motion.mask
+    still = np.flatnonzero((held[:, None] >> np.arange(6) & 1).reshape(-1))
+    rows.append(unit[still])
+    off.append(np.zeros(still.size))
+    return sparse_rows(*rows), np.concatenate(off)
+
+
+def _after_impact(model: Model, state: State, q: Array, s: Array, t: float | None) -> Array:
+    """Rates [12 N] at coordinates q, near to those of the state, that everything allows: momenta change by what ties, joints and
+    supports do alone."""
+    inertia = mass_map(model)
+    before = state.q.reshape(-1, 4, 3)
+    own = velocities_and_spins(before, state.v.reshape(-1, 4, 3))
+    led_by = own.copy()
+    for motion, node in moving_supports(model, state) if t is not None else ():
+        rates = np.concatenate(motion.rates(t))
+        bits = (motion.mask >> np.arange(6) & 1).astype(bool)
+        bits[:3], bits[3:] = held_axes(np.array([motion.mask]))[0], bool(motion.mask & 56)
+        led_by[node, bits] = rates[bits]
+    across, _ = _across(model, q, s)
+    lift, free = _lift(model, q, state)
+    moved = _moved_unknowns(model, state)
+    # supports that move go on as they do
+    led = rates_map(model, q)[:, moved] @ led_by.reshape(-1)[moved]
+    # every node has the momentum that it had, turned with it, or that of its support
+    carried = state.v + velocity_map(q) @ led_by.reshape(-1) - velocity_map(before) @ own.reshape(-1)
+    momentum = inertia @ carried
+    if not np.array_equal(q, before):
+        joined = sparse_rows(across @ velocity_map(q), _ties(model, state, q)[0])
+        momentum += inertia @ _turned_back(inertia, joined, before, q, state.v, carried)
+    found = led_by.reshape(-1)[free]
+    missing = lift.T @ (momentum - inertia @ (lift @ found + led))
+    rates = nearest_by((lift.T @ inertia @ lift).tocsr(), (across @ lift).tocsr(),
+                       _given_rates(model, across @ carried) - across @ led, found, free % 6 >= 3, missing)[0]
+    return np.asarray(lift @ rates + led)
+
+
+def _turned_back(inertia: Any, joined: Any, before: Array, q: Array, v: Array, carried: Array) -> Array:
+    """Rates [12 N] of the rigid motions that give each piece of the scene, moved from `before` to q, the momenta that it had with
+    rates v where it has those of `carried`. joined: on velocities and spins, sparse [m, 6 N], what joins nodes to pieces besides
+    the inertia of beams."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    rates = velocity_map(q)
+    mass = (rates.T @ inertia @ rates).tocsr()
+    every = (abs(mass) + abs(joined).T @ abs(joined)).tocoo()
+    _, number = connected_components(coo_matrix((every.data, (every.row // 6, every.col // 6)), shape=(len(q), len(q))),
+                                     directed=False)
+    rigid = rigid_motions(q[:, 0], number)
+    own = (rigid.T @ mass @ rigid).tocsr()
+    middle, number = middles(q[:, 0], number)
+    lost = np.zeros((len(middle), 6))
+    for sign, x, of in ((1.0, before, v), (-1.0, q, carried)):
+        p = (inertia @ of).reshape(-1, 4, 3)
+        arms = x.copy()
+        arms[:, 0] -= middle[number]
+        np.add.at(lost[:, :3], number, sign * p[:, 0])
+        np.add.at(lost[:, 3:], number, sign * np.cross(arms, p).sum(axis=1))
+    turns = np.zeros_like(lost)
+    for k in np.flatnonzero(np.any(lost != 0.0, axis=1)):
+        turns[k] = np.linalg.lstsq(own[6 * k:6 * k + 6, 6 * k:6 * k + 6].toarray(), lost[k], rcond=1e-12)[0]
+    return np.asarray(rates @ (rigid @ turns.reshape(-1)))
 
 
 def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:

@@ -98,7 +98,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
         raise SceneError("stick_interval: drives, or what joints are given, are functions of time; say with at_time=... where to "
                          "evaluate them")
     if start is not None:
-        start, _ = check_start(model, start, 1.0, False, at_rest=True)
+        start, _ = check_start(model, start, 1.0, at_rest=True)
     t = at_time[1] if isinstance(at_time, tuple) else at_time or 0.0
 
     def solver_of(state: State | None, held: Array) -> SlidingSolver:

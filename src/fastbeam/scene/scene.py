@@ -85,7 +85,8 @@ class Scene(notebook.Parts):
     gravity_time : callable or None
         Factor t -> float on gravity; None: constant.
     project_velocities : bool
-        Make inconsistent initial velocities consistent with sliders and joints instead of refusing them.
+        Make inconsistent initial velocities consistent with sliders and joints instead of refusing them: by rigid motions of the
+        parts, and bending beams only where no rigid motions agree.
 
     Raises
     ------

@@ -1,0 +1,21 @@
+"""A thousand random restarts across scenes (tests/restarts.py): joints added, removed and moved; momenta and energy are accounted
+for, or the start is refused."""
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+
+from restarts import BAR, restart  # noqa: E402
+from table import Row  # noqa: E402
+
+
+def rows(quick: bool = False) -> Iterator[Row]:
+    """All cases of this part."""
+    found = [restart(seed) for seed in range(60 if quick else 1000)]
+    worst = max(error for _, error in found)
+    count = ", ".join(f"{n} {what}" for what, n in Counter(what for what, _ in found).items())
+    yield Row(f"{len(found)} random restarts", f"books to {BAR:g}, or refused", f"{worst:.1e}; {count}", worst < BAR)
