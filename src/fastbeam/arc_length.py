@@ -29,6 +29,8 @@ MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
 REAL = 1e-9
 # next to the largest stiffness: where they are looked for, and round-off of one
 NEXT_TO, ROUND_OFF = 1e-9, 1e-14
+# a direction with less than this out of a plane lies in it; a vector of length 1 that moves places by less only spins
+ASIDE, SPINS = 1e-3, 1e-6
 # an equilibrium lies at most so far from the end of its step, as a share of the step, and at all
 STRAY, LEAST_STRAY = 0.6, 1e-7
 # accuracy of the place of a critical point on its step, and evaluations until then
@@ -88,12 +90,53 @@ class PathSolver(SlidingSolver):
         self._stiffest = 1.0
         # what the last step has added to the unknowns, to first order
         self.gone = np.zeros(0)
+        # of a path in a plane: makes a solver in space of the same path, and that solver
+        self.in_space: Callable[[State, float], PathSolver] | None = None
+        self._judge: PathSolver | None = None
+        # eigenvalues that are zero all along, of parts that may spin about their own line
+        self.free = 0
+        # of one that judges, in space: the axes of the plane that the path runs in, and its normal
+        self.axes: Array | None = None
         core = self.core
         size, rows = len(core.dofs), core.pattern.n
         place = np.arange(size * rows) % size < core.dim
         # square of the length of a step: mean over nodes, in sizes of the scene and rad
         self.weight = np.concatenate((np.where(place, 1.0 / core.length**2, 1.0) / rows, np.full(held.size, core.length**-2.0),
                                        np.zeros(core.n_forces)))
+
+    @property
+    def judge(self) -> PathSolver:
+        """The solver, at the present equilibrium, whose tangent tells what is stable: in space where the scene may leave the plane
+        in which the path runs."""
+        if self.in_space is None:
+            return self
+        state = self.state
+        if self._judge is None:
+            self._judge = self.in_space(state, self.factor)
+            self._judge.axes = self.stepper.plane.axes
+        self._judge.interrupts = self.interrupts
+        self._judge.restore((state.q, state.s, state.force, self.factor))
+        return self._judge
+
+    def in_plane(self, way: Direction, number: int, step: float) -> Direction | None:
+        """Of the directions in which paths branch off in the plane the one nearest to `way`, a direction of the judge; None where
+        that leaves the plane. number, step: as of `branches`."""
+        axes, rows = self.stepper.plane.axes, self.core.pattern.n
+        if np.linalg.norm(self.judge.aside(way.x)) > ASIDE:
+            return None
+        x = way.x[:6 * rows].reshape(rows, 6)
+        flat = np.concatenate((x[:, :3] @ axes[:2].T, x[:, 3:] @ axes[2:].T), axis=1).reshape(-1)
+        flat = np.concatenate((flat, way.x[6 * rows:6 * rows + self.sliding.size], np.zeros(self.core.n_forces)))
+        own = self.branches(number, step)[0]
+        return max(own, key=lambda x: self.product(x, Direction(flat, 0.0)), default=None)
+
+    def aside(self, x: Array) -> Array:
+        """What vectors [n, ...] of a solver in space have out of the plane that the path runs in, in the metric of the steps."""
+        rows, (*within, normal) = self.core.pattern.n, self.axes
+        parts = x[:6 * rows].reshape(rows, 2, 3, -1)
+        out = np.stack((np.tensordot(parts[:, 0], normal, (1, 0)) / self.core.length,
+                        *(np.tensordot(parts[:, 1], axis, (1, 0)) for axis in within)))
+        return out.reshape(3 * rows, *x.shape[1:]) / np.sqrt(rows)
 
     @property
     def load_factors(self) -> Array:
@@ -122,6 +165,8 @@ class PathSolver(SlidingSolver):
         """Go back to it."""
         self._restore(saved[:3])  # type: ignore[arg-type]
         self.factor = saved[3]
+        if self._strains is not None:
+            self._strains.put(self.factor)
 
     def place(self) -> Array:
         """Coordinates, arc lengths of sliders and load factor such that differences have the length of steps, to first order."""
@@ -265,13 +310,16 @@ class PathSolver(SlidingSolver):
     def eigenvalue(self, k: int) -> float:
         """The k-th lowest eigenvalue of the tangent, counted from 0, in the metric of the steps; NaN where it is not found. That
         of number k changes its sign where k + 1 directions become unstable after k."""
-        found = self._eigen(k + 1)
-        return np.nan if found is None or found[0].size <= k else float(found[0][k])
+        found = self._eigen(k + 1 + self.free)
+        if found is None:
+            return np.nan
+        values = np.delete(found[0], np.argsort(np.abs(found[0]))[:self.free])
+        return float(values[k]) if values.size > k else np.nan
 
     def critical_directions(self, k: int) -> Array | None:
         """Of the eigenvalues that vanish together next to the k-th, vectors of length 1 by columns [n, m], their largest
         component positive."""
-        found = self._eigen(k + MOST_TOGETHER, NEXT_TO)
+        found = self._eigen(k + MOST_TOGETHER + self.free, NEXT_TO)
         if found is None or not found[0].size:
             return None
         order = np.argsort(np.abs(found[0]))
@@ -280,13 +328,26 @@ class PathSolver(SlidingSolver):
         # without a gap all are zero, or there is none
         m = int(gaps[0]) + 1 if gaps.size else size.size if size[-1] <= 10.0 * ROUND_OFF * self._stiffest else 1
         v = found[1][:, order[:m]]
+        v = self._moving(v)
         if self.is_unsymmetric:
             # vectors of different eigenvalues are not orthogonal
             root = np.sqrt(self.weight)[:, None]
             whole = v @ np.linalg.inv(np.linalg.qr(root * v)[1])
             v = whole if np.isfinite(whole).all() else v
+        if self.axes is not None and v.shape[1] > 1:
+            # those in the plane first
+            v = v @ np.linalg.svd(self.aside(v))[2][::-1].T
         peak = np.argmax(np.abs(v) * np.sqrt(self.weight)[:, None], axis=0)
         return np.asarray(v * np.sign(v[peak, np.arange(v.shape[1])]))
+
+    def _moving(self, v: Array) -> Array:
+        """Vectors [n, m] without the spins that move nothing among their combinations, if anything is left."""
+        n, size = self.core.pattern.n, len(self.core.dofs)
+        places = v[:n * size].reshape(n, size, -1)[:, :self.core.dim].reshape(n * self.core.dim, -1)
+        moves = np.concatenate((places, v[n * size:n * size + self.sliding.size])) / self.core.length / np.sqrt(n)
+        _, sizes, turn = np.linalg.svd(moves, full_matrices=False)
+        rows = turn[sizes > SPINS]
+        return v @ rows.T if 0 < len(rows) < v.shape[1] else v
 
     def branches(self, k: int, step: float) -> tuple[list[Direction], bool]:
         """Directions in which other paths leave a critical point, and whether they are some of a continuum.
@@ -356,6 +417,7 @@ class PathSolver(SlidingSolver):
         saddle, *_ = self.equations()
         if not self.is_unsymmetric:
             found = saddle.signs()
+            self.free = 0 if found is None else found[1]
             return None if found is None else found[0]
         # a symmetric part without negative ones has none itself (Bendixson)
         if saddle.signs() == (0, 0):

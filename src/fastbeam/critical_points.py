@@ -35,7 +35,7 @@ class PathStep:
     Parameters
     ----------
     solver : PathSolver
-        At the end of the step.
+        At the end of the step. Eigenvalues are those of its judge.
     before : tuple
         What the solver has saved at its beginning.
     along : Direction
@@ -149,7 +149,7 @@ class PathStep:
             number = min(x[1] for x in here)
             way = 1 if number >= (unstable or 0) else -1
             self.solver.restore(best[2])
-            alone = self.solver.is_unsymmetric and limit is None
+            alone = self.solver.judge.is_unsymmetric and limit is None
             return CriticalPoint("bifurcation", best[0], number, counted if alone else (unstable or 0) + way * len(here))
         self.solver.restore(self.end)
         return None
@@ -163,7 +163,7 @@ class PathStep:
         return abs(a - b) <= TOGETHER * self.size
 
     def _count(self, size: float) -> int | None:
-        return self.solver.unstable() if self.to(size) else None
+        return self.solver.judge.unstable() if self.to(size) else None
 
     def _rate(self) -> float:
         found = self.solver.direction(self.along)
@@ -176,12 +176,12 @@ class PathStep:
         solver, out = self.solver, []
         numbers = range(min(unstable, counted), max(unstable, counted))
         # of tangents without symmetry one vector at the end tells all that is near it
-        for k in numbers[:1] if solver.is_unsymmetric else numbers:
+        for k in numbers[:1] if solver.judge.is_unsymmetric else numbers:
             solver.restore(end)
-            vectors = solver.critical_directions(k) if solver.is_unsymmetric else None
+            vectors = solver.judge.critical_directions(k) if solver.judge.is_unsymmetric else None
 
             def test(k: int = k, vectors: Array | None = vectors) -> float:
-                return solver.eigenvalue(k) if vectors is None else solver.test_of(vectors[:, 0])
+                return solver.judge.eigenvalue(k) if vectors is None else solver.judge.test_of(vectors[:, 0])
 
             last = test()
             solver.restore(self.before)

@@ -19,7 +19,6 @@ from .law_path import law_path, laws_grow, user_forces
 from .load_times import load_factors_at, load_path, which_times
 from .model import Model, check_model
 from .observe import OBSERVED, POINTS
-from .out_of_plane import OutOfPlane
 from .result import Result
 from .scene import Beam, Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .scene.checks import Place
@@ -29,7 +28,7 @@ from .starting import check_start
 from .static_motion import StaticShift, leave_plane
 from .static_strains import StrainPath, prestrains_of
 from .statics import START, check_slider_forces, held_sliders, which_sliders
-from .supports import check_supports, check_turned, standing_supports, supported
+from .supports import check_supports, check_turned, free_aside, standing_supports, supported
 from .winches import refuse_winches
 
 Array = np.ndarray
@@ -70,7 +69,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     Parameters
     ----------
     model : Model
-        Held as for `solve_static`. A planar scene stays in its plane; that equilibria become unstable out of it is told of.
+        Held as for `solve_static`. A planar scene stays in its plane until it branches off; its critical points and unstable
+        directions are those in space all the same, but for a model compiled with planar=True and a scene that only its plane
+        holds (`info["counted_in"]` is "plane" then).
     to : float
         Load factor at which the path ends.
     start : State
@@ -126,10 +127,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         load_factor, length, row, mode (displacements [N, 3] of all nodes, largest 1), mode_sliders (of sliders [S]), mode_at (the
         node that moves most); of the bifurcation that stop_at= ends at also multiplicity, branches
         (directions that lead away, as components along the vectors that vanish together) and continuum (whether they are two
-        opposite ones of a continuum, as of a column that may bend to all sides). Of a planar scene, not compiled with
-        planar=True, which supports hold in space: `info["unstable_out_of_plane"]`, the number of unstable directions out of its
-        plane at the end (None where it is left open), and an event "unstable" with the first row at which there are some, looked
-        for at every tenth row and the last.
+        opposite ones of a continuum, as of a column that may bend to all sides; those in the plane of a planar scene first).
+        An event "plane" says that critical points out of the plane are not known, because only the plane holds the scene.
 
     Raises
     ------
@@ -186,27 +185,38 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         raise SceneError("side: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
                          "load_factor=")
     check_at_rest("solve_path", model)
+    may_leave = model.plane is not None and not model.asked_for_plane
+
+    def solver_from(at: State | None, factor: float, flat: bool | None) -> PathSolver:
+        found = PathSolver(model, at, max_iterations, stays, flat, backend, factors, factor, laws, strains)
+        if moved:
+            begin = model.q0 if start is None else start.q
+            found.motion = StaticShift(found.stepper.model, moved, begin, load_factor)
+        return found
+
     # where supports leave its plane the scene does, if it may
-    flat_or_not = False if not model.asked_for_plane and leave_plane(model, moved) else None
-    solver = PathSolver(model, start, max_iterations, stays, flat_or_not, backend, factors, load_factor, laws, strains)
+    solver = solver_from(start, load_factor, False if may_leave and leave_plane(model, moved) else None)
     if start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
         raise SceneError("solve_path: user forces that do not grow act at the start, which is no equilibrium: give that under "
                          "them as start=, or let those that are loads grow, grows=True")
     flat = solver.stepper.plane is not None
-    held_in_space = check_supports(model, flat)
+    check_supports(model, flat)
     if model.motions is not None:
         for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
             model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
-    if moved:
-        solver.motion = StaticShift(solver.stepper.model, moved, solver.state.q, load_factor)
+    aside = ""
+    if flat and may_leave:
+        if free_aside(model):
+            aside = (f"nothing holds the scene in its plane, {free_aside(model)}: critical points and unstable directions are those "
+                     "in the plane alone; hold it there with Pins or Clamps to see those in space")
+        else:
+            solver.in_space = lambda at, factor: solver_from(at, factor, False)
     wanted = wanted_of(model, stop, points)
     path = PathWalk(model if strains is None else strains.model, solver, points, step, largest_step, smallest_step, most_points,
                     observe, wanted)
+    path.aside = aside
     for kind, text in notes:
         path.buffer.event({"kind": kind, "time": 0.0, "text": text})
-    if flat and held_in_space and not model.asked_for_plane:
-        path.aside = OutOfPlane(solver, lambda at, factor: PathSolver(model, at, max_iterations, stays, False, backend, factors,
-                                                                      factor, laws, strains))
     if strains is not None:
         strains.watch([*path.observer.points.sections, *(x.section for x in wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)

@@ -15,7 +15,6 @@ from .kernels.work import State
 from .load_steps import RECORDED
 from .model import Model
 from .observe import Observer
-from .out_of_plane import OutOfPlane
 from .path_stops import Wanted
 from .progress import Progress
 from .reactions import reactions_of
@@ -56,15 +55,15 @@ class PathWalk:
         self.observer = Observer(model, ("slider", "joint", *(kind for kind in observe if kind in RECORDED)), points)
         self.reactions = reactions_of(solver, self.observer)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
-                                     "conservative": not solver.is_unsymmetric,
-                                     "counted_in": "space" if solver.stepper.plane is None else "plane"}
+                                     "conservative": not solver.judge.is_unsymmetric,
+                                     "counted_in": "space" if solver.judge.stepper.plane is None else "plane"}
         header = self.observer.header(self.info)
         header.series |= {"load_factor": (), "unstable_directions": ()}
         self.buffer = ResultBuffer(header)
         self.begin = time.perf_counter()
         self.length, self.rows, self.iterations = 0.0, 0, 0
-        # of a path in a plane what is to be looked at in space
-        self.aside: OutOfPlane | None = None
+        # why a path in a plane knows nothing of critical points out of it
+        self.aside = ""
 
     def record(self, iterations: int, size: float, unstable: int | None) -> None:
         """A row and a shape of the present equilibrium."""
@@ -79,8 +78,6 @@ class PathWalk:
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
         self.resolution.look(self.length, state)
-        if self.aside is not None:
-            self.aside.keep(self.length, unstable)
         self.rows += 1
         self.iterations += iterations
 
@@ -88,7 +85,7 @@ class PathWalk:
         """The result so far."""
         for event in self.resolution.events():
             self.buffer.event(event)
-        if self.solver.is_unsymmetric:
+        if not self.info["conservative"]:
             self.buffer.event({"kind": "nonconservative", "time": self.length, "text": FLUTTER})
         result = self.buffer.close(self.info | {"solver": self.solver.name, "steps": self.rows - 1, "iterations": self.iterations,
                                                 "wall_time": time.perf_counter() - self.begin})
@@ -106,7 +103,6 @@ class PathWalk:
         try:
             with Interrupts() as self.solver.interrupts:
                 self._go(to, stop_at, branch, bar)
-                self._look_aside()
                 for event in place_events(self.solver, self.model):
                     self.buffer.event({**event, "time": self.length})
         except ConvergenceError:
@@ -124,21 +120,14 @@ class PathWalk:
             raise Interrupted(f"load factor {self.solver.factor:.6g}: interrupted; the last equilibrium is in .state, everything "
                               "until then in .result", result=result, state=result.state) from stopped
         bar.close()
+        if self.aside and (stop_at is not None or any(point["kind"] == "bifurcation" for point in self.info["critical_points"])):
+            self.buffer.event({"kind": "plane", "time": self.length, "text": self.aside})
         return self.finish()
 
-    def _look_aside(self) -> None:
-        """Whether a path in a plane passed equilibria that are unstable out of it."""
-        self.begun_at = None
-        if self.aside is not None:
-            critical = {point["row"] for point in self.info["critical_points"]}
-            self.info["unstable_out_of_plane"], event = self.aside.look(critical)
-            if event is not None:
-                self.buffer.event(event)
-
     def _go(self, to: float, stop_at: str | None, branch: int | None, bar: Progress) -> None:
-        solver = self.solver
         along = self._first(to) if branch is None else self._off(branch)
-        unstable, sign = solver.unstable(), np.sign(along.factor)
+        solver = self.solver
+        unstable, sign = solver.judge.unstable(), np.sign(along.factor)
         self.record(0, 0.0, unstable)
         self.off = self._off_values()
         first = solver.saved()
@@ -156,11 +145,11 @@ class PathWalk:
             met, off = self._met(before, along)
             if met is not None:
                 after = self._direction(along)
-            counted, size = solver.unstable(), self.size
+            counted, size = solver.judge.unstable(), self.size
             back = self._back(first, before, along, size) if self.rows >= LEAST_ROWS else None
             if back is not None:
                 self.length += back
-                self.record(iterations, back, solver.unstable())
+                self.record(iterations, back, solver.judge.unstable())
                 self.buffer.event({"kind": "closed", "time": self.length,
                                    "text": f"the path is back at its start, load factor {solver.factor:.6g}"})
                 return
@@ -174,20 +163,20 @@ class PathWalk:
             if found is not None:
                 size, counted, after, met = found.size, found.unstable, self._direction(along), None
                 off = self._off_values()
-                if found.kind == "limit":
-                    sign = -sign
-                self._note(found, sign)
+                sign = -sign if found.kind == "limit" else sign
             if (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to:
                 solver.restore(before)
                 share = (to - before[3]) / along.factor if along.factor else size
                 if solver.go(along, min(max(share, 0.0), 1.5 * size), to):
                     end = self._direction(along)
                     self.length += abs(solver.product(along, end)) * size
-                    self.record(iterations, size, solver.unstable())
+                    self.record(iterations, size, solver.judge.unstable())
                     return
                 solver.restore(before)
                 self._shorten(bar)
                 continue
+            if found is not None:
+                self._note(found, sign)
             self.length += size
             self.record(iterations, size, counted)
             bar.update(1.0)
@@ -260,14 +249,22 @@ class PathWalk:
         ------
         SceneError, ConvergenceError
         """
-        found, _ = self.solver.branches(self.solver.unstable() or 0, self.step)
+        solver, judge = self.solver, self.solver.judge
+        number = judge.unstable() or 0
+        found, _ = judge.branches(number, self.step)
         if not found:
             raise ConvergenceError("solve_path: no direction was found in which a path branches off the start; give a "
                                    "smaller step=, or more elements (a coarse mesh keeps some branches of a symmetry only)",
                                    state=self.solver.state, result=self.finish())
         if branch >= len(found):
             raise SceneError(f"branch: {branch} does not exist, {len(found)} directions lead away from the start, counted from 0")
-        return found[branch]
+        if judge is solver:
+            return found[branch]
+        within = solver.in_plane(found[branch], number, self.step)
+        if within is None:
+            # the path leaves the plane
+            self.solver, self.reactions = judge, reactions_of(judge, self.observer)
+        return within or found[branch]
 
     def _list_branches(self, k: int) -> None:
         """What is known of the directions that lead away from the last critical point, at which the eigenvalue of number k
@@ -275,10 +272,11 @@ class PathWalk:
         point = self.info["critical_points"][-1]
         if point["kind"] != "bifurcation":
             return
-        found, is_continuum = self.solver.branches(k, self.first_step)
-        vectors = self.solver.critical_directions(k)
+        judge = self.solver.judge
+        found, is_continuum = judge.branches(k, self.first_step)
+        vectors = judge.critical_directions(k)
         if vectors is not None:
-            parts = [vectors.T @ (self.solver.weight * way.x) for way in found]
+            parts = [vectors.T @ (judge.weight * way.x) for way in found]
             point |= {"multiplicity": vectors.shape[1], "branches": [part.tolist() for part in parts], "continuum": is_continuum}
 
     def _direction(self, along: Direction) -> Direction:
@@ -351,7 +349,7 @@ class PathWalk:
     def _note(self, found: CriticalPoint, sign: float) -> None:
         """Keep what is known of a critical point, at which the solver is; sign: that of the change of the load factor behind
         it."""
-        solver, length = self.solver, float(self.length + found.size)
+        solver, length = self.solver.judge, float(self.length + found.size)
         vectors = solver.critical_directions(found.number)
         point: dict[str, Any] = {"kind": found.kind, "load_factor": float(solver.factor), "length": length, "row": self.rows}
         if found.kind == "limit":

@@ -29,19 +29,35 @@ def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> 
     SceneError
         Names the part and the motion that nothing prevents.
     """
+    return _known(model, flat, may_turn) is None
+
+
+def free_aside(model: Model) -> str:
+    """Of a scene that is held in its plane which part nothing holds against leaving it, and how it would; nothing where there is
+    none. A straight part that can turn about its own line stays where it is.
+
+    Raises
+    ------
+    SceneError
+    """
+    return _known(model, True, False) or ""
+
+
+# what was found of models that are held
+_HELD: WeakKeyDictionary[Model, dict[tuple[bool, bool], str | None]] = WeakKeyDictionary()
+
+
+def _known(model: Model, flat: bool, may_turn: bool) -> str | None:
+    """None where all six rigid motions of all parts are prevented; else what `free_aside` tells."""
     known = _HELD.setdefault(model, {})
     if (flat, may_turn) not in known:
         known[flat, may_turn] = _checked(model, flat, may_turn)
     return known[flat, may_turn]
 
 
-# what was found of models that are held
-_HELD: WeakKeyDictionary[Model, dict[tuple[bool, bool], bool]] = WeakKeyDictionary()
-
-
-def _checked(model: Model, flat: bool, may_turn: bool) -> bool:
-    """As `check_supports`, found anew."""
-    held_in_space = True
+def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
+    """As `_known`, found anew."""
+    aside: str | None = None
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     pattern = model.pattern
@@ -109,23 +125,27 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> bool:
         values, motions = _free_motions(matrix, eye6)
         if values[5] > 1e-9:
             continue
-        held_in_space = False
+        aside = aside or ""
         if may_turn and np.any(mask[nodes] & 7 != 0):
             continue
+        what = model.labels[nodes[0]].split(" node ")[0]
         if flat:
+            for motion in motions[values <= 1e-9]:
+                moved = motion[:3] + np.cross(motion[3:], (phi[nodes] - center) / size)
+                if not aside and np.max(np.linalg.norm(moved, axis=1)) > 1e-9:
+                    aside = f"{what} can {_how(motion)}"
             values, motions = _free_motions(matrix, within)
             if values[2] > 1e-9:
                 continue
-        what = model.labels[nodes[0]].split(" node ")[0]
         shift, turn = motions[-1][:3], motions[-1][3:]
-        how = "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
+        how = _how(motions[-1])
         n_free = int(np.sum(values <= 1e-9))
         kind = "3 rigid motions in its plane" if flat else "6 rigid motions"
         hangs = " (relax finds how it hangs)" if how.startswith("turn") and np.any(mask[nodes]) and np.any(model.gravity) else ""
         raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({n_free} of {kind} are free); "
                          f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}{hangs}"
                          + ("" if flat else _planar_hint(model, shift, turn)))
-    return held_in_space
+    return aside
 
 
 def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> int:
@@ -225,6 +245,12 @@ def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
     if np.linalg.norm(inside) > 1e-6:
         return ""
     return "; within its plane it is held: compile it with planar=True" + (" and start in the plane" if model.plane else "")
+
+
+def _how(motion: Array) -> str:
+    """Of a rigid motion [6]."""
+    shift, turn = motion[:3], motion[3:]
+    return "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
 
 
 def _axis(v: Array) -> str:

@@ -83,7 +83,8 @@ def test_columns_branch_at_their_buckling_loads_with_order_six(ends: str, bound:
             parts += [rail, fb.Clamp(rail.start), fb.Clamp(rail.end), fb.Slider("roller", column.end, rail, at=1.0)]
         scene = fb.Scene(*parts, fb.Load("press", column.end, force=(0, 0, -2.0 * exact)))
         result = fb.solve_path(fb.compile_scene(scene), to=0.6)
-        assert critical(result, "limit") == [] and result.series["unstable_directions"][-1] == 1.0
+        # a round section bends to all sides
+        assert critical(result, "limit") == [] and result.series["unstable_directions"][-1] == 2.0
         found, = critical(result, "bifurcation")
         errors.append(abs(2.0 * found - 1.0))
     assert errors[1] < bound
@@ -127,8 +128,8 @@ def test_deep_arch_of_dadeppo_and_schmidt_and_every_point_in_equilibrium(monkeyp
     limits = 10.0 * np.array(critical(result, "limit"))
     assert limits[0] == pytest.approx(8.97, abs=0.005) and len(limits) == 2
     assert result.series["load_factor"][-1] == 1.0
-    # round-off of axial strains: EA eps = 2.2e-11 N times derivatives of shape functions (up to 40 1/m), of 10 N: 0.9e-10
-    assert max(left) < 3e-10 and len(left) == len(result.t)
+    # round-off of coordinates: 2e-16 of 1 m times EA/h = 7e5, next to the load of 10
+    assert max(left) < 5e-10 and len(left) == len(result.t)
 
 
 def test_frame_of_lee_snaps_back() -> None:

@@ -87,7 +87,8 @@ def test_a_column_under_a_load_that_follows_in_part_buckles_where_it_diverges(pl
     assert np.all(at.series["unstable_directions"][:-1] == 0.0)
     factor = float(at.series["load_factor"][-1])
     beyond = fb.solve_path(model, start=at.state, load_factor=factor, to=factor + 0.1)
-    assert beyond.series["unstable_directions"][-1] == 1.0
+    # a round column to all sides
+    assert beyond.series["unstable_directions"][-1] == (1.0 if planar is False else 2.0)
     bent = fb.solve_path(model, start=at.state, load_factor=factor, side=1, to=factor + 0.05, points={"tip": column.end})
     assert np.linalg.norm(bent.point("tip")[-1, :2]) > 0.1
     assert not at.info["conservative"] and "no potential" in at.events[-1]["text"]

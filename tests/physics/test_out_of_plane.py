@@ -1,4 +1,4 @@
-"""Paths in a plane tell of equilibria that are unstable out of it: against paths and modes in space, and exact loads."""
+"""Critical loads of planar scenes are those in space: against paths in space, modes about both sides, and exact loads."""
 from __future__ import annotations
 
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from buckling_scenes import KINDS, buckling_scene
 
 LATERAL = 4.0126
 STRIP = dict(EA=1e6, GA2=1e6, GA3=1e6, GJ=1.0, EI2=1e4, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.2)
@@ -24,24 +25,54 @@ def strip(force: float, planar: Any = "auto", angle: float = 0.0, elements: int 
     return fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, -force))), planar=planar)
 
 
-def told(result: fb.Result) -> list[dict[str, Any]]:
-    return [event for event in result.events if event["kind"] == "unstable"]
+def critical(result: fb.Result) -> list[float]:
+    return [point["load_factor"] for point in result.info["critical_points"]]
+
+
+def compared(kind: str, seed: int) -> float:
+    """Of a random scene how far its lowest critical load is off that of a path in space, as a share; below it modes of the
+    equilibrium do not grow, beyond it some do."""
+    scene, to = buckling_scene(kind, seed)
+    model = fb.compile_scene(scene)
+    at, in_space = (fb.solve_path(x, to=to, stop_at="bifurcation") for x in (model, fb.compile_scene(scene, planar=False)))
+    assert at.info["counted_in"] == "space"
+    (found, *_), (other, *_) = (critical(x) or [np.inf] for x in (at, in_space))
+    for side, factor in ((0, 1.0 - 1e-4), (1, 1.0 + 1e-4)):
+        if side and not critical(at):
+            break
+        near = fb.solve_path(model, to=min(factor * found, to))
+        modes = fb.modes(model, state=near.state, load_factor=near.series["load_factor"][-1], n=3)
+        assert (modes.unstable > 0) == side, (kind, seed, side)
+    return abs(found / other - 1.0) if np.isfinite(found) or np.isfinite(other) else 0.0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 12, 13, 14])
+def test_random_scenes_buckle_where_they_do_in_space(seed: int) -> None:
+    assert compared(KINDS[seed % len(KINDS)], seed) < 1e-6
+
+
+@pytest.mark.slow
+def test_sixty_random_scenes_buckle_where_they_do_in_space() -> None:
+    assert max(compared(KINDS[seed % len(KINDS)], seed) for seed in range(60)) < 1e-6
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 def test_lateral_buckling_of_a_strip(angle: float) -> None:
-    """From the first row beyond P L^2 = 4.0126 sqrt(EI GJ) on (S. Timoshenko, J. Gere, 1961, section 6.3)."""
+    """P L^2 = 4.0126 sqrt(EI GJ) (S. Timoshenko, J. Gere, 1961, section 6.3), for EI3/EI2 = 1e-4 some 1e-4 more."""
     model = strip(8.0, angle=angle)
-    path = fb.solve_path(model)
-    assert model.plane is not None and not np.any(path.series["unstable_directions"]) and path.info["counted_in"] == "plane"
-    [event] = told(path)
-    row = event["row"]
-    assert 8.0 * path.series["load_factor"][row - 1] < LATERAL < 8.0 * path.series["load_factor"][row]
-    assert event["directions"] == 1 and event["time"] == path.t[row] and path.info["unstable_out_of_plane"] == 1
-    assert f"from row {row} (load factor 0.525) on are unstable" in event["text"] and "planar=False" in event["text"]
-    # the same rows in space meet the point there
-    found = fb.solve_path(strip(8.0, planar=False, angle=angle), stop_at="bifurcation")
-    assert path.series["load_factor"][row - 1] < found.series["load_factor"][-1] < path.series["load_factor"][row]
+    at = fb.solve_path(model, stop_at="bifurcation")
+    in_space = fb.solve_path(strip(8.0, planar=False, angle=angle), stop_at="bifurcation")
+    assert model.plane is not None and at.info["counted_in"] == "space"
+    [found] = critical(at)
+    assert 8.0 * found == pytest.approx(LATERAL, rel=1e-3) and found == pytest.approx(critical(in_space)[0], rel=1e-8)
+    [point] = at.info["critical_points"]
+    aside = turned(angle) @ (0, 1, 0)
+    assert point["type"] == "supercritical" and abs(np.max(np.abs(point["mode"] @ aside)) - 1.0) < 1e-12
+    # from there on to both sides, out of the plane
+    tips = [fb.solve_path(model, start=at.state, load_factor=found, side=side, to=1.01 * found) for side in (1, -1)]
+    ways = [aside @ x.state.q.reshape(-1, 12)[-1, :3] for x in tips]
+    assert abs(ways[0]) > 0.05 and ways[0] == pytest.approx(-ways[1], rel=1e-6)
+    assert all(not x.series["unstable_directions"][1:].any() for x in tips)
 
 
 @pytest.mark.parametrize("force", [3.9, 4.2, 9.5, 14.0])
@@ -49,8 +80,8 @@ def test_the_number_is_that_of_modes_that_grow(force: float) -> None:
     model = strip(force)
     path = fb.solve_path(model, largest_step=0.5, step=0.5)
     n = fb.modes(model, state=path.state, n=6).unstable
-    assert path.info["unstable_out_of_plane"] == n == sum(force > x for x in (LATERAL, 10.25))
-    assert len(told(path)) == (n > 0) and fb.solve_static(model).info["unstable_directions"] == n
+    assert path.series["unstable_directions"][-1] == n == len(critical(path)) == sum(force > x for x in (LATERAL, 10.25))
+    assert fb.solve_static(model).info["unstable_directions"] == n
 
 
 def test_a_window_between_stable_ends() -> None:
@@ -61,35 +92,53 @@ def test_a_window_between_stable_ends() -> None:
     model = fb.compile_scene(fb.Scene(a, b, fb.RigidConnection(a.end, b.start), fb.Clamp(a.start), fb.Clamp(b.end),
                                       fb.Load("push", a.end, force=(0, 0, -600.0))))
     path = fb.solve_path(model)
-    [event] = told(path)
-    row, critical = event["row"], {point["row"] for point in path.info["critical_points"]}
-    # where an eigenvalue within the plane is zero it is not looked
-    before = max(k for k in range(row) if k not in critical)
-    assert path.info["unstable_out_of_plane"] == 0 and "on, up to row" in event["text"] and path.series["load_factor"][-1] == 1.0
-    for k in (before, row, len(path.t) - 1):
-        short = fb.solve_path(model, most_points=k + 1)
-        assert short.t[-1] == path.t[k]
+    assert path.series["load_factor"][-1] == 1.0 and path.series["unstable_directions"][-1] == 0.0
+    aside = [np.abs(np.array(point["mode"])[:, 1]).max() > 0.5 for point in path.info["critical_points"]]
+    rows = [point["row"] for point, out in zip(path.info["critical_points"], aside) if out]
+    assert len(rows) >= 2 and len(rows) % 2 == 0
+    for row, grows in ((rows[0] - 1, False), (rows[0] + 1, True), (rows[-1] + 1, False)):
+        short = fb.solve_path(model, most_points=row + 1)
         found = fb.modes(model, state=short.state, load_factor=short.series["load_factor"][-1], n=10)
-        aside = np.abs(found.displacements[..., 1]).max(axis=1) > 0.5
-        assert np.any(aside & (found.growth > 0.0)) == (k == row)
+        out = np.abs(found.displacements[..., 1]).max(axis=1) > 0.5
+        assert np.any(out & (found.growth > 0.0)) == grows
 
 
-def test_where_nothing_is_counted() -> None:
-    """Below the load; where the model was asked to stay in its plane; where only the plane holds it."""
-    assert told(fb.solve_path(strip(3.9))) == []
+def test_what_stays_in_its_plane() -> None:
+    """Because it was asked to, or because only its plane holds it, which is told."""
     asked = fb.solve_path(strip(8.0, planar=True))
-    assert told(asked) == [] and "unstable_out_of_plane" not in asked.info
-    assert "unstable_out_of_plane" not in fb.solve_path(strip(3.0, planar=False)).info
-    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=fb.Section(**STRIP), elements=4)
-    scene = fb.Scene(beam, fb.Pin(beam.start), fb.Pin(beam.end), fb.Load("down", beam.at(0.5), force=(0, 0, -40)))
-    model = fb.compile_scene(scene)
-    assert model.plane is not None and told(fb.solve_path(model)) == []
-    assert fb.solve_static(model).info["counted_in"] == "plane"
+    assert asked.info["counted_in"] == "plane" and asked.info["critical_points"] == []
+    a, b = (fb.Beam.straight(name, *ends, section=fb.Section(**STRIP), elements=2, degree=3) for name, ends in (
+        ("left", ((0, 0, 0), (0.5, 0, 0.1))), ("right", ((0.5, 0, 0.1), (1, 0, 0)))))
+    model = fb.compile_scene(fb.Scene(a, b, fb.RigidConnection(a.end, b.start), fb.Pin(a.start), fb.Pin(b.end),
+                                      fb.Load("push", a.end, force=(0, 0, -600.0))))
+    path = fb.solve_path(model, to=0.1, stop_at="limit")
+    [told] = [event["text"] for event in path.events if event["kind"] == "plane"]
+    assert model.plane is not None and path.info["counted_in"] == "plane" and "'left' can turn about (1, 0, 0)" in told
+
+
+@pytest.mark.parametrize("weak", ["across", "within", "both"])
+def test_a_strut_on_pins_that_may_spin_about_its_line(weak: str) -> None:
+    """Euler: pi^2 EI/L^2 of the weaker axis, with shortening and shear P (1 - P/EA + P/GA)."""
+    EA, GA = 1e6, 1e6
+    EI = {"across": (1e4, 1.0), "within": (1.0, 1e4), "both": (1.0, 1.0)}[weak]
+    section = fb.Section(**STRIP | dict(EI2=EI[0], EI3=EI[1]))
+    strut = fb.Beam.straight("strut", (0, 0, 0), (1, 0, 0), section=section, elements=6, degree=3)
+    model = fb.compile_scene(fb.Scene(strut, fb.Pin(strut.start), fb.Pin(strut.end, axes="yz"),
+                                      fb.Load("press", strut.end, force=(-12.0, 0, 0))))
+    assert model.plane is not None
+    at = fb.solve_path(model, stop_at="bifurcation")
+    [found] = critical(at)
+    P = 12.0 * found
+    assert P * (1.0 - P / EA + P / GA) == pytest.approx(np.pi**2, rel=2e-6)
+    beyond = fb.solve_path(model, start=at.state, load_factor=found, to=1.2 * found)
+    assert beyond.series["unstable_directions"][-1] == (2.0 if weak == "both" else 1.0)
+    bent = fb.solve_path(model, start=at.state, load_factor=found, side=1, to=1.001 * found)
+    assert np.max(np.linalg.norm(bent.state.q.reshape(-1, 12)[:, 1:3], axis=1)) > 0.02
 
 
 @pytest.mark.parametrize("kind", ["moves", "prestrains", "follower", "two times", "bead", "moment", "joint"])
 def test_all_kinds_of_paths(kind: str) -> None:
-    """Against what `solve_static` counts in space at the same place, or modes about it."""
+    """Against what `solve_static` counts in space at the same place, or modes about it, and against paths in space."""
     section = fb.Section(**STRIP)
     beam = fb.Beam.straight("strip", (0, 0, 0), (1, 0, 0), section=section, elements=4, degree=3)
     clamp, parts, options = fb.Clamp(beam.start), [], {}
@@ -118,16 +167,19 @@ def test_all_kinds_of_paths(kind: str) -> None:
         rod = fb.Beam.straight("rod", (1, 0, 0), (1.5, 0, 0), section=section, elements=2, degree=3)
         parts = [rod, fb.RevoluteJoint(beam.end, rod.start, axis=(0, 1, 0), stiffness=1e4),
                  fb.Load("tip", rod.end, force=(0, 0, -3.0))]
-    model = fb.compile_scene(fb.Scene(beam, clamp, *parts))
+    scene = fb.Scene(beam, clamp, *parts)
+    model = fb.compile_scene(scene)
     assert model.plane is not None
-    path = fb.solve_path(model, step=0.1, largest_step=0.25, **options)
-    n = path.info["unstable_out_of_plane"]
+    path, in_space = (fb.solve_path(x, step=0.1, largest_step=0.25, **options) for x in (model, fb.compile_scene(scene, planar=False)))
+    n = path.series["unstable_directions"][-1]
+    np.testing.assert_allclose(critical(path), critical(in_space), rtol=1e-6)
     if kind in ("moves", "prestrains"):
-        assert n == (1 if kind == "moves" else 2) and told(path)
+        assert n == (1 if kind == "moves" else 2) == len(critical(path))
         return
     if kind in ("follower", "two times"):
-        # vibrations that grow, which no static criterion sees: nothing is said that is not known
-        assert n is None and told(path) == [] and fb.modes(model, state=path.state, at_time=1.0, n=4).unstable == 2
+        # vibrations that grow, which no static criterion sees
+        assert critical(path) == [] and n in (0.0, np.nan) or np.isnan(n)
+        assert fb.modes(model, state=path.state, at_time=1.0, n=4).unstable == 2
         return
     held = options.pop("held", False)
     rest = fb.solve_static(model, held=held, at_time=1.0 if "at_time" in options else None)
