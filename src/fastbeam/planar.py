@@ -333,14 +333,15 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     sleeves, moments = sleeves_in_plane(model, plane)
     if sleeves is not None:
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
-    return replace(plane, moments=moments, model=replace(
+    flat = replace(
         model, sleeves=sleeves, kept=kept, kept_softness=softness,
         motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane, model.n_sliders + len(kept)),
-        simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
+        simo=simo, green=green,
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
         released=None if model.released is None else model.released.in_plane(axes), held=_held(model.held, axes),
-        static_held=_held(model.static_held, axes), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
+        static_held=_held(model.static_held, axes), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE)
+    return replace(plane, moments=moments, model=replace(flat, inner=_inner(model.inner, [simo, green], flat.n_bordered > 0)))
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
@@ -383,12 +384,12 @@ def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array,
     return group_tables(elements, lane, PLANE, inner, inertia), viscous.reshape(groups, -1), strains.reshape(groups, -1)
 
 
-def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | None:
+def _inner(inner: Inner | None, tables: list[ElementTables | None], columns: bool) -> Inner | None:
     """Work arrays of eliminated nodes with 3 unknowns: blocks take a quarter of the doubles, and where right-hand sides stand
-    among them offsets change in other proportions."""
+    among them offsets change in other proportions. columns: whether constraints are left in the plane, whose columns follow."""
     if inner is None:
         return None
-    if isinstance(inner.rhs, NoColumns):
+    if not columns:
         size = 0
         for meta in (t.meta for t in tables if t is not None):
             doubles = np.zeros(len(meta), np.int64)
@@ -396,7 +397,7 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | N
                 doubles[(meta[:, NODES] == nn) & (meta[:, FACTORS] >= 0)] = store_size(nn, False, 3)
             meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, size + np.cumsum(doubles) - doubles, -1)
             size += int(doubles.sum())
-        return inner._replace(store=np.zeros(size))
+        return inner._replace(store=np.zeros(size), rhs=NoColumns())
     where = inner.where.copy()
     lane = where[:, 0] % 8
     where[:, 0] = (where[:, 0] - lane) // 4 + lane

@@ -1,4 +1,4 @@
-"""Conditions of sleeves as NumPy sees them: sums of products D_i . d_j(s) between the triad of a holder and the section of a beam."""
+"""Conditions of sleeves as NumPy sees them: products D_i . d_j(s) between the triad of a holder and the section of a beam."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from .model import Model
 
 Array = np.ndarray
-# products (factor, i, j), counted from 0, whose sum is zero; the last one of keyed sleeves alone: no turn of triad and section about
-# D_1 changes it, though d_2 and d_3 between nodes are not quite at a right angle
+# products (factor, i, j), counted from 0, whose sum is zero; the last one of keyed sleeves alone: no turn of triad and section
+# about D_1 changes it, though d_2 and d_3 between nodes are not quite at a right angle
 CONDITIONS = (((1.0, 0, 1),), ((1.0, 0, 2),), ((0.5, 1, 2), (-0.5, 2, 1)))
 
 
 class Section(NamedTuple):
-    """The section of a beam in a sleeve: n nodes with shape functions and their first and second derivatives by s, P conditions."""
+    """The section of a beam in a sleeve: n nodes with shape functions and their first and second derivatives, P conditions."""
 
     nodes: Array    # int64 [n + 1]: nodes of the beam, then the holder
     roots: Array    # int64 [n + 1]: the nodes that their spins belong to

@@ -19,8 +19,9 @@ from .kernels.nodes import NODES_SCRATCH
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.terms import NoTies
 from .kernels.user_force import FACTOR, SIZE
-from .kernels.work import LastIncrement, Work, aligned
+from .kernels.work import LastIncrement, Work
 from .model import Model
+from .room import aligned_room, padded, room
 
 Array = np.ndarray
 
@@ -33,27 +34,28 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     q = model.q0.size
     # what is not a beam takes the coordinates from these
     moved = q * (rates or bool(model.links) or any(
-        x is not None for x in (model.sliders, model.ties, model.bodies, model.drag, model.added)))
+        x is not None for x in (model.sliders, model.ties, model.bodies, model.drag, model.added, model.motions)))
     second = model.bodies is not None or model.moving is not None
     border = model.border * model.n_bordered
     # what only a dense border needs
     dense = 0 if model.by_rows else border
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
-    theta = _padded((size - model.dim) * n)
-    return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
-                u=np.zeros(q * (rates or second)), s_end=np.zeros(s), f_ext=aligned(8 * (n + 1)),
-                r=aligned(8 * (n + 1)),
-                blocks=aligned(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
-                panel=aligned(panel), border_rows=aligned((1 - model.by_rows) * (dense + 1) * model.width),
-                schur=np.zeros((dense, dense)), y=np.zeros(border),
-                scratch=scratch_of(model), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                keep_force=np.zeros(kept * model.n_forces),
-                keep_history=np.zeros(kept * model.history_size), keep_dphi=np.zeros(kept * model.dim * n),
-                keep_theta=np.zeros(kept * theta.size),
+    # mean rates of the step before: none
+    theta = np.zeros((size - model.dim) * n + 8)[:(size - model.dim) * n]
+    return Work(dphi=np.zeros(model.dim * n + 8)[:model.dim * n], theta=theta, q_mid=room(moved), q_end=room(moved),
+                u=room(q * (rates or second)), s_end=room(s), f_ext=aligned_room(8 * (n + 1)),
+                r=aligned_room(8 * (n + 1)),
+                blocks=aligned_room(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
+                panel=aligned_room(panel), border_rows=aligned_room((1 - model.by_rows) * (dense + 1) * model.width),
+                schur=room((dense, dense)), y=room(border),
+                scratch=scratch_of(model), keep_q=room(kept * q), keep_v=room(kept * q), keep_s=room(kept * s),
+                keep_force=room(kept * model.n_forces),
+                keep_history=room(kept * model.history_size), keep_dphi=room(kept * model.dim * n),
+                keep_theta=room(kept * theta.size),
                 past=np.zeros(model.past_size),
-                keep_past=np.zeros(kept * model.past_size),
-                increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned(8 * (n + 1)),
-                               NoTies() if model.ties is None else _padded(model.dim * n)))
+                keep_past=room(kept * model.past_size),
+                increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned_room(8 * (n + 1)),
+                               NoTies() if model.ties is None else padded(model.dim * n)))
 
 
 def check_border(model: Model) -> None:
@@ -92,7 +94,7 @@ def scratch_of(model: Model) -> Array:
     kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
     sizes = [layout_of(model.dofs, nn, nq).doubles for nn, nq in kinds]
     most = max([*sizes, NODES_SCRATCH])
-    return aligned(most if model.substructures is None else most + front_size(len(model.dofs)))
+    return aligned_room(most if model.substructures is None else most + front_size(len(model.dofs)))
 
 
 def entries_of(model: Model, bounded: bool = True) -> int:
@@ -162,13 +164,13 @@ def factored_contact_of(model: Model, entries: int) -> FactoredContact:
     """Work arrays of constraints that are all sliders as rows of the block matrix, without sleeves, for the conserving step."""
     n, shape = model.n_sliders, model.curves.shape
     numbers = 8 if model.ties is None else 16
-    return FactoredContact(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
+    return FactoredContact(basis=room((5, shape[:, 2].max())), legendre=room((3, shape[:, 1].max())),
                            entries=np.zeros(n, np.int32), row=np.zeros((n, entries), np.int32),
-                           share=aligned(n * entries * numbers).reshape(n, entries, numbers),
-                           frame=aligned(n * FRAME).reshape(n, FRAME), residual=aligned(8 * n).reshape(n, 8),
+                           share=aligned_room(n * entries * numbers).reshape(n, entries, numbers),
+                           frame=aligned_room(n * FRAME).reshape(n, FRAME), residual=aligned_room(8 * n).reshape(n, 8),
                            element=np.zeros(n, np.int64), forces=model.forces, first=np.cumsum(model.unknowns) - model.unknowns,
-                           first_force=model.first_force, compliance=np.zeros(n), softness=model.softness,
-                           remaining=np.zeros(n), full=np.zeros(1, np.int64), augmented=np.zeros(4),
+                           first_force=model.first_force, compliance=room(n), softness=model.softness,
+                           remaining=room(n), full=np.zeros(1, np.int64), augmented=room(4),
                            pair=np.zeros((0, 2), np.int64))
 
 
@@ -182,18 +184,18 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
     first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else np.where(
         model.carried, -1, model.border * (np.cumsum(~model.carried) - 1))
     kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
-    columns, lines = (aligned(n * row * entries).reshape(n, row * entries) for _ in range(2))
+    columns, lines = (aligned_room(n * row * entries).reshape(n, row * entries) for _ in range(2))
     # behind the forces of joints those of the identity
-    corner = aligned(64 * n).reshape(n, 64)
+    corner = aligned_room(64 * n).reshape(n, 64)
     corner[:, ::9] = model.forces[:, None] <= np.arange(8)
-    return kind(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
+    return kind(basis=room((5, shape[:, 2].max())), legendre=room((3, shape[:, 1].max())),
                 entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
-                corner=corner, residual=np.zeros((n, 8)),
+                corner=corner, residual=room((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
-                first_force=model.first_force, compliance=np.zeros(n), softness=model.softness,
-                remaining=np.zeros(n),
-                full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=model.sleeve_pairs,
-                cross=np.zeros((len(model.sleeve_pairs), 2, 8)), before=np.zeros(n))
+                first_force=model.first_force, compliance=room(n), softness=model.softness,
+                remaining=room(n),
+                full=np.zeros(1, np.int64), augmented=room(4), pair=model.sleeve_pairs,
+                cross=room((len(model.sleeve_pairs), 2, 8)), before=room(n))
 
 
 def inner_of(model: Model) -> Inner | None:
@@ -201,8 +203,8 @@ def inner_of(model: Model) -> Inner | None:
     if model.inner is None:
         return None
     inner = model.inner
-    rhs = aligned(inner.rhs.size) if isinstance(inner.rhs, np.ndarray) else inner.rhs
-    return inner._replace(store=aligned(inner.store.size), rhs=rhs,
+    rhs = aligned_room(inner.rhs.size) if isinstance(inner.rhs, np.ndarray) else inner.rhs
+    return inner._replace(store=aligned_room(inner.store.size), rhs=rhs,
                           mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
 
 
@@ -211,12 +213,7 @@ def condensed_of(model: Model) -> Substructures | None:
     if model.substructures is None:
         return None
     placed = place_stores(model.substructures, len(model.dofs))
-    return placed._replace(store=aligned(placed.store.size), ends=aligned(placed.ends.size))
-
-
-def _padded(n: int) -> Array:
-    """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
-    return np.zeros(n + 8)[:n]
+    return placed._replace(store=aligned_room(placed.store.size), ends=aligned_room(placed.ends.size))
 
 
 def law_work() -> Array:
@@ -229,10 +226,10 @@ def law_work() -> Array:
 def scratch_of_moving(n: int) -> Scratch:
     """Work arrays of beams whose elements move, for elements of n nodes."""
     size = 12 * n
-    return Scratch(np.zeros((4 * n, 4 * n)), np.zeros(size + 2), np.zeros(2 * size), np.zeros(2 * size), np.zeros((2, 2)),
-                   np.zeros(7 * size), np.zeros(7 * size), np.zeros(42 * n), np.zeros(42 * n),
-                   np.zeros((7, 7)), np.zeros((2, 6, 7)), np.zeros((2, 7)), np.zeros((5, 7)), np.zeros((3, 6)), np.zeros(7),
-                   np.zeros((6 * n + 2, 6 * n + 2)))
+    return Scratch(room((4 * n, 4 * n)), room(size + 2), room(2 * size), room(2 * size), room((2, 2)),
+                   room(7 * size), room(7 * size), room(42 * n), room(42 * n),
+                   room((7, 7)), room((2, 6, 7)), room((2, 7)), room((5, 7)), room((3, 6)), room(7),
+                   room((6 * n + 2, 6 * n + 2)))
 
 
 def moving_of_run(table: MovingBeam) -> MovingBeam:

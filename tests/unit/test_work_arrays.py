@@ -1,7 +1,7 @@
-"""Compiled code writes inside the arrays that it is given and reads nothing from scratch that it has not written before.
+"""Compiled code writes inside the arrays that it is given and reads nothing from room for work that it has not written before.
 
-Work arrays get a fence of NaN on both sides, scratch begins as NaN: fences stay as they are, and the run has the bits of one with
-ordinary arrays.
+Work arrays get a fence of NaN on both sides, room for work (room.py) begins as NaN: fences stay as they are, and the run has the
+bits of one with ordinary arrays.
 """
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from test_sliders_on_nets import CASES as NETS
 from test_sliders_on_nets import scene as net
 
 import fastbeam as fb
-from fastbeam import carrying, condensed, constraints, linsolve, methods, newton, slider_forces, workspace
+from fastbeam import carrying, constraints, linsolve, methods, newton, observe, reactions, slider_forces, workspace
 from fastbeam.kernels import substructures
 from fastbeam.kernels.layout import NODES, POINTS
 from fastbeam.kernels.work import State
@@ -26,7 +26,7 @@ Array = np.ndarray
 H = 0.01
 WIDTH = 128                                      # of a fence on one side, doubles
 MARK = np.int64(0x7FF8_DEAD_BEEF_0BAD)           # a NaN
-ALLOCATING = (carrying, constraints, linsolve, methods, newton, slider_forces, substructures, workspace)
+ALLOCATING = (carrying, constraints, linsolve, methods, newton, observe, reactions, slider_forces, substructures, workspace)
 
 
 class Fences:
@@ -57,6 +57,18 @@ class Fences:
         raw[start:start + n] = 0
         return raw[start:start + n].view(float)
 
+    def room(self, shape: Any) -> Array:
+        """As room.room."""
+        out = self.zeros(shape)
+        out.fill(np.nan)
+        return out
+
+    def aligned_room(self, n: int) -> Array:
+        """As room.aligned_room."""
+        out = self.aligned(n)
+        out.fill(np.nan)
+        return out
+
     def copy(self, x: Array) -> Array:
         """As numpy.copy."""
         out = self.zeros(x.shape, x.dtype)
@@ -70,23 +82,15 @@ class Fences:
 
 @pytest.fixture
 def fences(monkeypatch: pytest.MonkeyPatch) -> Fences:
-    """All work arrays that are allocated from now on have fences, and scratch begins as NaN."""
+    """All work arrays that are allocated from now on have fences, and room for work begins as NaN."""
     made = Fences()
     state = Model.state
     for module in ALLOCATING:
         monkeypatch.setattr(module, "np", made)
-        if hasattr(module, "aligned"):
-            monkeypatch.setattr(module, "aligned", made.aligned)
-
-    def scratch(model: Model) -> Array:
-        out = scratch_of(model)
-        out[:] = np.nan
-        return out
-
-    scratch_of = workspace.scratch_of
-    monkeypatch.setattr(workspace, "_padded", made.zeros)
-    monkeypatch.setattr(workspace, "scratch_of", scratch)
-    monkeypatch.setattr(condensed, "scratch_of", scratch)
+        for name, own in (("aligned", made.aligned), ("aligned_room", made.aligned_room), ("padded", made.room),
+                          ("room", made.room)):
+            if hasattr(module, name):
+                monkeypatch.setattr(module, name, own)
     monkeypatch.setattr(Model, "state", lambda self: State(*(made.copy(x) for x in state(self))))
     return made
 

@@ -8,7 +8,9 @@ the first alone. Their multipliers are moments, mu_12, mu_13, mu_23; with means 
     director j of node A      + mu_ij N_A,mean D_i,mean                moment  mu_ij N_A,mean d_jA,mean x D_i,mean
     sliding (5.3)             - mu_ij sum_A N[s_n, s_n+1]_A mean(D_i . d_jA)
 
-with mu_23/2 in the place of mu_ij for (i, j) = (2, 3) and -mu_23/2 for (3, 2). The moments of a sleeve are a constraint of their own behind all others, coupled with the slider by s alone. Besides mu it has a
+with mu_23/2 in the place of mu_ij for (i, j) = (2, 3) and -mu_23/2 for (3, 2).
+
+The moments of a sleeve are a constraint of their own behind all others, coupled with the slider by s alone. Besides mu it has a
 copy z of the holder's spin: moments turn with the nodes that they act on, and in the tangent all of these turn like the holder.
 What is left out are the small differences of their spins times a moment, next to the bending stiffness of an element.
 
@@ -161,8 +163,8 @@ def add_turning(column, at, factor, held_mid, held_end, turner_mid, turner_end):
 
 @kernel
 def put_moments(term, system, k, c, held, holder, sums, share, nodes, lo, hi):
-    """The first `held` of three conditions of constraint c, the moments of slider k, on its holder and the nodes under it: rows of
-    the residual and entries. share: of the sliding equation as in `SlidingLaw`."""
+    """The first `held` of three conditions of constraint c, the moments of slider k, on its holder and the nodes under it: rows
+    of the residual and entries. share: of the sliding equation as in `SlidingLaw`."""
     contact, work, dofs = system.contact, system.work, system.dofs
     d = dim(dofs)
     copy = len(dofs) - d
@@ -341,7 +343,8 @@ def hold_section_in_sleeve(sleeves, sums, term, system, k, nodes, lo, hi, law):
         slope += system.state.force[contact.first_force[c] + p] * (
             products(p, holder.bore_start, holder.key_start, holder.side_start, second.dt0, third.dt0)
             + products(p, holder.bore_end, holder.key_end, holder.side_end, second.dt1, third.dt1))
-        contact.cross[o, 0, p] = -law.share * way_of(holder, second, third, p) + law.rub * edge_by_moment(sleeves, system, o, c, p)
+        contact.cross[o, 0, p] = (-law.share * way_of(holder, second, third, p)
+                                  + law.rub * edge_by_moment(sleeves, system, o, c, p))
         contact.cross[o, 1, p] = here * products(p, holder.bore_end, holder.key_end, holder.side_end, second.end_s, third.end_s)
         if here == 0.0:
             let_go(contact, c, p, system.dofs)

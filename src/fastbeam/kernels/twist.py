@@ -1,8 +1,9 @@
 """Friction of beams that turn in unkeyed sleeves, theory.md 5.8.
 
-The moment mu_23 of such a sleeve holds nothing, it rubs. Its condition (5.8) is taken with D_2, D_3 turned to the section by an angle
-that stays what it is in the step: h = (D_2* . d_3(s) - D_3* . d_2(s))/2 = sin(x - x*), x the angle of the section in the sleeve, so
-that the moment does exactly the work mu_23 Dh, whatever the step. With x* = x_n + rest and rest = h x'_n/2, an increment that leaves it at rest,
+The moment mu_23 of such a sleeve holds nothing, it rubs. Its condition (5.8) is taken with D_2 and D_3 turned to the section by
+an angle that stays what it is in the step: h = (D_2* . d_3(s) - D_3* . d_2(s))/2 = sin(x - x*), x the angle of the section in the
+sleeve, so that the moment does exactly the work mu_23 Dh, whatever the step. With x* = x_n + rest and rest = h x'_n/2, the one
+increment that leaves the section at rest,
 
     it sticks   h = 0 at the end of the step, |mu_23| <= mu r F_n
     it slips    mu_23 Dh = -sign mu r F_n Dx,   sign that of the velocity at the end of the step, which is that of h      (5.14)
@@ -90,7 +91,7 @@ def angle_per_way(start, end):
 
 @kernel
 def section_of(basis, row, dofs, q, nodes, lo, hi, j):
-    """d_(j+1) of the section, or its derivative, over lo to before hi of `nodes_of` a curve, with the shape functions of a row of basis."""
+    """d_j + 1 of the section over lo to before hi of `nodes_of` a curve, with the shape functions of a row of basis."""
     out = zero_vector(dofs)
     for a in range(lo, hi):
         out += basis[row, slot.call(nodes, a)] * director.call(dofs, q, node_of.call(nodes, a), j)
@@ -158,8 +159,8 @@ def rate_of_twist(sleeves, term, system, k, o):
     moving = section_of(basis, 0, dofs, v, nodes, lo, hi, 1) + along * section_of(basis, 2, dofs, q, nodes, lo, hi, 1)
     moved = section_of(basis, 0, dofs, v, nodes, lo, hi, 2) + along * section_of(basis, 2, dofs, q, nodes, lo, hi, 2)
     key, side = holder_director.call(dofs, sleeves, o, 1, q, point), holder_director.call(dofs, sleeves, o, 2, q, point)
-    turning = twist_between(holder_director.call(dofs, sleeves, o, 1, v, point), holder_director.call(dofs, sleeves, o, 2, v, point),
-                            second, third)
+    turning = twist_between(holder_director.call(dofs, sleeves, o, 1, v, point),
+                            holder_director.call(dofs, sleeves, o, 2, v, point), second, third)
     return 2.0 * (turning + twist_between(key, side, moving, moved)) / (dot(key, second) + dot(side, third))
 
 
