@@ -15,7 +15,6 @@ from .maps import with_values
 from .model import Model
 from .saddle import Saddle, factors_for
 from .saddle_solver import Increment
-from .static_motion import StaticShift
 from .static_sliders import SlidingSolver
 from .static_strains import StrainPath
 
@@ -205,7 +204,7 @@ class PathSolver(SlidingSolver):
 
     def _at(self, factor: float, ahead: float = 0.0) -> None:
         """Loads, prestrains, laws and supports at a load factor, and by `ahead` further, supports to first order."""
-        if isinstance(self.motion, StaticShift):
+        if self.motion is not None:
             self.motion.share, self.motion.ahead = factor, ahead
         factor += ahead
         self._loads[:] = self._first_loads + factor * self._unit_loads

@@ -95,6 +95,8 @@ class Basis:
         Points (m) and weights (m) that integrate masses and distributed loads.
     mass_phi_values : [n_elements, nm, nn]
         Position basis there.
+    spread : [n_elements, p+1, nn] or None
+        What the director basis makes of the p + 1 functions of positions, where it is another one.
     """
 
     interpolation: str
@@ -117,6 +119,21 @@ class Basis:
     mass_point_s: Array
     mass_weight: Array
     mass_phi_values: Array
+    spread: Array | None = None
+
+    def shapes(self, element: IntArray, s: Array) -> tuple[Array, Array]:
+        """Position and director basis of the nodes of elements [m] at arc lengths s [m, g] within them: [m, g, nn] each."""
+        curve = self.curve("own")
+        begin, end = self.element_ends[element], self.element_ends[element + 1]
+        xi = (2.0 * (s - begin[:, None]) / (end - begin)[:, None]) - 1.0
+        # nodes that all elements have
+        own = np.einsum("mgk,mak->mga", legendre.legvander(xi, self.degree), curve.coef[element][:, :self.degree + 1])
+        if self.spread is None:
+            return own, own
+        wide = np.zeros((*s.shape, self.element_nodes.shape[1]))
+        at = (curve.first_node[element] - self.element_nodes[element, 0])[:, None] + np.arange(self.degree + 1)
+        np.put_along_axis(wide, np.broadcast_to(at[:, None], own.shape), own, axis=2)
+        return wide, own @ self.spread[element]
 
     def fit_positions(self, values: ArrayLike) -> Array:
         """Nodal coefficients [n_nodes, k] of the curve through values [n_nodes, k] at node_s.
@@ -262,7 +279,7 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
         dir_, dir_s = own @ spread, own_s @ spread
         mass_dir = _mass(mass_own @ spread, mass_weight)
     return Basis(interpolation, p, directors, length, n_nodes, n_elements, node_s, ends, first[:, None] + np.arange(nn), point_s,
-                 weight, phi, phi_s, dir_, dir_s, mass_phi, mass_dir, mass_point_s, mass_weight, mass_values)
+                 weight, phi, phi_s, dir_, dir_s, mass_phi, mass_dir, mass_point_s, mass_weight, mass_values, spread)
 
 
 def _check_family(interpolation: str, degree: int, directors: str) -> None:

@@ -21,6 +21,7 @@ from .scene.beams import NodeRef
 from .scene.crossings import Knot
 from .scene.nets import NetBeam
 from .tables import strain_gradient, strains_of
+from .unpacked import points_of
 
 Array = np.ndarray
 # contacts nearer than this share of the beam to each other, or to an end that stays, stand at the same place
@@ -331,8 +332,12 @@ class Element(NamedTuple):
         unit, h = _unit(self.beam.degree), self.ends[1] - self.ends[0]
         out = h * unit.mass_phi[0].sum(axis=1)[:, None] * self.acting.weight
         for load, factor in self.acting.loads:
-            values = load.force_at(self.ends[0] + h * unit.mass_point_s[0])
-            out = out + factor * h * np.einsum("g,gn,gc->nc", unit.mass_weight[0], unit.mass_phi_values[0], values)
+            if callable(load.force):
+                on = points_of(load, 0, np.array(self.ends))
+                shape = unit.shapes(on.element, (on.s - self.ends[0]) / h)[0]
+                out = out + factor * np.einsum("pg,pgn,pgc->nc", on.weight, shape, on.values)
+            elif load.force is not None:
+                out = out + factor * h * np.einsum("g,gn,c->nc", unit.mass_weight[0], unit.mass_phi_values[0], load.force)
         return out
 
     def slopes(self, sides: tuple[int, ...]) -> tuple[Array, Array]:

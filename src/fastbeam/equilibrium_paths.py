@@ -25,7 +25,7 @@ from .scene.checks import Place
 from .path_stops import wanted_of
 from .path_walk import PathWalk
 from .starting import check_start
-from .static_motion import StaticShift, leave_plane
+from .static_motion import StaticMotion, StaticShift, coordinates_of, leave_plane
 from .static_strains import StrainPath, prestrains_of
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports, check_turned, free_aside, standing_supports, supported
@@ -86,7 +86,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     at_time : float or (float, float)
         Where time functions of loads, and of drives, are evaluated, s; needed when the scene has some. Two times: load factor 0
         has the loads of the first, 1 those of the second, so that loads and gravity without a time function stay, and cases of
-        loads follow each other. `start` is then an equilibrium under the first loads, `solve_static(model, at_time=...)`.
+        loads follow each other. `start` is then an equilibrium under the first loads, `solve_static(model, at_time=...)`. A
+        `PrescribedMotion` goes along its function from t = 0, or between the times, with the load factor; with `moves` or
+        `prestrains` and one time it stands where it is then; without a time where it is at the start.
     points : mapping
         As in `simulate`.
     observe : sequence of str
@@ -154,10 +156,11 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if to == load_factor:
         raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
     stays_put = moves is None and prestrains is None
+    rides = _rides(model, at_time, moves, stays_put)
     # laws that do not grow act in full, as springs do
     by_laws = laws_grow(model)
     pushed = drives is not None and bool(np.any(~stays & (drives.tables.drive != NO_DRIVE)))
-    if stays_put and not np.any(model.loads) and not by_laws and not pushed:
+    if stays_put and not np.any(model.loads) and not by_laws and not pushed and rides is None:
         raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, let a "
                          "UserForce grow (grows=True), move supports, moves={clamp: (0, 0, -0.1)}, or strain beams, "
                          "prestrains={beam: -0.01}")
@@ -165,7 +168,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     strains = None if prestrains is None else StrainPath(model, prestrains_of(model, prestrains))
     laws = law_path("solve_path", model, at_time, stays_put)
     if stays_put or isinstance(at_time, tuple):
-        factors = load_path("solve_path", model, at_time, by_laws and laws.moves)
+        factors = load_path("solve_path", model, at_time, by_laws and laws.moves or rides is not None)
     else:
         stay = load_factors_at("solve_path", model, at_time)
         factors = stay, np.zeros_like(stay)
@@ -192,6 +195,11 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         if moved:
             begin = model.q0 if start is None else start.q
             found.motion = StaticShift(found.stepper.model, moved, begin, load_factor)
+        if rides is not None:
+            ride = StaticMotion(found.stepper.model, found.state, True, rides, "solve_path")
+            ride.check_stands("solve_path", factor, coordinates_of(found.stepper, ride.own))
+            if rides[0] != rides[1]:
+                found.motion = ride
         return found
 
     # where supports leave its plane the scene does, if it may
@@ -220,6 +228,18 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if strains is not None:
         strains.watch([*path.observer.points.sections, *(x.section for x in wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
+
+
+def _rides(model: Model, at_time: float | tuple[float, float] | None, moves: Any, grow: bool) -> tuple[float, float] | None:
+    """Times at load factors 0 and 1 at which supports that move are where their functions have them; None where they stay."""
+    if model.prescribed is None or at_time is None:
+        return None
+    if isinstance(at_time, tuple):
+        if moves is not None:
+            raise SceneError(f"solve_path: {model.prescribed.motions[0].label} moves between the times of at_time=, and moves= "
+                             "with the load factor too; give one time, or leave moves out")
+        return at_time
+    return (0.0, at_time) if grow else (at_time, at_time)
 
 
 def _moves(model: Model, moves: Any) -> dict[int, Array]:

@@ -76,6 +76,8 @@ class LengthSteps(LoadSteps):
 
     def __init__(self, task: LengthTask, mass: str) -> None:
         super().__init__(task)
+        # loads act in full, at their time
+        self.solver.set_time(task.at_time or 0.0, 1.0)
         _check_influence(self.solver.influence(), task.tables.beams, task.conditions)
         self.info |= {"method": "lengths", "mass": mass}
         header = self.observer.header(self.info)

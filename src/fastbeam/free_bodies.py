@@ -23,7 +23,7 @@ from .model import Model
 from .resultants import Sections
 from .room import aligned_room
 from .scene import DistributedLoad
-from .unpacked import of_elements
+from .unpacked import of_elements, points_of
 
 Array = np.ndarray
 # a section that is nearer to the end of an element lies there, as a share of the length of the beam
@@ -55,6 +55,8 @@ class Piece(NamedTuple):
     whole: Array      # float64 [g, A]: and at the points of the mass in the whole element
     place: Array      # float64 [A]: and at the section
     length: Array     # float64 [A]: that belongs to a node, m
+    # of every load that acts along it: number of its vector, shape functions [g, A], and forces and moments [g, 6] at points
+    loads: tuple[tuple[int, Array, Array], ...] = ()
 
 
 def places_on(section: Sections, s: Array) -> Array:
@@ -134,7 +136,7 @@ class FreeBodies:
                 self.of.append(self._number(section, near))
             else:
                 k = int(np.searchsorted(ends, s)) - 1
-                self.of.append(piece_to(section, self._number(section, k), k))
+                self.of.append(self._loaded(piece_to(section, self._number(section, k), k)))
         # rows of nodes of elements, then of nodes
         wanted = {(cut.section.first, int(e)): cut.section.first + cut.section.beam.basis.element_nodes[e]
                   for cut in self.cuts for e in cut.elements}
@@ -239,6 +241,26 @@ class FreeBodies:
         """Dead loads along a beam, each with the number of its load vector."""
         return [(self._group(load.time), load) for load in self.model.load_parts.values()
                 if isinstance(load, DistributedLoad) and load.beam is beam and not load.follower]
+
+    def _loaded(self, piece: Piece) -> Piece:
+        """With what loads do along it."""
+        section, beam, loads = piece.section, piece.section.beam, []
+        start = float(beam.basis.element_ends[piece.element])
+        for k, load in self._distributed(beam):
+            for which, given in enumerate((load.force, load.moment)):
+                # moments on splines act on nodes
+                if given is None or which and beam.basis.interpolation == "bspline":
+                    continue
+                if callable(given):
+                    on = points_of(load, which, np.array([start, float(section.s[0])]))
+                    shape = places_on(section, on.s.reshape(-1))
+                    on_points = (on.weight[..., None] * on.values).reshape(-1, 3)
+                else:
+                    shape, on_points = piece.shape, piece.weight[:, None] * given
+                acting = np.zeros((len(shape), 6))
+                acting[:, 3 * which:3 * which + 3] = on_points
+                loads.append((k, shape, acting))
+        return piece._replace(loads=tuple(loads))
 
     # --- one evaluation ---------------------------------------------------------------------------------------------------
     def forces(self, system: Any, q: Array, h: float, factors: Array, second: Array | None, pushes: Any) -> Array:
@@ -400,15 +422,13 @@ class FreeBodies:
         if np.any(self.model.gravity):
             lacks[:, :3] -= factors[self._group(self.model.gravity_time)] * beam.section.inertia[0] * self.model.gravity
         rows = on_nodes[[self.row_of[section.first + a] for a in nodes.tolist()]]
-        for k, load in self._distributed(beam):
-            lacks[:, :3] -= factors[k] * load.force_at(piece.s)
-            if basis.interpolation == "bspline":
-                rows[:, 3:] -= factors[k] * nodal(basis, of_elements(load)[1][1])[nodes]
-            else:
-                lacks[:, 3:] -= factors[k] * load.moment_at(piece.s)
+        for k, load in self._distributed(beam) if basis.interpolation == "bspline" else ():
+            rows[:, 3:] -= factors[k] * nodal(basis, of_elements(load)[1][1])[nodes]
         rows /= piece.length[nodes, None]
         lacks += piece.shape[:, nodes] @ rows
         out = _about(end, piece.shape @ x, piece.weight[:, None] * lacks)
+        for k, shape, acting in piece.loads:
+            out -= factors[k] * _about(end, shape @ x, acting)
         off += _about(end, x[nodes], basis.mass_phi[e].sum(axis=1)[:, None] * rows)
         off -= _about(end, piece.whole @ x, basis.mass_weight[e][:, None] * (piece.whole[:, nodes] @ rows))
         start_s, end_s = basis.element_ends[e:e + 2]

@@ -32,6 +32,7 @@ from .response import place_events
 from .result import Result, ResultBuffer
 from .scene.checks import Place
 from .starting import check_start
+from .static_motion import StaticMotion
 from .static_sliders import SlidingSolver
 from .statics import START, check_slider_forces
 from .supports import check_supports
@@ -50,6 +51,8 @@ SMALLEST = 1e-9
 FIRST_TRY, LATER = 2, 1.5
 # an equilibrium may lie so far above the energy that was reached, next to what motion has taken
 HIGHER = 1e-9
+# supports that move go so far in a step, in sizes of the scene and rad, and by such a share of their way
+LONGEST_WAY, LARGEST_SHARE = 0.01, 0.05
 # motion in a swing, in sizes of the scene, with which a scene counts as at rest where Newton's method is not asked
 STILL = 1e-7
 
@@ -72,7 +75,8 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     Parameters
     ----------
     model : Model
-        With every part that hangs together held at a point at least, about which it may turn. Supports that move stand still.
+        With every part that hangs together held at a point at least, about which it may turn. With `at_time` supports that
+        move go to their place at that time first, along their functions; without a time they stand still.
     start : State
         Begin from this shape instead of the reference; its velocities do not count.
     step : float
@@ -131,8 +135,9 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     notes: list[Any] = []
     if start is not None:
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
-    at_rest = _at_rest(model, factors)
-    run = _Motion(model, at_rest, start, factors, at_time or 0.0, max_iterations, backend, observe, points)
+    way = _way(model, start, at_time)
+    at_rest = _at_rest(model, factors, way)
+    run = _Motion(model, at_rest, start, factors, at_time or 0.0, max_iterations, backend, observe, points, way)
     run.held_in_space = check_supports(model, run.stepper.plane is not None, may_turn=True)
     for kind, text in notes:
         run.buffer.event({"kind": kind, "time": 0.0, "text": text})
@@ -153,44 +158,96 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
                               "in .result", result=result, state=result.state) from stopped
 
 
-def _at_rest(model: Model, factors: Array) -> Model:
-    """The model with loads that are constant and supports that stand still."""
+def _way(model: Model, start: State | None, at_time: float | None) -> _Way | None:
+    """Of supports that move; None where they stand where they are at the time of the loads.
+
+    Raises
+    ------
+    SceneError
+        In the start they stand elsewhere, neither where they are then nor where they are at t = 0.
+    """
+    if model.prescribed is None or at_time is None:
+        return None
+    begin = model.state() if start is None else start
+    motion = StaticMotion(model, begin, True, (0.0, at_time), "relax")
+    now = begin.q.reshape(-1, 4, 3)[motion.own]
+    if motion.stands(1.0, now) and (start is not None or at_time == 0.0):
+        return None
+    motion.check_stands("relax", 0.0, now)
+    return _Way(model.prescribed, at_time, model.length)
+
+
+def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
+    """The model with loads that are constant and supports that go their way, or stand still."""
     def constant(one: Model) -> Model:
         loads = one.loads * factors[:, None] if one.loads.size else one.loads
         return replace(one, loads=loads, load_times=[None] * len(factors),
-                       prescribed=None if one.prescribed is None else _Still(one.prescribed))
+                       prescribed=None if one.prescribed is None else _Still(one.prescribed, way))
 
     plane, uneliminated, uncondensed = model.plane, model.uneliminated, model.uncondensed
     if plane is not None:
         plane = replace(plane, model=constant(plane.model))
     assert uneliminated is not None and uncondensed is not None
-    return replace(constant(model), plane=plane, uneliminated=lambda **options: _at_rest(uneliminated(**options), factors),
-                   uncondensed=lambda: _at_rest(uncondensed(), factors))
+    return replace(constant(model), plane=plane, uneliminated=lambda **options: _at_rest(uneliminated(**options), factors, way),
+                   uncondensed=lambda: _at_rest(uncondensed(), factors, way))
+
+
+class _Way:
+    """How far supports that move have gone on their way from t = 0 to where they are at one time, s.
+
+    Attributes
+    ----------
+    share, size : float
+        Of the way: gone, and of the next step.
+    """
+
+    def __init__(self, of: PrescribedMotions, at_time: float, length: float) -> None:
+        self.at_time, self.share = at_time, 0.0
+        ends = [motion.place(at_time) - motion.place(0.0) for motion in of.motions]
+        turns = [motion.turn(at_time) @ motion.turn(0.0).T - np.eye(3) for motion in of.motions]
+        # matrices do not tell full turns
+        far = max(float(np.max(np.abs(ends))) / length, *(float(np.max(np.abs(x), initial=0.0)) for x in (turns, of.vectors(at_time))))
+        self.most = self.size = min(LONGEST_WAY / far, LARGEST_SHARE) if far > 0.0 else LARGEST_SHARE
+
+    def times(self) -> Array:
+        """Of the functions, at both ends of the next step."""
+        return self.at_time * np.array([self.share, min(self.share + self.size, 1.0)])
+
+    def took(self) -> None:
+        """The step is done."""
+        self.share = 1.0 if self.share + self.size > 1.0 - 1e-9 else self.share + self.size
+        self.size = min(GROWTH * self.size, self.most, 1.0 - self.share)
+
+    @property
+    def is_done(self) -> bool:
+        return self.share == 1.0
 
 
 class _Still:
-    """Supports that could move and stand still."""
+    """Supports that could move and go their way in the motion, or stand still."""
 
-    def __init__(self, of: PrescribedMotions) -> None:
-        self._of = of
+    def __init__(self, of: PrescribedMotions, way: _Way | None) -> None:
+        self._of, self._way = of, way
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._of, name)
 
     def schedule(self, times: Array, tables: Any, plane: Any = None) -> Array:
-        """Increments of no motion, as `PrescribedMotions.schedule`."""
-        return np.zeros((len(times) - 1, len(self._of.motions), 6 if plane is None else 3))
+        """Increments of a step, as `PrescribedMotions.schedule`."""
+        if self._way is None or self._way.is_done:
+            return np.zeros((len(times) - 1, len(self._of.motions), 6 if plane is None else 3))
+        return self._of.schedule(self._way.times(), tables, plane)
 
     def vectors(self, t: float) -> Array:
-        """Rotation vectors of no motion."""
-        return np.zeros(self._of.turns_size)
+        """Rotation vectors [3 K] of supports where they are on their way, less those at t = 0; zeros where they stand still."""
+        return np.zeros(self._of.turns_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
 
 
 class _Motion:
     """From the start to rest."""
 
     def __init__(self, model: Model, at_rest: Model, start: State | None, factors: Array, t: float, max_iterations: int,
-                 backend: str, observe: Sequence[str], points: Mapping[str, Place] | None) -> None:
+                 backend: str, observe: Sequence[str], points: Mapping[str, Place] | None, way: _Way | None) -> None:
         self.model, self.factors, self.at_time, self.max_iterations, self.backend = model, factors, t, max_iterations, backend
         own = None
         if start is not None:
@@ -209,6 +266,7 @@ class _Motion:
         self.t = self.lost = 0.0
         self.steps = self.swings = self.iterations = 0
         self.held_in_space = True
+        self.way = way
         # why the last equilibrium of Newton's method does not count
         self.refused = ""
         self.solver: StaticSolver | None = None
@@ -274,6 +332,8 @@ class _Motion:
                 far = self._way(saved[0].q) > LONGEST if outcome.status == OK else True
                 if far and h > smallest:
                     self.stepper.load(saved)
+                    if self.way is not None:
+                        self.way.size *= 0.5
                     h *= 0.5 if outcome.status == OK else 0.25
                     continue
                 if outcome.status != OK:
@@ -282,6 +342,8 @@ class _Motion:
                                            residuals=error.residuals, worst=error.worst, state=self.state(), result=self.result())
                 self.steps += 1
                 since += 1
+                if self.way is not None and not self.way.is_done:
+                    self.way.took()
                 self.t += h
                 self.iterations += outcome.iterations
                 kinetic = self.energies()[0]
@@ -303,6 +365,8 @@ class _Motion:
                 before, since = 0.0, 0
                 self.info["residual"] = way
                 bar.update(0.0)
+                if self.way is not None and not self.way.is_done:
+                    continue
                 if finish and (self.swings >= next_try or way <= STILL):
                     next_try = int(np.ceil(LATER * self.swings))
                     if self._finished():

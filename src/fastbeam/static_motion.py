@@ -22,11 +22,39 @@ ROUND_OFF = 4.0 * float(np.finfo(float).eps)
 LARGEST_TURN = 1.5
 # derivatives along motions of supports are differences of this, in sizes of the scene and rad
 SHORT = 1e-4
+# a support stands elsewhere, in sizes of the scene and rad
+AWAY = 1e-6
 # a motion may leave the plane of its scene by so much of its way
 OUT_OF_PLANE = 1e-12
 
 
-class StaticMotion:
+class _Moving:
+    """Supports on their way with a load factor; `ahead`: to first order, so far beyond it, for derivatives by it."""
+
+    ahead = 0.0
+    _size: float
+
+    @property
+    def moves(self) -> Array:
+        """Displacements and rotation vectors in space that supports go by with the load factor, [M, 6]."""
+        raise NotImplementedError
+
+    def moved(self, q: Array, given: Array) -> Array:
+        """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by what is `pending`."""
+        raise NotImplementedError
+
+    def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
+        """Gaps (a function of coordinates) where the supports have gone on by that, with `ahead` to first order."""
+        if not self.ahead:
+            return gaps(self.moved(q, given))
+        rate = self.ahead * self.moves
+        largest = float(np.max(np.abs(rate) / np.repeat((self._size, 1.0), 3)))
+        here, h = given - rate, SHORT / largest if largest > 0.0 else 1.0
+        way = gaps(self.moved(q, here + h * rate)) - gaps(self.moved(q, here - h * rate))
+        return gaps(self.moved(q, here)) + way / (2.0 * h)
+
+
+class StaticMotion(_Moving):
     """Supports of a model on their way from where they stand to where their functions have them at one time.
 
     Parameters
@@ -38,19 +66,23 @@ class StaticMotion:
     from_start : bool
         Whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go straight,
         and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
-    at_time : float
-        s.
+    at_time : float or (float, float)
+        s, at load factor 1; or at 0 and 1, between which supports follow their functions, whatever the shape.
+    who : str
+        The function that was called.
     """
 
-    def __init__(self, model: Model, state: State, from_start: bool, at_time: float) -> None:
+    def __init__(self, model: Model, state: State, from_start: bool, at_time: float | tuple[float, float],
+                 who: str = "solve_static") -> None:
         self.of = model.prescribed
         for motion in self.of.motions:
             if motion.since is not None:
-                raise SceneError(f"solve_static(at_time=): {motion.label} takes hold in a run (since=); leave since "
-                                 "out, or the motion")
+                raise SceneError(f"{who}(at_time=): {motion.label} takes hold in a run (since=); leave since out, or the motion")
         self.own = self.of.own
         self._along, self._turns = held_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
-        self.model, self.from_start, self.at_time = model, from_start, at_time
+        between = isinstance(at_time, tuple)
+        self.model, self.from_start = model, from_start or between
+        self.first, self.at_time = at_time if isinstance(at_time, tuple) else (0.0, at_time)
         self.share = 0.0
         own = self.of.own
         self._place, self._triads = (model.q0.reshape(-1, 4, 3)[own][:, i] for i in (0, slice(1, 4)))
@@ -60,11 +92,11 @@ class StaticMotion:
         motions = self.of.motions
         self._first = [(motion.place(0.0), *motion.turning(0.0)) for motion in motions]
         # how far they have turned since t = 0 where the way begins, where it ends, and at the last equilibrium
-        self._way = model.turns_of(state.history).reshape(-1, 3).copy(), self.of.vectors(at_time).reshape(-1, 3)
+        self._way = model.turns_of(state.history).reshape(-1, 3).copy(), self.of.vectors(self.at_time).reshape(-1, 3)
         self._reached = self._way[0]
         self._counts = {k: n for n, k in enumerate(self.of.turning)
-                        if self._first[k][2] is not None and motions[k].turning(at_time)[1] is not None}
-        self._off = [self._start[0][k] - self._at(k, 0.0)[0] for k in range(len(motions))] if from_start else []
+                        if self._first[k][2] is not None and motions[k].turning(self.at_time)[1] is not None}
+        self._off = [np.zeros(3) if between else self._start[0][k] - self._at(k, 0.0)[0] for k in range(len(motions))]
 
     def _at(self, k: int, t: float) -> tuple[Array, Array]:
         """Place and triad of support k at time t."""
@@ -73,12 +105,49 @@ class StaticMotion:
         triad = self._triads[k] if motion.rotation is None else self._triads[k] @ turn @ motion.turn(t).T
         return now if motion.position is not None else self._place[k] + now - place, triad
 
+    def _time_at(self, share: float) -> float:
+        """Of a load factor, s."""
+        return self.first + share * (self.at_time - self.first)
+
+    @property
+    def _time(self) -> float:
+        """Of the load factor `share`, s."""
+        return self._time_at(self.share)
+
+    @property
+    def moves(self) -> Array:
+        """As of `_Moving`, along the functions."""
+        rates = np.array([np.concatenate(motion.rates(self._time)) for motion in self.of.motions])
+        return (self.at_time - self.first) * rates * np.hstack((self._along, np.isin(np.arange(len(rates)), self._turns)[:, None]
+                                                                * np.ones(3)))
+
+    def stands(self, share: float, now: Array) -> bool:
+        """Whether the supports with coordinates [M, 4, 3] stand where their functions have them at this load factor, from which
+        turns are counted then."""
+        before, self.share = self.share, share
+        self._reached = self._vectors()
+        left = self.pending(now)
+        self.share = before
+        return left is None or bool(np.all(np.abs(left) <= AWAY * np.repeat((self._size, 1.0), 3)))
+
+    def check_stands(self, who: str, share: float, now: Array) -> None:
+        """Refuse a start whose supports do not.
+
+        Raises
+        ------
+        SceneError
+        """
+        if not self.stands(share, now):
+            names = ", ".join(motion.label for motion in self.of.motions[:3])
+            raise SceneError(f"{who}: {names}: at the start supports stand elsewhere than their functions have them; give start= "
+                             "with the supports there, as in start=solve_static(model, at_time=...).state")
+
     def targets(self) -> tuple[Array, Array]:
         """Places [M, 3] and triads [M, 3, 3] at the load factor `share`."""
         places, triads = self._start[0].copy(), self._start[1].copy()
         for k in range(len(places)):
             if self.from_start:
-                place, triads[k] = self._at(k, self.share * self.at_time)
+                place, triads[k] = self._at(k, self._time)
                 places[k] = place + (1.0 - self.share) * self._off[k]
             else:
                 place, triad = self._at(k, self.at_time)
@@ -99,7 +168,7 @@ class StaticMotion:
     def _vectors(self) -> Array:
         """How far supports have turned since t = 0 at the load factor `share`, [K, 3]."""
         if self.from_start:
-            return np.asarray(self.of.vectors(self.share * self.at_time).reshape(-1, 3))
+            return np.asarray(self.of.vectors(self._time).reshape(-1, 3))
         return self._way[0] + self.share * (self._way[1] - self._way[0])
 
     def count_turns(self, out: Array) -> None:
@@ -115,7 +184,7 @@ class StaticMotion:
         SceneError
         """
         for k in self.of.turning if self.from_start else ():
-            turns_between(self.of.motions[k], [reached * self.at_time, self.share * self.at_time])
+            turns_between(self.of.motions[k], [self._time_at(reached), self._time])
 
     def pending(self, now: Array) -> Array | None:
         """What is missing at coordinates [M, 4, 3] of what moves up to the load factor `share`: position and Cayley vector,
@@ -129,6 +198,8 @@ class StaticMotion:
         turns = self._turns
         if turns.size:
             out[turns, 3:] = _turns_left(triads[turns], now[turns, 1:])
+        if self.ahead:
+            out += self.ahead * self.moves
         return out if out.any() else None
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
@@ -142,15 +213,11 @@ class StaticMotion:
         return _rows(given, core, axes, self.own, self._size, lambda k: self.of.motions[k].label)
 
     def moved(self, q: Array, given: Array) -> Array:
-        """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by that."""
+        """As of `_Moving`."""
         return _moved(self.model, q, self.of.nodes, given[self.of.motion_of_node])
 
-    def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
-        """Gaps (a function of coordinates) where the supports have gone on by that."""
-        return gaps(self.moved(q, given))
 
-
-class StaticShift:
+class StaticShift(_Moving):
     """Supports that are shifted with the load factor, straight, and turned, each about one axis through its node.
 
     Parameters
@@ -166,18 +233,21 @@ class StaticShift:
 
     def __init__(self, model: Model, moves: dict[int, Array], q: Array, share: float) -> None:
         self.model, self.share, self._first = model, share, share
-        self.own, self.moves = np.array(list(moves), np.int64), np.array(list(moves.values())).reshape(-1, 6)
+        self.own, self._moves = np.array(list(moves), np.int64), np.array(list(moves.values())).reshape(-1, 6)
         self._start = q.reshape(-1, 4, 3)[self.own].copy()
         self._size = model.length + float(np.max(np.abs(q.reshape(-1, 12)[:, :3])))
-        self._turns = np.flatnonzero(self.moves[:, 3:].any(axis=1))
+        self._turns = np.flatnonzero(self._moves[:, 3:].any(axis=1))
         shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
         self._move_of_node = shared
         # at the last equilibrium
         self.reached = share
-        # to first order, beyond `share`: for derivatives by it
-        self.ahead = 0.0
         # of supports that turn by a function: how far they had
         self._turned: Array | None = None
+
+    @property
+    def moves(self) -> Array:
+        """As of `_Moving`: straight, and about one axis."""
+        return self._moves
 
     def pending(self, now: Array) -> Array | None:
         """As `StaticMotion.pending`, and by `ahead` further."""
@@ -214,17 +284,8 @@ class StaticShift:
         return _rows(given, core, axes, self.own, self._size, lambda k: self.model.labels[self.own[k]])
 
     def moved(self, q: Array, given: Array) -> Array:
-        """As `StaticMotion.moved`."""
+        """As of `_Moving`."""
         return _moved(self.model, q, self._nodes, given[self._move_of_node])
-
-    def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
-        """As `StaticMotion.opened`, with `ahead` to first order."""
-        if not self.ahead:
-            return gaps(self.moved(q, given))
-        rate = self.ahead * self.moves
-        here, h = given - rate, SHORT / float(np.max(np.abs(rate) / np.repeat((self._size, 1.0), 3)))
-        way = gaps(self.moved(q, here + h * rate)) - gaps(self.moved(q, here - h * rate))
-        return gaps(self.moved(q, here)) + way / (2.0 * h)
 
 
 def _turns_left(triads: Array, now: Array) -> Array:

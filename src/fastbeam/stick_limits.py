@@ -15,6 +15,7 @@ from .linsolve import check_backend
 from .load_times import load_path, which_times
 from .model import Model, check_model
 from .starting import check_start
+from .static_motion import StaticMotion, coordinates_of
 from .static_sliders import SlidingSolver
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports
@@ -112,6 +113,9 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
 
     solver = solver_of(start, stays)
     check_supports(model, solver.stepper.plane is not None)
+    if model.prescribed is not None and at_time is not None:
+        stand = StaticMotion(model, solver.state, True, (t, t), "stick_interval")
+        stand.check_stands("stick_interval", 1.0, coordinates_of(solver.stepper, stand.own))
     shares = [1.0] if start is not None else np.linspace(0.0, 1.0, 5)[1:].tolist()
     for share in shares:
         if not load(solver, load_factor, share):

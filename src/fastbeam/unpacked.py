@@ -9,6 +9,7 @@ import numpy as np
 from .connections import Connections
 from .added import Added, added_of
 from .dissipation import Dragged, dragged_of
+from .errors import SceneError
 from .initial import initial_state
 from .multipliers import KeptLink
 from .kernels.work import State
@@ -16,9 +17,13 @@ from .numbered import Numbered
 from .numbering import NodeList
 from .prescribed import PrescribedMotions, prescribed_of
 from .scene import DistributedLoad, RigidBody, Scene
+from .shapes import gll_nodes
 from .tables import Elements, elements_of
 
 Array = np.ndarray
+# pieces of an element, and of a beam, in which a load by a function is looked at first; a share of its largest value that is no
+# difference; the shortest piece, of an element; pieces of a beam at one time
+PIECES, LEAST_PIECES, ALIKE, SHORTEST, MOST_PIECES = 4, 64, 1e-12, 1e-13, 2**16
 
 
 class Loads(NamedTuple):
@@ -200,12 +205,79 @@ def of_elements(load: DistributedLoad) -> list[tuple[slice, Array]]:
     """Its forces and moments on the nodes of every element of the beam, with their columns: [E, n, 3] each."""
     basis, out = load.beam.basis, []
     # forces work on positions, moments on the spins of the directors: each with its own basis
-    for field, s, weight_s, shape, columns in (
-            (load.force_at, basis.mass_point_s, basis.mass_weight, basis.mass_phi_values, slice(0, 3)),
-            (load.moment_at, basis.point_s, basis.weight, basis.dir, slice(3, 6))):
-        values = field(s.reshape(-1)).reshape(*s.shape, 3)
-        out.append((columns, np.einsum("eg,egn,egc->enc", weight_s, shape, values)))
+    for which, (given, s, weight, shape) in enumerate((
+            (load.force, basis.mass_point_s, basis.mass_weight, basis.mass_phi_values),
+            (load.moment, basis.point_s, basis.weight, basis.dir))):
+        columns = slice(3 * which, 3 * which + 3)
+        if not callable(given):
+            values = np.broadcast_to(np.zeros(3) if given is None else given, (*s.shape, 3))
+            out.append((columns, np.einsum("eg,egn,egc->enc", weight, shape, values)))
+            continue
+        on = points_of(load, which, basis.element_ends)
+        nodal = np.zeros((*basis.element_nodes.shape, 3))
+        np.add.at(nodal, on.element, np.einsum("pg,pgn,pgc->pnc", on.weight, basis.shapes(on.element, on.s)[which], on.values))
+        out.append((columns, nodal))
     return out
+
+
+class Points(NamedTuple):
+    """Of P pieces of elements with points of a quadrature each."""
+
+    element: Array   # int64 [P]
+    s: Array         # float64 [P, g], m
+    weight: Array    # float64 [P, g], m
+    values: Array    # float64 [P, g, 3]: of the load there, per length
+
+
+def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
+    """Points that integrate the force (0) or moment (1) of a load, a function of s, over elements with these ends [E + 1]: pieces
+    are halved until halves make no difference, so that jumps and kinks may lie anywhere.
+
+    Raises
+    ------
+    SceneError
+        The function jumps too often.
+    """
+    # with both ends, so that a jump beside one is seen
+    last = load.beam.degree + 2
+    at = gll_nodes(last)
+    share = 2.0 / (last * (last + 1) * np.polynomial.legendre.legval(at, np.eye(last + 1)[last])**2)
+    field = load.moment_at if which else load.force_at
+
+    def look(a: Array, b: Array) -> list[Array]:
+        half = 0.5 * (b - a)[:, None]
+        s = 0.5 * (a + b)[:, None] + half * at
+        return [s, half * share, field(s.reshape(-1)).reshape(*s.shape, 3)]
+
+    def sums(s: Array, weight: Array, values: Array) -> Array:
+        # and with linear functions, for the moment of forces
+        lever = (s - middle[:, None]) / (b - a)[:, None]
+        return np.einsum("pg,pgc->pc", weight, values), np.einsum("pg,pgc->pc", weight * lever, values)
+
+    sizes = np.diff(ends)
+    pieces = max(PIECES, -(-LEAST_PIECES // sizes.size))
+    cuts = ends[:-1, None] + sizes[:, None] * np.linspace(0.0, 1.0, pieces + 1)
+    cuts[:, -1] = ends[1:]
+    element, a, b = np.repeat(np.arange(sizes.size), pieces), cuts[:, :-1].reshape(-1), cuts[:, 1:].reshape(-1)
+    whole, largest = look(a, b), 0.0
+    found: list[list[Array]] = []
+    while a.size:
+        if a.size > MOST_PIECES:
+            raise SceneError(f"{load.kind} {load.name!r}: {('force', 'moment')[which]}(s) changes too often along "
+                             f"{load.beam.label} to be integrated; it has to give the same numbers at the same s, smooth but "
+                             "for some jumps and kinks")
+        middle = 0.5 * (a + b)
+        left, right = look(a, middle), look(middle, b)
+        halves = [np.concatenate(x, axis=1) for x in zip(left, right)]
+        largest = max(largest, float(np.max(np.abs(halves[2]))))
+        off = np.max(np.abs(np.subtract(sums(*whole), sums(*halves))), axis=(0, 2))
+        good = (off <= ALIKE * largest * sizes[element]) | (b - a <= SHORTEST * sizes[element])
+        found.append([element[good], *(x[good] for x in halves)])
+        more = ~good
+        whole = [np.concatenate((x[more], y[more])) for x, y in zip(left, right)]
+        element = np.tile(element[more], 2)
+        a, b = np.concatenate((a[more], middle[more])), np.concatenate((middle[more], b[more]))
+    return Points(*(np.concatenate(x) for x in zip(*found)))
 
 
 def _timed_by(scene: Scene, time: Any) -> str:

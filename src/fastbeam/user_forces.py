@@ -20,6 +20,7 @@ from .numbering import NodeList
 from .scene import Beam, Drag, ForceElement, LineForce, Scene, Signal, UserForce
 from .scene.follower import turning_slopes
 from .scene.links import label_of
+from .scene.user_force import numbers_of_nodes
 from .tables import node_lengths
 from .workspace import law_work
 
@@ -64,8 +65,11 @@ class Loaded:
         SceneError
             A law that cannot be compiled, fails, or gives numbers that are not finite.
         """
-        counts = [force.parameters.size for force in self.forces]
-        starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
+        numbers = [rows_of(force) for force in self.forces]
+        starts = np.concatenate(([0], np.cumsum([x.size for x in numbers])))[:-1].astype(np.int64)
+        # rows of every node, or one for all
+        first = [start + (x.shape[1] * np.arange(len(x)) if len(x) > 1 else np.zeros(nodes.size, np.int64))
+                 for start, x, nodes in zip(starts, numbers, self.nodes)]
         addresses, differences = [], []
         for k, force in enumerate(self.forces):
             address, compiled = compiled_law(force)
@@ -76,9 +80,8 @@ class Loaded:
         along = np.array([isinstance(force.at, Beam) for force in self.forces], np.int64)
         grows = np.array([force.grows for force in self.forces], np.int64)
         return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, grows[self.of],
-                          along[self.of],
-                          starts[self.of],
-                          np.concatenate([np.zeros(0), *(force.parameters for force in self.forces)]), np.array([place]),
+                          along[self.of], np.concatenate([np.zeros(0, np.int64), *first]),
+                          np.concatenate([np.zeros(0), *(x.reshape(-1) for x in numbers)]), np.array([place]),
                           _laws(addresses, self.of), np.array(differences, np.int64)[self.of], law_work())
 
 
@@ -152,7 +155,7 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
     """
     if force.derivative is None:
         return 0
-    who, n = f"{force.kind} {force.name!r}", force.parameters.size
+    who, n = f"{force.kind} {force.name!r}", rows_of(force).shape[1]
     on_line = isinstance(force, LineForce)
     try:
         entry, compiled = (_tension_slopes if on_line else _slopes)(force.derivative, n, *_time_of(force))
@@ -163,7 +166,7 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
                          "functions") from failed
     # that of loads that follow is the package's own: tests/unit/test_law_slopes.py
     if force.derivative is not turning_slopes:
-        check_slopes(who, law, compiled, given, np.array(force.parameters), on_line)
+        check_slopes(who, law, compiled, given, rows_of(force)[0], on_line)
     return address
 
 
@@ -263,7 +266,7 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
     """
     try:
         make = _tension if isinstance(force, LineForce) else _compiled
-        compiled = make(force.law, force.parameters.size, *_time_of(force))
+        compiled = make(force.law, rows_of(force).shape[1], *_time_of(force))
     except Exception as failed:
         text = " ".join(str(failed).split())[:300]
         raise SceneError(f"{force.kind} {force.name!r}: numba cannot compile its law ({text}); use numbers, indices, loops, math "
@@ -273,7 +276,12 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
 
 def differences_of(force: UserForce) -> int:
     """Address of code that takes the derivative of a law by differences; kept as long as the process."""
-    return int(_differences(force.law, force.parameters.size, *_time_of(force)).address)
+    return int(_differences(force.law, rows_of(force).shape[1], *_time_of(force)).address)
+
+
+def rows_of(force: UserForce | LineForce | ForceElement) -> Array:
+    """Parameters of its nodes, [n, m]; one row where they are equal."""
+    return numbers_of_nodes(force) if isinstance(force, UserForce) else np.array(force.parameters)[None]
 
 
 def _time_of(force: UserForce | LineForce | ForceElement) -> tuple[Any, ...]:
@@ -329,7 +337,7 @@ def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
     who = f"{force.kind} {force.name!r}"
     time = getattr(force, "time", None)
     factor = 1.0 if time is None else float(time(0.0))
-    given = 0.0, q[0].copy(), q[1:].copy(), np.zeros(3), np.zeros(3), np.array(force.parameters)
+    given = 0.0, q[0].copy(), q[1:].copy(), np.zeros(3), np.zeros(3), rows_of(force)[0]
     found = []
     for function, share in ((force.law, factor), (compiled, 1.0)):
         out = np.zeros(3), np.zeros(3)
@@ -359,16 +367,16 @@ def without_numbers(laws: list[tuple[Any, Array]], model: Model, state: State, t
     for part, nodes in laws:
         for at in (t, t + 0.5 * h, t + h):
             x = q + (at - t) * v
-            for where in ([int(k)] for k in nodes) if isinstance(part, UserForce) else (nodes.tolist(),):
-                found = _asked(part, at, x[where], v[where], model.q0.reshape(-1, 4, 3)[where])
+            own = rows_of(part)
+            for k, where in enumerate([[int(k)] for k in nodes] if isinstance(part, UserForce) else [nodes.tolist()]):
+                found = _asked(part, own[k % len(own)], at, x[where], v[where], model.q0.reshape(-1, 4, 3)[where])
                 if found:
                     return f"{label_of(part)}: its law {found} at t = {at:.6g} s, {' and '.join(model.labels[k] for k in where)}"
     return ""
 
 
-def _asked(part: Any, t: float, x: Array, v: Array, reference: Array) -> str:
+def _asked(part: Any, parameters: Array, t: float, x: Array, v: Array, reference: Array) -> str:
     """What is wrong with what a law gives at its nodes, coordinates [*, 4, 3]; '' for nothing."""
-    parameters = np.array(part.parameters)
     out = np.zeros(6)
     try:
         with np.errstate(all="ignore"):

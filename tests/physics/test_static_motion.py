@@ -41,6 +41,41 @@ def test_a_tip_that_is_put_where_a_load_bends_it_needs_that_load(planar: bool | 
     np.testing.assert_allclose(still.state.q, run.state.q, rtol=0, atol=1e-12)
 
 
+def test_paths_and_relax_move_supports_as_statics_do() -> None:
+    """The end of a cantilever turned along a circle by a function that is not linear: the moment is EI angle/L everywhere."""
+    beam = cantilever()
+
+    def angle(t: float) -> float:
+        return np.pi * t * t
+
+    def on_circle(t: float) -> tuple[float, float, float]:
+        a = angle(t)
+        return (np.sin(a) / a - 1.0, 0.0, (1.0 - np.cos(a)) / a) if a > 1e-3 else (-a * a / 6.0, 0.0, 0.5 * a)
+
+    turn = fb.PrescribedMotion("turn", beam.end, rotation=lambda t: (0, -angle(t), 0), displacement=on_circle)
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), turn))
+    watched: dict[str, Any] = {"points": {"middle": (beam, 0.5)}}
+    half = fb.solve_path(model, at_time=1.0, to=0.5, observe=("reaction",), **watched)
+    whole = fb.solve_path(model, at_time=1.0, start=half.state, load_factor=0.5, **watched)
+    between = fb.solve_path(model, at_time=(0.5, 1.0), start=half.state, observe=("reaction",), **watched)
+    rests = fb.relax(model, at_time=0.5, **watched), fb.solve_static(model, at_time=1.0, levels=(0.5,), **watched)
+    np.testing.assert_allclose(half.reaction("turn")["moment"][-1], (0.0, -angle(0.5), 0.0), rtol=0, atol=1e-5)
+    np.testing.assert_allclose(between.reaction("turn")["moment"][-1], (0.0, -angle(1.0), 0.0), rtol=0, atol=1e-3)
+    for found, t in ((half, 0.5), (whole, 1.0), (between, 1.0), (rests[0], 0.5), (rests[1], 1.0)):
+        a = angle(t)
+        exact = np.sin(0.5 * a) / a, 0.0, (1.0 - np.cos(0.5 * a)) / a
+        np.testing.assert_allclose(found.point("middle")[-1], exact, rtol=0, atol=1e-5)
+    level = rests[1].point("middle")[np.flatnonzero(rests[1].t == 0.5)[0]]
+    for found in (half, rests[0]):
+        np.testing.assert_allclose(found.point("middle")[-1], level, rtol=0, atol=1e-11)
+    for call in (lambda: fb.solve_path(model, at_time=1.0, start=half.state),
+                 lambda: fb.relax(model, at_time=1.0, start=half.state)):
+        with pytest.raises(fb.SceneError, match="'turn': at the start supports stand elsewhere than their functions have them"):
+            call()
+    with pytest.raises(fb.SceneError, match="moves between the times of at_time=, and moves= with the load factor too"):
+        fb.solve_path(model, at_time=(0.5, 1.0), start=half.state, moves={beam.start: (0, 0, 0.1)})
+
+
 @pytest.mark.parametrize("planar", ["auto", False])
 def test_a_cantilever_whose_end_is_turned_rolls_up(planar: bool | str) -> None:
     """Moment EI angle/L, end on the circle; by whole turns from the shape of the scene, back from a start."""

@@ -542,8 +542,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "Controller": Call(fb.Controller, dict(name="c", law=held_value, period=0.1), dict(
             name=is_text, law=is_function, period=is_real, start=is_real, memory=VECTOR, points=one_of(Mapping))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
-            name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
-            derivative=is_function, dissipates=is_flag, grows=is_flag)),
+            name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function,
+            parameters=either(VECTOR, is_function), derivative=is_function, dissipates=is_flag, grows=is_flag)),
         "section_forces": Call(fb.section_forces, dict(model=model(), shapes=model().state(), beam=BEAM), dict(
             model=one_of(Model), shapes=one_of(State, fb.Result), beam=one_of(fb.Beam), s=either(is_real, VECTOR))),
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),

@@ -283,8 +283,11 @@ class Load:
 class DistributedLoad:
     """Dead force (N/m) and moment (N m/m) per reference length along a beam, in space, times `time(t)`.
 
-    `force` and `moment` are 3 numbers or functions s[n] -> [n, 3]; None means none. With `follower=True` they are 3 numbers along
-    the directors, with which they turn, as for a `Load`: pressure is force=(0, -p, 0), N per unstressed length, against d2.
+    `force` and `moment` are 3 numbers or functions s[n] -> [n, 3]; None means none. Functions are integrated over what they load,
+    whether they jump inside elements or not, as in lambda s: np.outer((s > 0.3) & (s < 0.7), (0, 0, -5.0)); a part that is
+    shorter than 1/15 of its element and 1/250 of the beam may be missed: let elements end there, or use a `Load`. With
+    `follower=True` they are 3 numbers along the directors, with which they turn, as for a `Load`: pressure is force=(0, -p, 0),
+    N per unstressed length, against d2.
 
     Raises
     ------

@@ -3,16 +3,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Flag, Function, Name, Numbers, checked
+from fastbeam.arguments import Flag, Function, Name, Numbers, Refusal, checked, shown, take
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import ArrayField, NodeLike, Takes, noun
+from fastbeam.scene.checks import NodeLike, Takes, noun, tried
 from fastbeam.scene.parts import Node
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)"
@@ -26,7 +29,16 @@ class NodeOrBeam:
         return value if isinstance(value, Beam) else Node()(value)
 
 
-@checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"),
+class OfPlace:
+    """A list of numbers, or a function s[n] -> [n, m]."""
+
+    def __call__(self, value: Any) -> Any:
+        if callable(value) and not isinstance(value, type):
+            return value
+        return Numbers((None,), "a list of numbers for the law, or along a beam a function of s[n] that returns [n, m]")(value)
+
+
+@checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=OfPlace(),
          dissipates=Flag(), derivative=Function(DERIVATIVE), grows=Flag())
 @noun
 class UserForce:
@@ -47,8 +59,9 @@ class UserForce:
     at : NodeRef, RigidBody, PointMass or Beam
         A whole beam has Lagrange elements; the law is evaluated at its nodes, which are the points of a Gauss-Lobatto quadrature.
     law : callable
-    parameters : array_like [n]
-        Numbers for the law. Another law or other numbers compile no other part of the step again.
+    parameters : array_like [m], or callable
+        Numbers for the law. Another law or other numbers compile no other part of the step again. Along a beam also a function
+        of arc lengths, s[n] -> [n, m]: at each node the law is given those of its place, as in `lambda s: np.c_[s, 2.0 + s]`.
     dissipates : bool
         False for a law of time, position and directors alone, with which order 4 takes one run instead of two.
     derivative : callable, optional
@@ -82,13 +95,40 @@ class UserForce:
     at: Takes[NodeLike | Beam, NodeRef | Beam]
     law: Callable[..., None]
     _: KW_ONLY
-    parameters: ArrayField = ()
+    parameters: Takes[ArrayLike | Callable[[Array], ArrayLike], Any] = ()
     dissipates: bool = True
     derivative: Callable[..., None] | None = None
     grows: bool = False
 
     def __post_init__(self) -> None:
-        checks.fill(self, parameters=np.array(self.parameters, dtype=float))
+        who = checks.label(self.kind, self.name)
         if isinstance(self.at, Beam) and self.at.interpolation != "lagrange":
-            raise SceneError(f"{checks.label(self.kind, self.name)}: {self.at.label} has B-splines, whose nodes do not lie on "
-                             "it; use interpolation='lagrange', or a force on its start or end")
+            raise SceneError(f"{who}: {self.at.label} has B-splines, whose nodes do not lie on it; use interpolation='lagrange', "
+                             "or a force on its start or end")
+        given: Any = self.parameters
+        if callable(given):
+            if not isinstance(self.at, Beam):
+                raise SceneError(f"{who}: parameters are a function of s along a beam alone; on {self.at.label} give numbers")
+            numbers_of_nodes(self)
+        else:
+            checks.fill(self, parameters=np.array(given, dtype=float))
+
+
+def numbers_of_nodes(force: UserForce) -> Array:
+    """Parameters of the nodes that a force acts on, [n, m]; one row where they are equal.
+
+    Raises
+    ------
+    SceneError
+        The function fails, or returns something else.
+    """
+    given: Any = force.parameters
+    if not callable(given):
+        return np.array(given)[None]
+    assert isinstance(force.at, Beam)
+    s, who = np.array(force.at.node_s), f"{checks.label(force.kind, force.name)}: parameters(s)"
+    try:
+        found = tried(given, s, f"at s = {shown(s)}")
+    except Refusal as refusal:
+        raise SceneError(f"{who} {refusal}") from refusal.__cause__
+    return np.array(take(Numbers((s.size, None), f"finite numbers of shape [n, m] (here [{s.size}, m])"), who, found))
