@@ -121,6 +121,8 @@ class Watch:
         if self._resolution is None:
             self._resolution = Resolution(self.model)
         self._resolution.contacts.remember(t, self.stepper.core_state.s)
+        if self.model.moving is not None and not last:
+            self._resolution.look_at_moving(t, self.stepper.core_state.q)
         if last or (t >= self._next_look and steps >= self._steps_to_look):
             self._resolution.look(t, self.stepper.state, moves=True)
             self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks
