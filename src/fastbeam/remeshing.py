@@ -30,9 +30,11 @@ class _Remeshed(Cut):
 def with_moving_meshes(scene: Scene) -> Scene:
     """The scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
 
-    Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths, at least one
-    each; what refers to their ends, or slides on them, refers to the new beams. Sleeves hold their beam at one point; those with
-    a bore of their own, `length=`, are refused, but where Coulomb friction needs its length. All else is taken as it is.
+    Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths at the start, at
+    least one each. For contacts that go far from there share them out by hand (`MovingMesh`), or take the scene as it is: where
+    elements become too long an event `coarse` says so. What refers to their ends, or slides on them, refers to the new beams.
+    Sleeves hold their beam at one point; those with a bore of their own, `length=`, are refused, but where Coulomb friction needs
+    its length. All else is taken as it is.
 
     Parameters
     ----------

@@ -5,6 +5,7 @@ Looked at are (theory.md 3.3)
 - an axis that runs against its sections, after a compression to nothing;
 - turns between neighbouring nodes beyond a right angle, after which interpolated directors may vanish;
 - directors that interpolation has made shorter: the elements bend or twist too much for their degree;
+- elements that move with contacts and become long: what of the shape and of the curvature of the reference they span;
 - turns that a taut beam makes within its bending length sqrt(EI/N), where a support, a kink or a contact holds its direction or
   pushes it aside, in elements far longer than that.
 """
@@ -12,16 +13,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from .basis import build_basis
 from .kernels.layout import CONSTANTS, LIST, NODES
 from .kernels.observe import strain_energy
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .model import Model
+from .moving_tables import element_lengths
 from .ripples import Contacts, mode_events
 
 Array = np.ndarray
@@ -31,6 +35,9 @@ LARGEST_LOSS, GOOD_LOSS = 0.03, 0.01
 # the size of the scene, beyond which a taut beam is not resolved and it matters
 LONGEST, LEAST_TURN, LEAST_ERROR = 2.0, 0.1, 2e-3
 MOST_EVENTS = 5
+# elements that move: the turn of the reference along one, rad, to the power 2p; how much longer than on average one is that is
+# looked at; the last term of its shape next to all that bend it, and to the size of the scene
+LARGEST_BEND, STRETCHED, LARGEST_TERM, LEAST_TERM = 0.05, 2.0, 0.05, 1e-5
 # a curve that turns by more, rad, within this share of its length has a kink
 LEAST_KINK, SHARP = 0.05, 1e-9
 # shapes that are looked at in a run, and elements in all of them together
@@ -72,6 +79,7 @@ class Resolution:
         """At a state in space at time t; moves: one of a run, in which contacts are looked at for their motion, too."""
         q = state.q
         self.contacts.look(t, state, self.tension, moves)
+        self.look_at_moving(t, q)
         for tables, strains, of_elements, sets in self._sets:
             strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
             found = of_elements.reshape(-1, 3)
@@ -80,6 +88,34 @@ class Resolution:
                 self._turns_between_nodes(t, q, e)
                 self._short_directors(t, e, found[e.at, 1])
                 self._bending_lengths(t, q, e, found[e.at, 0])
+
+    def look_at_moving(self, t: float, q: Array) -> None:
+        """At elements that move with contacts, which become long where these go, at coordinates q [12 N]."""
+        for table in () if self.model.moving is None else self.model.moving.tables:
+            p, nodes = table.node.shape[1] - 1, q.reshape(-1, 4, 3)
+            beam = self.model.node_label(int(table.node[0, 0])).split(" node ")[0]
+            lengths = element_lengths(table, nodes)
+            mean, size = float(table.length[0]) / len(lengths), float(np.max(lengths))
+            kappa = float(np.linalg.norm(table.reference[3:]))
+            bend = (kappa * size)**(2 * p)
+            if bend > LARGEST_BEND:
+                self._note_moving("bend", bend, t, beam, size / mean, size, (
+                    f"the beam is bent or twisted by {kappa * size:.2g} rad along one, and what elements of degree {p} do not "
+                    "show of that pushes contacts along it; it takes elements of at most "
+                    f"{LARGEST_BEND**(0.5 / p) / kappa:.2g} m"))
+            long = np.flatnonzero(lengths > STRETCHED * mean)
+            terms = np.linalg.norm(np.einsum("kn,enc->ekc", _terms(p), nodes[table.node[long], 0]), axis=2)
+            last = terms[:, -1] * (terms[:, -1] > LARGEST_TERM * terms[:, 2:].sum(axis=1))
+            if np.max(last, initial=0.0) > LEAST_TERM * self.model.length:
+                self._note_moving("stretched", float(np.max(last)), t, beam, size / mean, size, (
+                    f"they do not resolve the shape of the beam, which may be off by about {np.max(last):.1g} m"))
+
+    def _note_moving(self, kind: str, worst: float, t: float, beam: str, grown: float, size: float, text: str) -> None:
+        if worst > self._worst.get((kind, beam), (0.0, 0.0, ""))[0]:
+            self._worst[kind, beam] = worst, t, (
+                f"{beam}: elements that move with its contacts are up to {size:.3g} m long, {grown:.2g} times the average: {text}"
+                ". Share out more elements to the side from which contacts go, by Beam(elements=[...]) and MovingMesh, or take "
+                "elements that stand")
 
     def tension(self, q: Array) -> Array:
         """Of beams at their nodes [N] at the shape q [12 N], N; NaN elsewhere."""
@@ -103,7 +139,7 @@ class Resolution:
     def events(self) -> list[dict[str, Any]]:
         """The worst of every kind and beam, MOST_EVENTS of a kind."""
         out = self.contacts.events()
-        for kind in ("reversed", "turn", "curvature", "layer"):
+        for kind in ("reversed", "turn", "curvature", "layer", "bend", "stretched"):
             rows = sorted((x for (k, _), x in self._worst.items() if k == kind), key=lambda x: -x[0])
             name = "reversed" if kind == "reversed" else "coarse"
             out += [{"kind": name, "time": t, "text": text} for _, t, text in rows[:MOST_EVENTS]]
@@ -262,6 +298,12 @@ def _elements(model: Model, tables: Any) -> Any:
         behind = np.append(np.where(follows, np.arange(1, count), -1), -1)
         before = np.append(-1, np.where(follows, np.arange(count - 1), -1))
         yield _Elements(where, nodes, length, EI, before, behind)
+
+
+@lru_cache
+def _terms(p: int) -> Array:
+    """Values at the nodes of an element of degree p -> coefficients of Legendre polynomials [p + 1, p + 1]."""
+    return np.asarray(np.linalg.inv(np.polynomial.legendre.legvander(2.0 * build_basis("lagrange", p, 1, 1.0).node_s - 1.0, p)))
 
 
 def _cosines(q: Array, e: _Elements) -> Array:

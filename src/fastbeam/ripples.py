@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.polynomial import Chebyshev
 
 from .basis import Basis, build_basis
 from .mapping import shapes_at
-from .scene import Beam, Path, PointMass, RigidBody, Sleeve, Slider, Switch
+from .scene import Beam, NodeRef, Path, PointMass, RigidBody, Scene, Sleeve, Slider, Switch
 
 Array = np.ndarray
 # elements on each side of the one with the contact; places in that one, and degree of the polynomial through them
@@ -35,6 +35,13 @@ PLACE, STIFFNESS, ENERGY, SLEEVE = 2e-3, 0.02, 0.05, 0.02
 OF_BORE, OF_PLACE = 0.3, 0.14
 # sliders that are looked at, those with the largest forces; looks in a run, the least slope (rad) and way (of the beam) there
 MOST, MOST_LOOKS, LEAST_SLOPE_IN_TIME, LEAST_WAY, MOST_EVENTS = 20, 8, 1e-4, 1e-4, 5
+
+
+# distance of a curve that rounds a kink from the axis, of the size of the scene
+ROUNDED = 5e-4
+# blows at kinks next to the usual force; how much a force changes from one step to the next; rows in which they are looked for
+# behind one; distance of the tangents on both sides, of the length; kinks of a track at most
+BLOW, JUMP, ROWS_BEHIND, SMALL_WAY, MOST_KINKS = 2.0, 0.5, 3, 1e-6, 1000
 
 
 class Contact(NamedTuple):
@@ -222,6 +229,7 @@ class Contacts:
         sliders = [] if scene is None else scene.sliders[:model.n_sliders]
         self.sleeves = [(k, x) for k, x in enumerate(sliders) if isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
         points = [(k, x) for k, x in enumerate(sliders) if not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
+        self.rounded = [(k, x) for k, x in points if x.curve == "c1" and x.beams[0].interpolation == "lagrange"][:MOST]
         of = dict[Any, list[tuple[int, Slider]]]()
         for k, x in points:
             of.setdefault(_owner(x), []).append((k, x))
@@ -239,16 +247,80 @@ class Contacts:
         self.speed, self.least, self.largest = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
         self.before: tuple[float, Array] = 0.0, np.zeros(0)
         self.looks = 0
+        self.sliders = sliders
+        self.scene, self.masses = scene, {k: float(owner.mass) for k, x in points for owner in (_owner(x),)
+                                          if isinstance(owner, PointMass | RigidBody)}
+        self._blows: dict[str, tuple[float, float, str]] = {}
+        # of sliders at the last row: the force, the usual one and of how many rows; the kink behind, and rows that are left
+        self._passing: dict[int, tuple[Array, float, int, float, int]] = {}
         self._worst: dict[str, tuple[float, float, str]] = {}
         self._energy: dict[int, list[tuple[float, float, Contact]]] = {}
 
-    def remember(self, t: float, s: Array) -> None:
-        """Places [S] of a row of a run."""
-        if self.before[1].size and t > self.before[0]:
-            np.maximum(self.speed, np.abs(s - self.before[1]) / (t - self.before[0]), out=self.speed)
+    @cached_property
+    def _kinks(self) -> dict[int, list[float]]:
+        """Of sliders of masses and bodies where kinks may be; those on the same track have the same."""
+        one_of = {self.sliders[k].beam: self.sliders[k] for k in self.masses}
+        known = {track: kinks_of(self.scene, slider) for track, slider in one_of.items()}
+        return {k: known[self.sliders[k].beam] for k in self.masses if known[self.sliders[k].beam]}
+
+    def remember(self, t: float, s: Array, h: float, state: Callable[[], Any]) -> None:
+        """Places [S] of a row of a run with steps of h, some of which may lie behind kinks."""
+        before = self.before[1]
+        if before.size and t > self.before[0]:
+            np.maximum(self.speed, np.abs(s - before) / (t - self.before[0]), out=self.speed)
+            if self._kinks:
+                self._pass(t, s, h, state())
         np.minimum(self.least, s, out=self.least)
         np.maximum(self.largest, s, out=self.largest)
         self.before = t, s.copy()
+
+    def _pass(self, t: float, s: Array, h: float, state: Any) -> None:
+        """Whether forces of sliders that have just gone over a place where kinks may be are those of blows: where every step is
+        a row they jump from one to the next, else it is told by the angle of the kink."""
+        before, span = self.before[1], t - self.before[0]
+        for k, kinks in self._kinks.items():
+            first = self.model.first_force[k]
+            force = state.force[first:first + 3].copy()
+            size = float(np.linalg.norm(force))
+            last, usual, rows, place, left = self._passing.get(k, (force, size, 0, 0.0, 0))
+            # no open one is passed twice in a row
+            period = (1.0 if self.sliders[k].is_endless else 2.0) * self.sliders[k].beam.length
+            passed = [at for at in kinks if np.floor((before[k] - at) / period) != np.floor((s[k] - at) / period)]
+            if passed:
+                place, left = passed[-1], ROWS_BEHIND
+            if left and rows:
+                if span < 1.5 * h:
+                    blow = max(size, float(np.linalg.norm(last)))
+                    blow *= float(np.linalg.norm(force - last)) > JUMP * blow
+                else:
+                    speed = abs(float(s[k] - before[k])) / span
+                    blow = self.masses[k] * speed * self._angle(k, place, state) / h if passed else 0.0
+                if blow > BLOW * usual:
+                    self._blow(t, k, place, h, blow, usual)
+            if not left:
+                # of quiet rows
+                usual, rows = (usual * rows + size) / (rows + 1), rows + 1
+            self._passing[k] = force, usual, rows, place, max(left - 1, 0)
+
+    def _angle(self, k: int, place: float, state: Any) -> float:
+        """Of the kink, rad, that what slider k runs on has there."""
+        track, positions, way = self.sliders[k].beam, state.q.reshape(-1, 4, 3)[:, 0], []
+        for s in (place - SMALL_WAY * track.length, place + SMALL_WAY * track.length):
+            nodes, values = shapes_at(self.model, k, s)
+            tangent = values[1] @ positions[nodes]
+            way.append(tangent / np.linalg.norm(tangent))
+        return float(2.0 * np.arcsin(min(1.0, 0.5 * np.linalg.norm(way[1] - way[0]))))
+
+    def _blow(self, t: float, k: int, place: float, h: float, blow: float, usual: float) -> None:
+        slider = self.sliders[k]
+        beam, s = place_of(slider, place)
+        text = (f"slider {slider.name!r} goes over s = {place:.4g} m ({beam.label}, s = {s:.4g} m), where what it runs on has a "
+                f"kink, with steps of {h:.2g} s: its force there, about {blow:.2g} N beside {usual:.2g} N before, is that of a "
+                "blow and grows with 1/h. Let the beam bend there: a weld instead of a hinge, a curved beam between, elements "
+                "below sqrt(EI/N), and steps that are short against the time in the bend")
+        key = f"{slider.name} {place:.6g}"
+        if blow > self._blows.get(key, (0.0, 0.0, ""))[0]:
+            self._blows[key] = blow, t, text
 
     def look(self, t: float, state: Any, tension: Callable[[Array], Array], moves: bool) -> None:
         """At a state in space; moves: of a run, a look of which is due for energies, too."""
@@ -256,6 +328,8 @@ class Contacts:
             self._sleeve(t, state, k, sleeve)
         for j, k, one, other in self.pairs:
             self._pair(t, state, j, k, one, other)
+        for k, slider in self.rounded:
+            self._rounding(t, state, k, slider)
         if moves and self.free and self.looks < MOST_LOOKS:
             self.looks += 1
             free = np.zeros(self.model.n_sliders, bool)
@@ -268,6 +342,7 @@ class Contacts:
 
     def events(self) -> list[dict[str, Any]]:
         """The worst."""
+        blows = sorted(self._blows.values(), key=lambda row: -row[0])[:MOST_EVENTS]
         found = [(size, t, text) for size, t, text in self._worst.values()]
         for k, rows in self._energy.items():
             moving = 0.5 * self.free[k] * float(self.speed[k])**2
@@ -281,6 +356,11 @@ class Contacts:
                 enough = max(ENERGY * moving, 1e-300)
                 found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, "elements that move "
                                                                "with it (with_moving_meshes), where these know the scene")))
+        return [*({"kind": "unresolved", "time": t, "text": text} for _, t, text in blows),
+                *self._in_order(found)]
+
+    @staticmethod
+    def _in_order(found: list[tuple[float, float, str]]) -> list[dict[str, Any]]:
         return [{**event, "time": t} for (_, t, _), event in zip(sorted(found, key=lambda x: -x[0]), _told(
             [(size, text) for size, _, text in found], 0.0))]
 
@@ -316,6 +396,21 @@ class Contacts:
             text += f"take {math.ceil(error / SLEEVE)} times as many elements, or an element end at the sleeve"
             self._note(sleeve.name, error, t, text)
 
+    def _rounding(self, t: float, state: Any, k: int, slider: Slider) -> None:
+        """How far the curve with one tangent at element ends lies beside the axis, where this has a kink at one."""
+        at, positions = float(state.s[k]), state.q.reshape(-1, 4, 3)[:, 0]
+        beam, s = place_of(slider, at)
+        (first,), (values,), _ = beam.basis.curve("own").evaluate([s])
+        start = self.model.numbers.start(beam) + int(first)
+        nodes, shapes = shapes_at(self.model, k, at)
+        off = float(np.linalg.norm(values @ positions[start:start + values.size] - shapes[0] @ positions[nodes]))
+        if off > ROUNDED * self.model.length:
+            ends, e = beam.basis.element_ends, element_at(beam, s)
+            text = (f"slider {slider.name!r}: at s = {s:.4g} m on {beam.label} its curve 'c1' lies {off:.2g} m beside the axis, "
+                    f"as it rounds a kink of the mesh at an end of an element of {ends[e + 1] - ends[e]:.3g} m; take "
+                    f"{math.ceil(off / (ROUNDED * self.model.length))} times as many elements there, or curve='own'")
+            self._note(f"{slider.name} c1", off, t, text)
+
     def _pair(self, t: float, state: Any, j: int, k: int, one: Slider, other: Slider) -> None:
         """Two points of one body in an element: their forces are those of a stiffness that the element has not."""
         (beam, a), (second, b) = place_of(one, float(state.s[j])), place_of(other, float(state.s[k]))
@@ -330,6 +425,22 @@ class Contacts:
                     f"are, and may be some {min(1.0 + 0.2 * size / distance, 10.0):.2g} times too large; their sum is right. "
                     f"Take elements of {0.5 * distance:.2g} m there")
             self._note(f"{one.name} {other.name}", size / distance, t, text)
+
+
+def kinks_of(scene: Scene, slider: Slider) -> list[float]:
+    """Arc lengths, m, of what a slider runs on where that may have a kink: joints of a path, and nodes inside of beams at which
+    other parts act."""
+    beams = slider.beams
+    starts = slider.beam.starts if isinstance(slider.beam, Path) else np.array([0.0, slider.beam.length])
+    ways = slider.beam.directions if isinstance(slider.beam, Path) else (1,)
+    out = set(starts[1:-1].tolist()) | ({0.0} if slider.is_endless else set())
+    for part in scene.parts:
+        for node in vars(part).values():
+            if isinstance(node, NodeRef) and node.owner in beams and 0 < node.index < node.owner.n_nodes - 1:
+                i = beams.index(node.owner)
+                local = float(node.owner.node_s[node.index])
+                out.add(float(starts[i] + (local if ways[i] > 0 else node.owner.length - local)))
+    return sorted(out)[:MOST_KINKS]
 
 
 def _owner(slider: Slider) -> Any:

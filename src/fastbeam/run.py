@@ -317,7 +317,7 @@ class _Run(Encounters):
                         self.watch.turns(t, size)
                         self.watch.friction(t, size)
                         self.watch.order(t)
-                    self.watch.mesh(t, self.steps)
+                    self.watch.mesh(t, self.steps, size)
                     if self.callback is not None:
                         with self.interrupts.at_once():
                             ended = self.call_back(t, size)

@@ -91,8 +91,9 @@ def _of_path(scene: Scene, nodes: NodeList, path: Path, kind: str) -> Track:
         if not together.joined(a, b):
             raise SceneError(f"{path.label}: {one} and {other} meet, but nothing joins them, so they would move apart; join them "
                              "by a RigidConnection or a BallJoint, or take beams of a net that share a node")
+        # a hinge may turn at any time
         kink = turns[j][0] * tangents[a] - turns[j][1] * tangents[b]
-        smooth[j] = kind == "c1" and float(np.linalg.norm(kink)) < STRAIGHT
+        smooth[j] = kind == "c1" and together.turn_alike(a, b) and float(np.linalg.norm(kink)) < STRAIGHT
     places = [start + (beam.basis.node_s if direction > 0 else beam.length - beam.basis.node_s[::-1])
               for start, beam, direction in zip(path.starts, path.beams, path.directions)]
     return Track(np.concatenate(numbers), _joined(parts, smooth, path.closed), np.concatenate(places),
@@ -285,13 +286,18 @@ class _Together:
         self.still = np.zeros(n, bool)
         whole = [x for x in (*scene.clamps, *scene.pins) if x.mask & 7 == 7]
         clamped = [nodes.number(x.at) if x.at.is_center else nodes.start(x.at.owner) for x in whole if x.holds_triad]
-        self.still |= np.isin(self.set, self.set[np.array(clamped, np.int64)])
+        self.clamped = np.isin(self.set, self.set[np.array(clamped, np.int64)])
+        self.still |= self.clamped
         self.still[np.array([nodes.number(x.at) for x in whole if not x.holds_triad], np.int64)] = True
         for net in scene.nets:
             self.still[nodes.span(net)] |= net.held() & 7 == 7
         self.phi = nodes.phi
         self.tolerance = 1e-9 * (float(np.max(np.ptp(self.phi, axis=0))) or 1.0) + 32.0 * float(
             np.finfo(float).eps * np.max(np.abs(self.phi)))
+
+    def turn_alike(self, a: int, b: int) -> bool:
+        """Whether two nodes have the same rotation at all times: welded together, or clamped both."""
+        return bool(self.set[a] == self.set[b] or self.clamped[a] and self.clamped[b])
 
     def joined(self, a: int, b: int) -> bool:
         """Whether two nodes at one place stay together: through joints at that place, or because supports hold both."""

@@ -49,6 +49,7 @@ class Watch:
         self._struck: dict[int, int] = {}
         self._missed: set[str] = set()
         self._resolution: Resolution | None = None
+        self._start = stepper.core_state.s.copy()
         self._next_look, self._steps_to_look = t_start, STEPS_A_LOOK
 
     def massless(self) -> None:
@@ -129,11 +130,16 @@ class Watch:
                                         "run; use a smaller step, bring the scene near the origin and at rest, and compare "
                                         "with solver='sparse', eliminate_inner=False"})
 
-    def mesh(self, t: float, steps: int, last: bool = False) -> None:
-        """Remember where elements do not resolve the shape after so many steps, a few times a run; at the end events say so."""
+    def mesh(self, t: float, steps: int, h: float = 0.0, last: bool = False) -> None:
+        """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end events say
+        so."""
         if self._resolution is None:
             self._resolution = Resolution(self.model)
-        self._resolution.contacts.remember(t, self.stepper.core_state.s)
+            self._resolution.contacts.before = self.t_start, self._start
+        if not last:
+            self._resolution.contacts.remember(t, self.stepper.core_state.s, h, lambda: self.stepper.state)
+        if self.model.moving is not None and not last:
+            self._resolution.look_at_moving(t, self.stepper.core_state.q)
         if last or (t >= self._next_look and steps >= self._steps_to_look):
             self._resolution.look(t, self.stepper.state, moves=True)
             self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks

@@ -128,3 +128,70 @@ def test_two_wheels_of_a_trolley_in_an_element_are_told_of() -> None:
     told = [text for text in run(10) if "'rear' and 'front' of body 'cart' stand 0.3 m apart on beam 'cable'" in text]
     assert len(told) == 1 and "their sum is right" in told[0]
     assert not [text for text in run(80) if "their sum is right" in text]
+
+
+@pytest.mark.parametrize("curve", ["c1", "own"])
+def test_a_path_keeps_the_kink_of_a_hinge(curve: str) -> None:
+    """Two bars of one element each, a hinge that is pulled down between them: they stay straight."""
+    section = fb.Section(EA=1e6, GA2=4e5, GA3=4e5, GJ=1e3, EI2=1e3, EI3=1e3, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
+    a = fb.Beam.straight("a", (0, 0, 0), (1, 0, 0), section=section, elements=1)
+    b = fb.Beam.straight("b", (1, 0, 0), (2, 0, 0), section=section, elements=1)
+    mass = fb.PointMass("m", mass=1e-6)
+    scene = fb.Scene(a, b, fb.BallJoint(a.end, b.start), fb.Pin(a.start), fb.Pin(b.end), mass,
+                     fb.Slider("s", mass, on=fb.Path("p", [a, b]), at=1.5, curve=curve),
+                     fb.Load("down", b.start, force=(0, 0, -100.0)))
+    found = fb.solve_static(fb.compile_scene(scene), held=True, points={"m": mass, "hinge": b.start})
+    # rounded it was 0.46875 of it
+    assert abs(found.point("m")[-1, 2] / found.point("hinge")[-1, 2] - 0.5) < 1e-12 and found.point("hinge")[-1, 2] < -0.03
+
+
+@pytest.mark.parametrize(("elements", "curve", "told"), [(2, "c1", True), (2, "own", False), (64, "c1", False)])
+def test_a_kink_of_the_mesh_that_a_curve_rounds_is_told_of(elements: int, curve: str, told: bool) -> None:
+    rope = fb.Section(EA=1e6, GA2=4e5, GA3=4e5, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
+    a = fb.Beam.straight("a", (0, 0, 0), (2, 0, 0), section=rope, elements=elements, degree=1)
+    mass = fb.PointMass("m", mass=1e-6)
+    scene = fb.Scene(a, fb.Pin(a.start), fb.Pin(a.end), mass, fb.Slider("s", mass, a, at=1.5, curve=curve),
+                     fb.Load("down", a.node(elements // 2), force=(0, 0, -2000.0)))
+    found = fb.solve_static(fb.compile_scene(scene), held=True, points={"m": mass, "mid": a.node(elements // 2)})
+    text = [x for x in contact(found) if "curve 'c1' lies" in x]
+    assert bool(text) == told
+    if told:
+        # two straight elements: it should hang at half of the middle
+        off = abs(found.point("m")[-1, 2] - 0.5 * found.point("mid")[-1, 2])
+        assert off > 0.01 and abs(number(text[0], "curve 'c1' lies ") - off) < 0.1 * off
+
+
+def trolley(joint: type, h: float, every: int = 1, EI: float = 50.0) -> fb.Result:
+    """It passes a tower between two spans of a taut rope, 40 m each."""
+    section = fb.Section(EA=1e7, GA2=4e6, GA3=4e6, GJ=EI, EI2=EI, EI3=EI, rhoA=5.0, rhoI2=5e-6, rhoI3=5e-6)
+    spans = [fb.Beam.straight(f"w{i}", (40.0 * i, 0, 0), (40.0 * (i + 1), 0, 0), section=section, elements=20, prestress=1e5)
+             for i in range(2)]
+    point = fb.PointMass("trolley", mass=200.0)
+    scene = fb.Scene(*spans, joint(spans[0].end, spans[1].start), fb.Pin(spans[0].start), fb.Pin(spans[0].end),
+                     fb.Pin(spans[1].end), point, fb.Slider("s", point, on=fb.Path("track", spans), at=30.0, rate=8.0),
+                     gravity=(0, 0, -G))
+    return fb.simulate(fb.compile_scene(scene), t_end=1.6, step=h, every=every, progress=False)
+
+
+def blows(result: fb.Result) -> list[str]:
+    return [event["text"] for event in result.events if event["kind"] == "unresolved" and "grows with 1/h" in event["text"]]
+
+
+@pytest.mark.parametrize("joint", [fb.BallJoint, fb.RigidConnection])
+def test_a_trolley_that_passes_a_tower_is_told_that_its_force_is_a_blow(joint: type) -> None:
+    forces = []
+    for h in (0.02, 0.01):
+        run = trolley(joint, h)
+        (text,) = blows(run)
+        assert "slider 's' goes over s = 40 m" in text and "a weld instead of a hinge" in text
+        largest = float(np.nanmax(np.linalg.norm(run.slider("s")["force"], axis=1)))
+        # rows have the mean of two steps
+        assert largest / 3 < number(text, "its force there, about ") < 3 * largest
+        forces.append(largest)
+    # measured: 12 and 25 kN at a hinge, 9 and 24 kN at a weld, whose bend of 0.02 m elements of 2 m do not show
+    assert forces[1] > 1.5 * forces[0]
+
+
+def test_a_hinge_is_told_of_where_rows_are_far_between_and_a_stiff_beam_has_no_kink() -> None:
+    assert len(blows(trolley(fb.BallJoint, 0.01, every=8))) == 1
+    assert not blows(trolley(fb.RigidConnection, 0.01, EI=1e8)) and not blows(trolley(fb.RigidConnection, 0.01, every=8, EI=1e8))

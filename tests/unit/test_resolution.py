@@ -149,3 +149,53 @@ def test_a_kink_of_the_curve_is_named_and_no_number_of_elements(elements: int) -
 def test_a_bend_however_tight_is_none() -> None:
     (text,) = hoisted(37, 0.002)
     assert "kink" not in text and "it takes" in text
+
+
+def of_moving(result: fb.Result | list[dict[str, object]]) -> list[str]:
+    events = result.events if isinstance(result, fb.Result) else result
+    return [event["text"] for event in events if "elements that move with its contacts" in event["text"]]
+
+
+def on_a_helix(elements: int | np.ndarray) -> fb.Scene:
+    """A bead on 4 turns of a steel wire, 5.17 m, whose curvature is 4.7 rad/m."""
+    wire = fb.Beam.helix("wire", radius=0.2, pitch=-0.3, turns=4, elements=elements,
+                         section=fb.Section.circle(radius=0.006, E=2.1e11, rho=7850.0))
+    bead = fb.PointMass("bead", mass=0.05)
+    return fb.Scene(wire, bead, fb.Clamp(wire.start), fb.Clamp(wire.end), fb.Slider("run", bead, wire, at=0.1),
+                    gravity=(0, 0, -9.81))
+
+
+def test_moving_elements_along_which_the_beam_turns_too_much_are_named() -> None:
+    # 24 elements of 0.22 m, 1.0 rad: the bead went 0.39 m in 1.2 s, on 12 and 24 elements 2.98 m; 1.763 m is right (24 and 48)
+    model = fb.compile_scene(fb.with_moving_meshes(on_a_helix(24)))
+    (text,) = of_moving(mesh_events(model, model.state()))
+    length = float(model.moving.tables[0].length[0])
+    turn, most = float(text.split("twisted by ")[1].split()[0]), float(text.split("at most ")[1].split()[0])
+    # curvature and torsion of a helix of radius R and climb c: R/(R^2 + c^2), c/(R^2 + c^2)
+    c = 0.3 / (2.0 * np.pi)
+    rate = np.hypot(0.2, c) / (0.2**2 + c**2)
+    # two digits are told
+    assert turn == pytest.approx(rate * (length - 0.1) / 24, abs=0.05)
+    assert most == pytest.approx(0.05**(1.0 / 6.0) / rate, abs=0.005)
+    scene = on_a_helix(np.r_[np.linspace(0.0, 0.1, 25), np.linspace(0.1, length, 49)[1:]])
+    model = fb.compile_scene(scene.add(fb.MovingMesh(scene.beams[0], scene.sliders)) or scene)
+    assert of_moving(mesh_events(model, model.state())) == []
+    # where the contact comes to: 24 elements of 0.14 m behind it
+    state = model.state()
+    state.q[12 * model.moving.places[0]] = 3.5
+    assert len(of_moving(mesh_events(model, state))) == 1
+
+
+def test_moving_elements_that_a_contact_leaves_behind_are_named() -> None:
+    def run(at: float, rate: float) -> fb.Result:
+        """A ring on a level rope of 4 m with 20 elements."""
+        section = fb.Section(EA=2e5, GA2=8e4, GA3=8e4, GJ=0.02, EI2=0.02, EI3=0.02, rhoA=0.05, rhoI2=1e-8, rhoI3=1e-8)
+        rope = fb.Beam.straight("rope", (0, 0, 0), (4, 0, 0), section=section, elements=20, prestress=200.0)
+        ring = fb.PointMass("ring", mass=0.5)
+        scene = fb.Scene(rope, ring, fb.Pin(rope.start), fb.Pin(rope.end), fb.Slider("on", ring, rope, at=at, rate=rate),
+                         gravity=(0, 0, -9.81))
+        return fb.simulate(fb.compile_scene(fb.with_moving_meshes(scene)), t_end=0.5, step=5e-3, progress=False)
+    (text,) = of_moving(run(0.2, 4.0))
+    assert text.startswith("beam 'rope'") and "do not resolve the shape" in text
+    # in the middle of its way, with as many elements on both sides
+    assert of_moving(run(1.4, 2.4)) == []

@@ -147,10 +147,10 @@ def test_print_says_what_the_path_is() -> None:
     assert "path               'rail': 2 beams, 3 m, 1 slider, one tangent across 1 of 1 joint" in text
     text = str(fb.compile_scene(joined(TRIANGLE)))
     assert "'triangle': 3 beams, 5.23607 m, closed, 1 slider" in text and "one tangent" not in text
-    # a ball joint is rounded, too, but not on the beams' own curves
+    # a hinge is not rounded, nor are the beams' own curves
     rail = fb.Path("rail", [A, ON])
-    assert "one tangent across 1 of 1 joint" in str(fb.compile_scene(joined(rail, fb.BallJoint)))
-    assert "one tangent" not in str(fb.compile_scene(joined(rail, fb.BallJoint, curve="own")))
+    assert "one tangent" not in str(fb.compile_scene(joined(rail, fb.BallJoint)))
+    assert "one tangent" not in str(fb.compile_scene(joined(rail, curve="own")))
 
 
 # --- tables --------------------------------------------------------------------------------------------------------------
