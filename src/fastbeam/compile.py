@@ -331,11 +331,11 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
     if not scene.sliders:
         return None, None, {}, ()
     tracks = [track_of(scene, nodes, slider) for slider in scene.sliders]
-    index = {id(track): k for k, track in enumerate({id(track): track for track in tracks}.values())}
+    index = {track: k for k, track in enumerate(dict.fromkeys(tracks))}
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
-    curve = np.array([index[id(track)] for track in tracks], np.int64)
+    curve = np.array([index[track] for track in tracks], np.int64)
     pack = pack_paths if any(isinstance(slider.beam, Path) for slider in scene.sliders) else pack_curves
-    every, corners = list({id(track): track for track in tracks}.values()), {}
+    every, corners = list(dict.fromkeys(tracks)), {}
     for c, slider in {c: slider for c, slider in zip(curve.tolist(), scene.sliders) if isinstance(slider.beam, Switch)}.items():
         for place, (track, is_sharp) in corners_of(scene, nodes, slider).items():
             corners[c, *place] = -1 if track is None else len(every), is_sharp

@@ -181,19 +181,17 @@ class Cut:
         self.given, self.s = scene, s.copy()
         self.model: Any = None
         self.places = [place_of(slider, float(x)) for slider, x in zip(scene.sliders, s)]
-        on: dict[int, dict[int, float]] = {}
-        self.old: dict[int, Beam] = {}
+        on: dict[Beam, dict[int, float]] = {}
         for k, place in enumerate(self.places):
-            on.setdefault(id(place.beam), {})[k] = place.at
-            self.old[id(place.beam)] = place.beam
+            on.setdefault(place.beam, {})[k] = place.at
         kept = None
         if before is not None and before.slots.keys() == on.keys():
-            kept = {i: moved(before.slots[i], x) for i, x in on.items()}
+            kept = {beam: moved(before.slots[beam], x) for beam, x in on.items()}
         self.same_mesh = kept is not None and all(x is not None for x in kept.values())
-        self.slots: dict[int, list[Slot]] = (kept if self.same_mesh else {  # type: ignore[assignment]
-            i: slots_of(self.old[i], _kept(scene, self.old[i]), x) for i, x in on.items()})
-        self.new = {i: replace(self.old[i], elements=np.array([slot.at for slot in slots])) for i, slots in self.slots.items()}
-        self._paths: dict[int, Path] = {}
+        self.slots: dict[Beam, list[Slot]] = (kept if self.same_mesh else {  # type: ignore[assignment]
+            beam: slots_of(beam, _kept(scene, beam), x) for beam, x in on.items()})
+        self.new = {beam: replace(beam, elements=np.array([slot.at for slot in slots])) for beam, slots in self.slots.items()}
+        self._paths: dict[Path, Path] = {}
         parts = [self._swapped(part) for part in scene.parts if not isinstance(part, (InitialVelocity, RigidMotion, Crossing))]
         self.scene = Scene(*parts, name=scene.name, gravity=scene.gravity, gravity_time=scene.gravity_time,
                            project_velocities=True)
@@ -201,23 +199,23 @@ class Cut:
     def point(self, what: Any) -> Any:
         """An observed point of the given scene as one of this."""
         if isinstance(what, tuple):
-            return self.new.get(id(what[0]), what[0]), what[1]
-        if isinstance(what, NodeRef) and id(what.owner) in self.new:
-            return self.new[id(what.owner)], float(what.owner.node_s[what.index])
+            return self.new.get(what[0], what[0]), what[1]
+        if isinstance(what, NodeRef) and what.owner in self.new:
+            return self.new[what.owner], float(what.owner.node_s[what.index])
         return what
 
     def _swapped(self, x: Any) -> Any:
         """A part, or what it refers to, on the new beams."""
         if isinstance(x, Beam):
-            return self.new.get(id(x), x)
+            return self.new.get(x, x)
         if isinstance(x, NodeRef):
-            beam = self.new.get(id(x.owner))
+            beam = self.new.get(x.owner)
             return x if beam is None else beam.at(float(x.owner.node_s[x.index]))
         if isinstance(x, Path):
-            if id(x) not in self._paths:
+            if x not in self._paths:
                 pairs = [(self._swapped(beam), d) for beam, d in zip(x.beams, x.directions)]
-                self._paths[id(x)] = Path(x.name, pairs, closed=x.closed)
-            return self._paths[id(x)]
+                self._paths[x] = Path(x.name, pairs, closed=x.closed)
+            return self._paths[x]
         if isinstance(x, (tuple, list)):
             found = [self._swapped(y) if isinstance(y, (Beam, NodeRef)) else y for y in x]
             return x if all(a is b for a, b in zip(found, x)) else type(x)(found)
@@ -244,28 +242,28 @@ class Cut:
     def carry(self, q: Array, given: Any, new: Any, out: Array) -> None:
         """Coordinates [N, 4, 3] of the given mesh into those of this one; given, new: numbers of the nodes of both."""
         for part in self._with_nodes():
-            beam = self.new.get(id(part))
+            beam = self.new.get(part)
             x = q[given.span(part)]
             out[new.span(part if beam is None else beam)] = x if beam is None else along(part.basis, beam.node_s, x)
 
     def bring_back(self, q: Array, new: Any, given: Any, out: Array) -> None:
         """The opposite of `carry`."""
         for part in self._with_nodes():
-            beam = self.new.get(id(part))
+            beam = self.new.get(part)
             x = q[new.span(part if beam is None else beam)]
             out[given.span(part)] = x if beam is None else along(beam.basis, part.node_s, x)
 
     def shifted(self, k: int, way: float) -> Cut:
         """The same with contact k by a little elsewhere; its nodes, and beams, are these."""
         out = copy(self)
-        i = id(self.places[k].beam)
+        i = self.places[k].beam
         here = [replace_slot(slot, self.places[k].sign * way) if k in slot.contacts else slot for slot in self.slots[i]]
         out.slots = {**self.slots, i: here}
         return out
 
     def length_at(self, k: int) -> float:
         """Of the shorter element beside contact k, m."""
-        slots = self.slots[id(self.places[k].beam)]
+        slots = self.slots[self.places[k].beam]
         e = next(e for e, slot in enumerate(slots) if k in slot.contacts)
         return min(abs(slots[e].at - slots[j].at) for j in (e - 1, e + 1) if 0 <= j < len(slots))
 

@@ -198,7 +198,7 @@ class ExactSolver(SlidingSolver):
         """A contact came to a node that other parts refer to, to another contact or to an end."""
         names = self.stepper.model.names["sliders"]
         for k in free.tolist():
-            slot = next(x for x in cut.slots[id(cut.places[k].beam)] if k in x.contacts)
+            slot = next(x for x in cut.slots[cut.places[k].beam] if k in x.contacts)
             if slot.stays or len(slot.contacts) > 1:
                 self.stuck, self.last_s = k, cut.s.copy()
                 other = [names[j] for j in slot.contacts if j != k]

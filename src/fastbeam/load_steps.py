@@ -340,9 +340,14 @@ def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Resul
     elif isinstance(solver, ExactSolver) and solver.why_stuck:
         text = solver.why_stuck
     else:
-        text = (f"slider {name!r} is pushed to the same place from both sides, near s = {solver.last_s[solver.stuck]:.6g} m: a "
-                "kink of its curve at an element end, where it has no direction to rest on. Let it run on curve='c1', or hold "
-                f"it (held=({name!r},))")
+        forces = solver.stepper.model.slider_forces
+        slider = None if forces is None else forces.sliders[solver.stuck]
+        driven = slider is not None and slider.drive is not None
+        why, what = (("the force of its drive jumps there", "Let that force change steadily with the place") if driven else
+                     ("a kink of its curve at an element end, where it has no direction to rest on",
+                      "Let it run on curve='c1'" if slider is None or slider.curve != "c1" else "Give more elements there"))
+        text = (f"slider {name!r} is pushed to the same place from both sides, near s = {solver.last_s[solver.stuck]:.6g} m: "
+                f"{why}. {what}, or hold it (held=({name!r},))")
     return ConvergenceError(
         f"load factor {target:.6g}: {text}. The last equilibrium is in .state, everything computed in .result",
         step=len(solver.history), time=reached, state=State(*(x.copy() for x in solver.state)), result=result)

@@ -9,12 +9,13 @@ import numpy as np
 from .errors import SceneError
 from .kernels.work import State
 from .initial import tied_velocities
-from .moving_contacts import LINE, along_of, joints_of, moment_of
+from .moving_contacts import along_of, joints_of, moment_of
 from .moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
 from .numbered import Numbered, number
 from .scene import (BallJoint, Beam, Bushing, Clamp, CylindricalJoint, Damper, DistanceJoint, InitialVelocity, Load, MovingMesh,
                     Pin, PlanarJoint, PointMass, PrismaticJoint, RevoluteJoint, RigidBody, RigidConnection, RigidMotion, Scene,
                     Sleeve, Slider, SphericalJoint, Spring, UniversalJoint)
+from .scene.moving_mesh import LineOfPlaces
 from .unpacked import unpack
 
 Array = np.ndarray
@@ -198,7 +199,7 @@ def rewrite(scene: Scene) -> Rewritten | None:
 def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
     who = f"compile_scene: {parts[0].label}"
     beams = [part.beam for part in parts]
-    if len({id(beam) for beam in beams}) < len(beams):
+    if len(set(beams)) < len(beams):
         raise SceneError(f"{who}: there are two moving meshes of one beam; name all its sliders in one")
     for slider in scene.sliders:
         if sum(slider in part.sliders for part in parts) != 1:
@@ -288,7 +289,7 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
         contacts += [numbers.number(mesh.contact(k)) for k in range(len(mesh.sliders))]
     moments, acting = ([of(slider) for mesh in rewritten.meshes for slider in mesh.sliders] for of in (moment_of, along_of))
     points = [numbers.number(slider.point) for mesh in rewritten.meshes for slider in mesh.sliders]
-    line = [node for (owner, _), node in numbers.arms.items() if owner == id(LINE)]
+    line = [node for (owner, _), node in numbers.arms.items() if isinstance(owner, LineOfPlaces)]
     moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), np.array(points), moments, acting,
                     np.array(line, np.int64))
     return replace(model, links=(*model.links, *tables), moving=moving)

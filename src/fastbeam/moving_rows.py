@@ -144,6 +144,6 @@ def refuse_point(model: Model, name: str, owner: Any) -> None:
         Names the point.
     """
     for table in () if model.moving is None else model.moving.tables:
-        if model.numbers.first.get(id(owner)) == int(table.place[1]):
+        if model.numbers.first.get(owner) == int(table.place[1]):
             raise SceneError(f"point {name!r}: the elements of {owner.label} move, and no node stays at a material point inside; "
                              "observe its start or end, or what slides on it")

@@ -56,9 +56,9 @@ class NodeList:
     centre and of the ground."""
 
     def __init__(self, scene: Scene) -> None:
-        self.first: dict[int, int] = {}
+        self.first: dict[Any, int] = {}
         # what sliders run on (tracks.py)
-        self.tracks: dict[tuple[int, str, float], Any] = {}
+        self.tracks: dict[tuple[Any, str, float], Any] = {}
         self.labels = Labels()
         phi: list[Array] = []
         directors: list[Array] = []
@@ -74,15 +74,15 @@ class NodeList:
 
         for beam in scene.beams:
             p, d = beam.reference(beam.node_s)
-            self.first[id(beam)] = add(beam, beam.basis.fit_positions(p), d, 3)
+            self.first[beam] = add(beam, beam.basis.fit_positions(p), d, 3)
         for net in scene.nets:
-            self.first[id(net)] = add(net, net.positions, net.directors, 3)
+            self.first[net] = add(net, net.positions, net.directors, 3)
         upright = np.eye(3)
         for part in [*scene.bodies, *scene.masses]:
-            self.first[id(part)] = add(part.label, scene.position_of(part)[None], getattr(part, "directors", upright)[None],
+            self.first[part] = add(part.label, scene.position_of(part)[None], getattr(part, "directors", upright)[None],
                                        2 if isinstance(part, RigidBody) else 9)
-        elsewhere = [self.first[id(x)] for x in scene.masses if isinstance(x, PlaceOnBeam)]
-        self.arms: dict[tuple[int, tuple[float, ...]], int] = {}
+        elsewhere = [self.first[x] for x in scene.masses if isinstance(x, PlaceOnBeam)]
+        self.arms: dict[tuple[Any, tuple[float, ...]], int] = {}
         self.arm_owner: list[tuple[int, int]] = []
         # points of the ground
         self.ground: list[int] = []
@@ -91,7 +91,7 @@ class NodeList:
         points += [node for winch in scene.winches for node in (winch.drum, winch.load)]
         points += [node for joint in [*scene.balls, *scene.rigid, *scene.links] for node in (joint.a, joint.b)]
         for node in points:
-            key = (id(node.owner), tuple(node.offset.tolist()))
+            key = (node.owner, tuple(node.offset.tolist()))
             fixed = isinstance(node.owner, Ground)
             if isinstance(node.owner, Beam) or (node.is_center and not fixed) or key in self.arms:
                 continue
@@ -102,7 +102,7 @@ class NodeList:
                     elsewhere.append(self.arms[key])
                 continue
             self.arms[key] = add(node, scene.position_of(node)[None], node.owner.directors[None], 4)
-            self.arm_owner.append((self.first[id(node.owner)], self.arms[key]))
+            self.arm_owner.append((self.first[node.owner], self.arms[key]))
         # of every node the first one of the beam, or of the beam of a net, that it belongs to; of points that of their body
         self.part = np.arange(len(self.labels))
         for beam in scene.beams:
@@ -139,8 +139,8 @@ class NodeList:
             The part is not in the scene.
         """
         if isinstance(part, NetBeam):
-            return self.first[id(part.net)] + int(part.net.node_start[part.index])
-        return self.first[id(part)]
+            return self.first[part.net] + int(part.net.node_start[part.index])
+        return self.first[part]
 
     def span(self, part: Any) -> slice:
         """Global numbers of all nodes of a part."""
@@ -153,4 +153,4 @@ class NodeList:
             return self.start(node.owner) + node.index
         if node.is_center and not isinstance(node.owner, Ground):
             return self.start(node.owner)
-        return self.arms[id(node.owner), tuple(node.offset.tolist())]
+        return self.arms[node.owner, tuple(node.offset.tolist())]

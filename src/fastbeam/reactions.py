@@ -53,12 +53,13 @@ class Reactions:
         self.own = stepper if stepper.pivots_everywhere else stepper.fallback
         core = self.own.core
         self.holding = holding = stepper.model.holding
-        left_out = {id(core.ties), id(core.static_held if static else core.held)}
+        held = core.static_held if static else core.held
         of = self.own if static else stepper
         terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
         running = {type(term): term for term in of.terms}
         known = with_known_twist(tuple(_as_running(term, running.get(type(term))) for term in terms), of.terms)
-        self.terms = Record(tuple(_at_nodes(term, core.pattern.row_of) for term in known if id(term) not in left_out))
+        known = tuple(term for term in known if term is not core.ties and term is not held)
+        self.terms = Record(tuple(_at_nodes(term, core.pattern.row_of) for term in known))
         some = [x for x in sections if x is not None]
         self.bodies = FreeBodies(stepper.model, self.terms.of, some, stepper.plane, core.pattern.n) if some else None
         self._sliding = Record(tuple(term for term in self.terms.of if isinstance(term, Sliding)))

@@ -18,7 +18,7 @@ Array = np.ndarray
 class _Remeshed(Cut):
     """The scene with new beams in place of those with sliders."""
 
-    def __init__(self, scene: Scene, new: dict[int, Beam]) -> None:
+    def __init__(self, scene: Scene, new: dict[Beam, Beam]) -> None:
         self.given, self.new, self._paths = scene, new, {}
 
     def _bore(self, sleeve: Sleeve) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def with_moving_meshes(scene: Scene) -> Scene:
         raise SceneError(f"with_moving_meshes: {scene.label} has no sliders; compile it as it is")
     if any(isinstance(part, MovingMesh) for part in scene.parts):
         raise SceneError(f"with_moving_meshes: {scene.label} has moving meshes; compile it as it is")
-    on: dict[int, list[Slider]] = {}
+    on: dict[Beam, list[Slider]] = {}
     for slider in scene.sliders:
         if not isinstance(slider.beam, Beam) or isinstance(slider.beam, Path):
             raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; elements of single beams "
@@ -67,7 +67,7 @@ def with_moving_meshes(scene: Scene) -> Scene:
             raise SceneError(f"with_moving_meshes: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m, and "
                              "elements that move end at one point of it; leave length out, give length=0, or compile the scene "
                              "as it is")
-        on.setdefault(id(slider.beam), []).append(slider)
+        on.setdefault(slider.beam, []).append(slider)
     for some in on.values():
         check_places("with_moving_meshes", some[0].beam, some)
     new = {i: _cut(some[0].beam, sorted(slider.at for slider in some)) for i, some in on.items()}

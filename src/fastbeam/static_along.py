@@ -24,6 +24,8 @@ ROUND_OFF = 1e-10
 RESERVE = 1e-5
 # a slider is at a rigid stop, or back where it was, within this share of the length of its beam
 AT_STOP, BACK = 1e-12, 1e-13
+# a slider touches an elastic stop where it is beyond its begin by this share of the length of its beam
+TOUCH = 1e-12
 # how often one slider may change between sticking and slipping in one load step
 MOST_CHANGES = 6
 
@@ -146,6 +148,12 @@ class StaticAlong:
         changes[returned] += 1
         changed = not (np.array_equal(before[0], sign) and np.array_equal(before[1], at_stop))
         return changed, np.where(returned, self.before, s)
+
+    def to_stop(self, s: Array, way: Array) -> Array:
+        """How far sliders on their ways [S] from s may go at once: until they touch an elastic stop that they do not yet."""
+        stiff = self.forces.tables.stops[:, STIFFNESS] > 0.0
+        gap = np.where(way > 0.0, self.elastic[:, 1] - s, s - self.elastic[:, 0])
+        return np.where(stiff & (gap >= 0.0), gap + TOUCH * self.lengths, np.inf)
 
     def is_rigid(self, way: Array) -> Array:
         """Whether sliders on their ways [S] have a rigid stop ahead, bool [S]."""

@@ -280,14 +280,14 @@ class StaticContacts:
         at_start = self.model.q0.reshape(-1, 4, 3)
         gaps, within = [np.zeros(0)], []
         given = iter([] if self.given is None else self.given)
-        free = {id(link) for link in self._loose_links()}
+        free = self._loose_links()
         second: list[tuple[list[int], Array]] = []
-        for link, part in zip(kept, self._parts(force)):
+        for k, (link, part) in enumerate(zip(kept, self._parts(force))):
             pair = list(link.node)
             gap = link.law.gap(x[pair], at_start[pair])
             if isinstance(link.law, Coordinate) and self.given is not None:
                 gap = np.array([link.law.misses(x[pair], next(given))])
-            takes = self._within(link) * (id(link) not in free)
+            takes = self._within(link) * (k not in free)
             gaps.append(takes @ gap)
             within.append(takes)
             if not link.law.is_vector:
@@ -303,20 +303,20 @@ class StaticContacts:
             bent = (lift.T @ curved @ lift + self.rows.T @ self._turned(x, force) @ self.rows).tocsr()
         return np.concatenate(gaps), lead, bent
 
-    def _loose_links(self) -> list[KeptLink]:
-        """Joints whose force is none: coordinates between rigid stops."""
+    def _loose_links(self) -> set[int]:
+        """Numbers of joints whose force is none: coordinates between rigid stops."""
         if self.loose is None:
-            return []
-        rubs = [link for link in self.model.kept if isinstance(link.law, Coordinate) and not link.law.holds]
-        return [link for link, is_free in zip(rubs, self.loose) if is_free]
+            return set()
+        rubs = [k for k, link in enumerate(self.model.kept) if isinstance(link.law, Coordinate) and not link.law.holds]
+        return {k for k, is_free in zip(rubs, self.loose) if is_free}
 
     def _loose_forces(self) -> Array:
         """Numbers of their forces among those of joints."""
-        free = {id(link) for link in self._loose_links()}
+        free = self._loose_links()
         out, at = [np.zeros(0, np.int64)], 0
-        for link in self.model.kept if free else []:
+        for k, link in enumerate(self.model.kept if free else ()):
             m = len(self._within(link))
-            out += [np.arange(at, at + m)] if id(link) in free else []
+            out += [np.arange(at, at + m)] if k in free else []
             at += m
         return np.concatenate(out)
 

@@ -26,7 +26,11 @@ NEWTON_FROM = 0.02
 MOST_SLIDES = 100
 # how often it is looked which sliders stick, slip and rest against stops, for every slider
 ROUNDS = 8
-LEAST_TRUST = 1e-4
+# share of a step below which nothing is found; a slope that jumps from one sign to the other within this share of a beam has no
+# place between
+LEAST_TRUST, SAME_PLACE = 1e-4, 1e-12
+# where Newton's method fails that near to a place that lay too far, the slope jumps
+JUMPS = 1e-6
 
 
 class SlidingSolver(SaddleSolver):
@@ -175,6 +179,8 @@ class SlidingSolver(SaddleSolver):
         held = np.zeros(self.held.size, bool)
         sizes: list[float] = []
         drag, trust, near = 0.0, 1.0, NEWTON_FROM
+        # where they had gone too far, from where they came
+        beyond = np.full(self.held.size, np.nan)
         for _ in range(MOST_SLIDES):
             # less those that have come to a rigid stop
             free = self.sliding
@@ -201,9 +207,14 @@ class SlidingSolver(SaddleSolver):
                     return OK, sizes
                 self._restore(saved)
                 if close and (status != SLIDER_END or not self._met(x.s, x.s).any()):
+                    off = np.nan_to_num(np.abs(beyond - state.s) / self.lengths, nan=1.0)
+                    if np.min(off) <= JUMPS:
+                        self.stuck, self.last_s = int(np.argmin(off)), state.s.copy()
+                        return SLIDER_END, sizes
                     return (NOT_CONVERGED if status == SLIDER_END else status), sizes
                 near = 0.25 * largest
-            steps, out = self._steps(trust * x.s, slope)
+            steps, out = self._steps(x.s, slope, beyond)
+            steps *= trust
             met = self._met(x.s, steps)
             if out >= 0:
                 self.runaway = out
@@ -219,13 +230,17 @@ class SlidingSolver(SaddleSolver):
                 if self.along is not None:
                     self.along.meet(met, state.s)
                 continue
+            gone = state.s.copy()
             self._restore(saved)
+            if status == OK:
+                beyond = np.where(after > 0.0, gone, beyond)
+                k = int(np.argmax(after))
+                if abs(gone[k] - state.s[k]) <= SAME_PLACE * self.lengths[k]:
+                    self.stuck, self.last_s = k, gone
+                    return SLIDER_END, sizes
+                continue
             trust *= 0.25
             if trust < LEAST_TRUST:
-                if status == OK:
-                    # the slope jumps from one sign to the other
-                    self.stuck, self.last_s = int(np.argmax(after)), state.s.copy()
-                    return SLIDER_END, sizes
                 return status, sizes
         return NOT_CONVERGED, sizes
 
@@ -245,16 +260,20 @@ class SlidingSolver(SaddleSolver):
         x = saddle.solve(right)
         return x is None or bool(way @ x[n:n + way.size] >= 0.0)
 
-    def _steps(self, s: Array, slope: Array) -> tuple[Array, int]:
-        """Increments of the sliding coordinates, none too long and none beyond an end; and a slider that stands at the end that
-        it is pushed to, or -1."""
+    def _steps(self, s: Array, slope: Array, beyond: Array) -> tuple[Array, int]:
+        """Increments of the sliding coordinates, none too long, none beyond an end, and half the way to places [S] that lay too
+        far (NaN: none is known); and a slider that stands at the end that it is pushed to, or -1."""
         now = self.stepper.core_state.s
         to_end = np.where(s > 0.0, self.ends[:, 1] - now, now - self.ends[:, 0])
         rigid = np.zeros(s.size, bool) if self.along is None else self.along.is_rigid(s)
         out = np.flatnonzero((to_end <= AT_END * self.lengths) & (np.abs(s) > to_end) & (slope * s < 0.0) & ~rigid)
         if out.size:
-            return s, int(out[0])
+            return s.copy(), int(out[0])
         most = np.minimum(REACH * self.lengths, np.where(rigid, 1.0, TO_END) * to_end)
+        most = np.where((beyond - now) * s > 0.0, np.minimum(most, 0.5 * np.abs(beyond - now)), most)
+        if self.along is not None:
+            # an elastic stop is stiff from where it begins
+            most = np.minimum(most, self.along.to_stop(now, s))
         steps = np.clip(s, -most, most)
         if not slope @ steps < 0.0:
             steps = s * float(np.min(np.where(np.abs(s) > most, most / np.where(s == 0.0, 1.0, np.abs(s)), 1.0)))

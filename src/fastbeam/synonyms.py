@@ -80,7 +80,7 @@ WORDS = {
     "nu": "poisson poissons_ratio poisson_ratio v",
     "G": "shear_modulus mu",
     "radius": "r diameter d outer_radius R outer_diameter D",
-    "thickness": "t wall wall_thickness inner_radius ri",
+    "thickness": "t wall wall_thickness inner_radius ri inner_diameter",
     "height": "h depth",
     "width": "b w breadth",
     "shear_factor": "k ks kappa shear_correction k_s",
@@ -116,7 +116,7 @@ WORDS = {
     "clamps": "fixed clamped supports fixed_nodes",
     "pins": "pinned supports support anchors fixed",
     "joints": "hinges connections hinge",
-    "densities": "q force_densities mass",
+    "densities": "q force_densities",
     "masses": "point_masses mass",
     "nodes": "points vertices coordinates positions",
     # parts, loads, supports
@@ -159,16 +159,16 @@ WORDS = {
     "torque": "moment M force motor T actuator",
     "distance": "displacement position stroke travel x",
     "stiffness": "k K spring_constant spring_rate constant EA ea kp gain penalty contact_stiffness P",
-    "damping": "c d damping_constant viscous_damping damper coefficient kd beta rayleigh D viscosity eta",
+    "damping": "c d damping_constant viscous_damping damper coefficient kd beta",
     "length": "l0 L0 L rest_length free_length natural_length unstretched_length sleeve_length bore",
     "rest": "rest_angle angle0 neutral offset",
     "cone": "cone_angle swing max_angle limits",
     "tension_only": "no_compression cable unilateral rope",
     "compression_only": "no_tension bumper",
     "table": "characteristic force_law data curve law",
-    "friction": "mu friction_coefficient coulomb dry coefficient",
     "coefficient": "mu friction friction_coefficient mu_k mu_s static kinetic coulomb",
-    "viscous": "damping viscosity c",
+    "friction": "mu friction_coefficient coulomb dry coefficient",
+    "viscous": "damping c",
     "smoothing": "regularization regularisation v_reg stick_velocity eps",
     "restitution": "e bounce cor coefficient_of_restitution",
     "limit": "max_force force_limit saturation max_torque",
@@ -219,6 +219,36 @@ WORDS = {
     "owner": "beam body part",
     "name": "title label id point joint",
 }
+# words that mean something else than the argument, and what the argument is
+CONVERTED = {
+    "radius": {"diameter d outer_diameter D": "half of the diameter"},
+    "thickness": {"inner_radius ri": "the radius less the inner radius", "inner_diameter": "the radius less half of it"},
+    "EA": {"A area": "E times the area"},
+    "EI2 and EI3": {"I": "E times second moments of area"},
+    "GJ": {"J": "G times the torsion constant"},
+    "rhoA": {"rho": "the density times the area"},
+    "mass_per_length": {"rho": "the density times the area"},
+    "mass": {"weight": "the weight over g", "density": "the density times the volume"},
+    "stiffness": {"EA ea": "EA itself of a rope on a winch, EA over the length of a spring"},
+    "normal": {"Cd drag_coefficient": "half of rho Cd d, d the width", "Ca": "Ca times the mass of the fluid displaced",
+               "Cm": "(Cm - 1) times the mass of the fluid displaced"},
+    "gravity": {"g": "a vector, as (0, 0, -9.81)"},
+    "force": {"pressure": "in N or N/m, the pressure times what it acts on"},
+    "displacement": {"velocity": "the integral of the velocity"},
+    "directors": {"rotation R matrix basis": "rows d1, d2, d3, the transpose of a matrix that rotates vectors",
+                  "quaternion euler_angles": "three rows d1, d2, d3"},
+    "period": {"frequency rate": "one over the frequency"},
+    "rate": {"rpm": "2 pi/60 of it in rad/s"},
+    "frequencies": {"omegas omega w": "in Hz, the angular frequency over 2 pi"},
+    "step": {"load_steps n_load_steps increments": "the size of one, not their number"},
+    "load_step": {"load_steps n_load_steps n_steps steps increments": "the size of one, one over their number"},
+    "elements": {"n_nodes nodes": "the number of elements, not of nodes", "mesh_size": "the length over their size"},
+    "rho_inf": {"numerical_damping": "1 without damping, 0 with the most"},
+    "t_end": {"duration": "counted from 0 and not from t_start"},
+    "start_direction": {"phase": "a direction, not an angle"},
+    "speed": {"slow_motion slowdown": "less than 1 for slow motion"},
+    "progress": {"quiet": "the opposite"},
+}
 # what is not there at all: docs/limits.md
 ABSENT = ("spring", "motor", "contact", "plasticity", "gpu", "dofs")
 # only what is all but the same word is taken for a slip of the pen
@@ -231,7 +261,8 @@ def instead(unknown: str, names: list[str]) -> str:
         return "; Section.circle, Section.tube and Section.rectangle take sizes and material"
     meant = _meant(unknown, names)
     if meant:
-        return f"; use {meant}" if "=" in meant or meant in names else f"; give {meant}"
+        which = f"; use {meant}" if "=" in meant or meant in names else f"; give {meant}"
+        return which + next((f", {what}" for words, what in CONVERTED.get(meant, {}).items() if _is_among(unknown, words)), "")
     if unknown.lower() in ABSENT:
         return "; fastbeam does not do that, docs/limits.md says what to do instead"
     from difflib import get_close_matches
@@ -248,6 +279,11 @@ def _meant(unknown: str, names: list[str]) -> str:
             if word in called.split() and _has(argument, names):
                 return argument
     return ""
+
+
+def _is_among(word: str, words: str) -> bool:
+    """Whether a word is one of some; capitals and underscores do not count."""
+    return word.lower().replace("_", "") in words.lower().replace("_", "").split()
 
 
 def _has(argument: str, names: list[str]) -> bool:

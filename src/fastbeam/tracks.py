@@ -20,7 +20,7 @@ STRAIGHT = 1e-6
 SHARP = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Track:
     """The curve that a slider runs on.
 
@@ -66,7 +66,7 @@ def track_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
     SceneError
         Beams of a path meet where nothing holds them together.
     """
-    key = (id(slider.beam), slider.curve, getattr(slider, "length", 0.0))
+    key = (slider.beam, slider.curve, getattr(slider, "length", 0.0))
     if key not in nodes.tracks:
         on = slider.beam
         if isinstance(on, Switch):

@@ -113,8 +113,8 @@ def unpack(scene: Scene, numbered: Numbered, known: State | None = None) -> Unpa
 
 def _with_mass(scene: Scene) -> list[Any]:
     """Bodies and masses, without the places of moving meshes."""
-    places = {id(place) for mesh in scene.moving for place in mesh.places}
-    return [part for part in [*scene.bodies, *scene.masses] if id(part) not in places]
+    places = {place for mesh in scene.moving for place in mesh.places}
+    return [part for part in [*scene.bodies, *scene.masses] if part not in places]
 
 
 def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:

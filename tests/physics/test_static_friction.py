@@ -56,6 +56,41 @@ def test_drives_and_stops_give_the_forces_that_they_must() -> None:
     assert spring.info["unstable_directions"] == 0 and spring.info["free_directions"] == 0
 
 
+@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("angle", [6.0, 35.0, 60.0])
+def test_beads_rest_on_stiff_elastic_stops(angle: float, stiffness: float) -> None:
+    """m g sin(angle)/k behind it, also where a law of the user's own is one."""
+    weight = 0.01 * G * np.sin(np.radians(angle))
+    stop = fb.solve_static(rigid_rail(angle, 1.0, stops=fb.Stops(0.5, 3.0, stiffness=stiffness)))
+    law = fb.solve_static(rigid_rail(angle, 1.0, drive=fb.Drive(force=lambda t, s, v: stiffness * max(0.5 - s, 0.0))))
+    for found in (stop, law):
+        assert 0.5 - found.state.s[0] == pytest.approx(weight / stiffness, rel=1e-6, abs=1e-12)
+
+
+def test_a_force_that_jumps_over_the_weight_is_named() -> None:
+    with pytest.raises(fb.ConvergenceError, match=r"'s' is pushed.*near s = 0.5 m: the force of its drive jumps there"):
+        fb.solve_static(rigid_rail(30.0, 1.0, drive=fb.Drive(force=lambda t, s, v: 0.2 if s < 0.5 else 0.0)))
+
+
+def test_a_bead_on_a_soft_beam_rests_where_a_damped_run_ends() -> None:
+    """On an elastic stop at each of many places of a beam that sags under it."""
+    soft = fb.Section(EA=1e4, GA2=4e3, GA3=4e3, GJ=1, EI2=1, EI3=2, rhoA=.2, rhoI2=2e-5, rhoI3=3e-5, damping=5e-3)
+
+    def held(at: float, *more: Any, **slider: Any) -> fb.Model:
+        beam, bead = fb.Beam.straight("b", (0, 0, 0), (1.5, 0, 0), section=soft, elements=4), fb.PointMass("m", mass=0.2)
+        stops = fb.Stops(at - 0.03, at + 0.03, stiffness=800.0)
+        return fb.compile_scene(fb.Scene(beam, bead, fb.Clamp(beam.start), fb.Pin(beam.end), *(one(beam) for one in more),
+                                         fb.Slider("s", bead, beam, at=at, stops=stops, **slider), gravity=(0, 0, -G)))
+
+    rests = {at: fb.solve_static(held(at)) for at in (0.2, 0.26, 0.3, 0.36, 0.48, 0.54)}
+    for at, rest in rests.items():
+        s, force = rest.state.s[0], rest.slider("s")["stop_force"][-1]
+        assert s > at + 0.03 and force == pytest.approx(-800.0 * (s - at - 0.03), rel=1e-9)
+    settled = fb.simulate(held(0.3, lambda beam: fb.Drag("air", beam, linear=3.0), friction=fb.Friction(0.0, viscous=4.0)),
+                          t_end=4.0, step=4e-3, every=100)
+    assert settled.state.s[0] == pytest.approx(rests[0.3].state.s[0], abs=1e-8)
+
+
 def test_a_spring_with_friction_has_an_interval_of_rest() -> None:
     def law(t: float, s: float, rate: float) -> float:
         return -0.05 * (s - 2.0)

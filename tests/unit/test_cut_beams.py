@@ -88,14 +88,14 @@ def test_a_cut_scene_has_the_same_parts() -> None:
                      fb.Spring(left.node(5), bob, stiffness=10.0), gravity=(0, 0, -9.81))
     cut = Cut(scene, np.array([1.7]))
     assert cut.places[0].beam is right and cut.places[0].at == pytest.approx(0.3) and cut.places[0].sign == -1
-    new = cut.new[id(right)]
+    new = cut.new[right]
     assert np.allclose(new.elements, [0, 0.3, 0.5, 0.75, 1]) and [x.name for x in cut.scene.beams] == ["left", "right"]
     assert cut.scene.beams[0] is left and cut.scene.distributed[0].beam is new and cut.scene.sliders[0].beam.beams == (left, new)
     assert cut.scene.rigid[0].b == new.end and cut.scene.links[0].a == left.node(5)
     cut.scene.check()
     # a node that something is on is still there
     again = Cut(scene, np.array([0.4]))
-    assert again.scene.links[0].a.owner is again.new[id(left)]
+    assert again.scene.links[0].a.owner is again.new[left]
     assert again.scene.beams[0].node_s[again.scene.links[0].a.index] == pytest.approx(left.node_s[5], abs=1e-14)
 
 

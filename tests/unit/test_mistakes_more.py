@@ -18,7 +18,7 @@ from test_bad_input import between, held_value, law, public, response, rubbing, 
 from test_bad_input import result as sliding
 
 import fastbeam as fb
-from fastbeam.synonyms import ABSENT, WORDS, instead
+from fastbeam.synonyms import ABSENT, CONVERTED, WORDS, instead
 
 SECTION = fb.Section.circle(radius=0.02, E=1e9, rho=1000.0)
 ROD = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2)
@@ -113,8 +113,24 @@ def shared() -> Iterator[tuple[str, str]]:
 
 def test_every_word_leads_to_its_argument_and_no_argument_to_itself() -> None:
     for word, argument in shared():
-        assert instead(word, ["other", argument]) == f"; use {argument}", word
+        found = instead(word, ["other", argument])
+        assert found == f"; use {argument}" or found.startswith(f"; use {argument}, ") and argument in CONVERTED, word
         assert word != argument
+
+
+def test_words_that_mean_something_else_say_what_the_argument_is() -> None:
+    for argument, rows in CONVERTED.items():
+        names_of_call = argument.split(" and ")
+        for words, what in rows.items():
+            assert set(words.split()) <= set(WORDS[argument].split())
+            assert all(instead(word, names_of_call).endswith(f"{argument}, {what}") for word in words.split())
+    # friction of joints is a limit in N or N m, and mu their coefficient
+    assert instead("mu", ["friction", "coefficient"]) == "; use coefficient" and instead("mu", ["friction"]) == "; use friction"
+    for call, wrong, says in ((fb.Section.circle, {"diameter": 0.02}, "use radius, half of the diameter"),
+                              (fb.Section.tube, {"radius": 0.02, "inner_radius": 0.018},
+                               "use thickness, the radius less the inner radius")):
+        with pytest.raises(fb.SceneError, match=says):
+            call(E=1e9, rho=1e3, **wrong)
 
 
 def test_words_name_arguments_that_exist() -> None:

@@ -157,7 +157,7 @@ class NodeRef:
                 and np.array_equal(self.offset, other.offset))
 
     def __hash__(self) -> int:
-        return hash((id(self.owner), self.index, tuple(self.offset.tolist())))
+        return hash((self.owner, self.index, tuple(self.offset.tolist())))
 
 
 @checked(name=Name(), curve=CurveOf(), **COMMON)

@@ -1,7 +1,7 @@
 """The ground: points that are fixed in space, as partners of links and joints."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -43,6 +43,10 @@ class Ground:
 
     def __repr__(self) -> str:
         return "<ground>"
+
+    def __reduce__(self) -> Any:
+        # copies of a scene stand on the same ground
+        return "GROUND" if type(self) is Ground else (type(self), ())
 
 
 GROUND = Ground()

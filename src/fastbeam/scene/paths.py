@@ -118,12 +118,12 @@ class Path:
 
     def __post_init__(self) -> None:
         beams, directions = zip(*self.beams)
-        known: set[int] = set()
+        known: set[Beam] = set()
         for beam in beams:
-            if id(beam) in known:
+            if beam in known:
                 raise SceneError(f"{checks.label(self.kind, self.name)}: {beam.label} appears twice; a path has every beam once"
                                  + ("" if self.closed else ", closed=True leads back to the first"))
-            known.add(id(beam))
+            known.add(beam)
         checks.fill(self, beams=beams, directions=directions)
 
     @property

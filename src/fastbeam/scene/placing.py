@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -37,14 +37,14 @@ class Placing:
 
     def __init__(self, scene: Scene) -> None:
         self._masses, self.count = scene.masses, len(scene.parts)
-        # sliders, then joints of points, then rigid connections of every point mass, by id
-        self._table: dict[int, list[Slider | Joint]] = {}
+        # sliders, then joints of points, then rigid connections of every point mass
+        self._table: dict[Any, list[Slider | Joint]] = {}
         # of masses that were found
-        self._known: dict[int, Array] = {}
+        self._known: dict[Any, Array] = {}
         for link in [*scene.sliders, *scene.balls, *scene.pinned, *scene.rigid]:
             for node in held_nodes(link):
                 if isinstance(node.owner, PointMass):
-                    self._table.setdefault(id(node.owner), []).append(link)
+                    self._table.setdefault(node.owner, []).append(link)
 
     def position(self, node: NodeRef) -> Array:
         """Position (3,) m at t = 0 of a node.
@@ -64,14 +64,14 @@ class Placing:
         if owner.position is not None:
             return owner.position
         known = self._known
-        if id(owner) not in known:
+        if owner not in known:
             found = self._reached(owner, None)
             if found is None:
                 self._no_place(owner)
             way, position = found
             # whatever leads there is there
-            known.update((id(mass), position) for mass in way)
-        return known[id(owner)]
+            known.update(dict.fromkeys(way, position))
+        return known[owner]
 
     @staticmethod
     def _no_place(mass: PointMass) -> NoReturn:
@@ -90,7 +90,7 @@ class Placing:
 
     def _leads(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Callable[[], Array], PointMass | None]]:
         """What a mass without position hangs on: (slider or joint, where that is, the mass without position there or None)."""
-        for link in self._table.get(id(mass), []):
+        for link in self._table.get(mass, []):
             if isinstance(link, Slider):
                 yield link, partial(self._slider_position, link), None
                 continue
@@ -105,16 +105,16 @@ class Placing:
     def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
         """The masses that lead from one without position to the first that something else places, not through another, and that
         place; None where nothing does."""
-        way, open_leads, visited = [mass], [self._leads(mass)], {id(mass), id(avoid)}
+        way, open_leads, visited = [mass], [self._leads(mass)], {mass, avoid}
         known = self._known if avoid is None else {}
         while way:
             for _, place, other in open_leads[-1]:
                 if other is None:
                     return way, place()
-                if id(other) in known:
-                    return way, known[id(other)]
-                if id(other) not in visited:
-                    visited.add(id(other))
+                if other in known:
+                    return way, known[other]
+                if other not in visited:
+                    visited.add(other)
                     way.append(other)
                     open_leads.append(self._leads(other))
                     break
@@ -132,23 +132,23 @@ class Placing:
         """
         once = self._placed_once()
         for mass in self._masses:
-            if id(mass) not in once:
+            if mass not in once:
                 self._check_place(mass, tolerance)
 
-    def _placed_once(self) -> set[int]:
-        """Ids of the masses that joints join to one group in which a single slider or joint says where it is: nothing can
+    def _placed_once(self) -> set[PointMass]:
+        """Masses that joints join to one group in which a single slider or joint says where it is: nothing can
         disagree. In a long chain of masses the search from each of them would take the square of its length."""
-        out: set[int] = set()
-        seen: set[int] = set()
+        out: set[PointMass] = set()
+        seen: set[PointMass] = set()
         for mass in self._masses:
-            if mass.position is not None or id(mass) in seen:
+            if mass.position is not None or mass in seen:
                 continue
-            group, front, places = {id(mass)}, [mass], 0
+            group, front, places = {mass}, [mass], 0
             while front:
                 for _, _, other in self._leads(front.pop()):
                     places += other is None
-                    if other is not None and id(other) not in group:
-                        group.add(id(other))
+                    if other is not None and other not in group:
+                        group.add(other)
                         front.append(other)
             seen |= group
             out |= group if places == 1 else set()

@@ -297,7 +297,7 @@ class Scene(notebook.Parts):
         self._check_members()
         self._check_control_points()
         tolerance = self._tolerance()
-        for path in {id(slider.beam): slider.beam for slider in self.sliders if isinstance(slider.beam, Path)}.values():
+        for path in dict.fromkeys(slider.beam for slider in self.sliders if isinstance(slider.beam, Path)):
             for one in path.tracks if isinstance(path, Switch) else (path,):
                 if isinstance(one, Path):
                     check_path(one, tolerance)
@@ -315,12 +315,12 @@ class Scene(notebook.Parts):
 
     def _check_names(self) -> None:
         """No part twice and no name twice; the same support twice is allowed, it holds nothing new."""
-        known: set[int] = set()
+        known: set[Part] = set()
         named: dict[str, Part] = {}
         for part in self.parts:
-            if id(part) in known and not isinstance(part, (Clamp, Pin)):
+            if part in known and not isinstance(part, (Clamp, Pin)):
                 raise SceneError(f"{self.label}: {who(part)} was added twice")
-            known.add(id(part))
+            known.add(part)
             if isinstance(part, (Crossing, Winch)):
                 # its point, or its drive, has its name
                 continue
@@ -334,10 +334,10 @@ class Scene(notebook.Parts):
 
     def _check_members(self) -> None:
         """Every beam, body or mass that a part refers to is in the scene."""
-        members = {id(part) for part in [*self.beams, *self.nets, *self.bodies, *self.masses]}
+        members = {*self.beams, *self.nets, *self.bodies, *self.masses}
         for part in self.parts:
             for owner in owners(part):
-                if not isinstance(owner, Ground) and id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
+                if not isinstance(owner, Ground) and (owner.net if isinstance(owner, NetBeam) else owner) not in members:
                     raise SceneError(f"{who(part)}: {owner.label} is not in {self.label}; add it to the scene")
 
     def _check_control_points(self) -> None:
