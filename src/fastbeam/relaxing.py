@@ -21,6 +21,7 @@ from .kernels.joint_coordinates import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .linsolve import check_backend
+from .links import Passes
 from .load_steps import TOLD, WHERE
 from .load_times import load_factors_at
 from .model import Model, check_model
@@ -201,6 +202,7 @@ class _Motion:
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,
                                      "residual": np.inf}
         self.buffer = ResultBuffer(self.observer.header(self.info))
+        self.passes = Passes(model.lines, self.buffer.event)
         self.begin = time.perf_counter()
         self.t = self.lost = 0.0
         self.steps = self.swings = self.iterations = 0
@@ -227,6 +229,7 @@ class _Motion:
         if self.observer.needs_forces:
             self.observer.add_forces(row, state.force)
         self.buffer.append(row, self.t)
+        self.passes.look(state.q, self.t, f"the shape at t = {self.t:.6g} s")
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.t, q[:, 0], q[:, 1:])
 

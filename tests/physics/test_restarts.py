@@ -11,7 +11,7 @@ import pytest
 import fastbeam as fb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from restarts import BAR, restart  # noqa: E402
+from random_restarts import BAR, restart  # noqa: E402
 
 H = 0.01
 
