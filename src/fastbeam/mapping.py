@@ -2,7 +2,7 @@
 brought to another."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.polynomial import legendre
 from .errors import SceneError
 from .kernels.along import CAME_BY, HELD, HISTORY, OFF, OFFSET, STICKS, TURNS
 from .kernels.curves import FIRST_NODE, MOST_NODES, NODES_OF_CURVE, TERMS, Curves, Paths
+from .kernels.joint_coordinates import MOTION, VALUE
 from .kernels.layout import ARM, POSITION, TRIAD
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
 
 def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State) -> None:
     """Locks that have taken hold or let go, where a slider has as many as its namesake; whether its point is on the beam;
-    supports that have let go."""
+    supports that have let go; turns of joints."""
     if model.slider_forces is not None:
         locks, theirs = names.get("locks", []), names.get("sliders", [])
         history = state.history[:HISTORY * len(locks)].reshape(-1, HISTORY)
@@ -175,12 +176,31 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
             if own[HELD] == OFF:
                 # whether the point was beyond an end
                 own[STICKS] = given[STICKS]
+    if model.motions is not None and "motions" in names:
+        # angles count turns
+        place, = names["motions"]
+        of = _numbered(zip(names["joints"], names["coordinates"]))
+        values = state.history[place:place + MOTION * len(of)].reshape(-1, MOTION)[:, VALUE]
+        own = model.motions.own(fresh.history, model.motion_place)
+        for k, named in enumerate(_numbered(zip(model.motions.names, model.motions.what))):
+            if named in of:
+                own[k, VALUE] = values[of.index(named)]
     if model.released is not None and "until" in names:
         place, = names["history"]
         theirs = list(zip(names["until"], names.get("since", [False] * len(names["until"]))))
         for k, named in enumerate(zip(model.released.names, model.released.waits.tolist())):
             if named in theirs:
                 fresh.history[model.release_place + k] = state.history[place + theirs.index(named)]
+
+
+def _numbered(named: Iterable[Any]) -> list[Any]:
+    """Names with how many of the same are before each."""
+    seen: dict[Any, int] = {}
+    out = []
+    for name in named:
+        seen[name] = seen.get(name, -1) + 1
+        out.append((name, seen[name]))
+    return out
 
 
 def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) -> list[tuple[slice, slice]]:

@@ -344,7 +344,7 @@ class Observer:
             names["reactions"] = self.reactions
         names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
         if model.motions is not None:
-            names |= {"joints": model.motions.names, "coordinates": model.motions.what}
+            names |= {"joints": model.motions.names, "coordinates": model.motions.what, "motions": [model.motion_place]}
             names |= {"driven": [model.motions.names[k] for k in model.motions.holds.driven]}
         names |= {springs.kind: springs.names for springs in self.springs}
         if self.held:

@@ -44,6 +44,8 @@ JUMPS = ("the support takes its node along at once, a blow that makes forces alt
 MENDABLE = 1e-2
 # share of the largest velocity by which velocities of the scene may change without a word
 CHANGES = 1e-9
+# share of the size of the scene at which gaps are closed: round-off
+CLOSED = 4.0 * float(np.finfo(float).eps)
 # rounds in which parts are moved until joints close
 ROUNDS = 8
 # factor on the mass of beams when places are mended, so that what slides moves rather than its beam
@@ -371,10 +373,14 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     q = follow(model, q)
     inertia = mass_map(model)
     beams = sparse.diags(np.repeat(np.where(model.numbers.rank == 3, STIFF, 1.0), 12))
+    before = np.inf
     for _ in range(ROUNDS * (model.n_constraints > 0)):
         across, gaps = _across(model, q, s)
-        if not np.any(np.abs(gaps) > 0.1 * GAP * model.length):
+        left = float(np.max(np.abs(gaps), initial=0.0))
+        # what is left would be closed by the next step, and its force do work on that
+        if left <= CLOSED * model.length or left > 0.5 * before:
             break
+        before = left
         lift, free = _lift(model, q, state)
         mass = (lift.T @ beams @ inertia @ beams @ lift).tocsr()
         step = np.zeros(6 * model.n_nodes)
@@ -397,7 +403,7 @@ def _close_rigidly(model: Model, state: State, q: Array, s: Array) -> None:
         ties, open_ties, _ = _ties(model, state, q)
         gaps = np.concatenate((gaps, open_ties))
         left = float(np.max(np.abs(gaps), initial=0.0))
-        if left <= 0.1 * GAP * model.length or left > 0.5 * before:
+        if left <= CLOSED * model.length or left > 0.5 * before:
             break
         before, rates = left, velocity_map(q)
         part = model.numbers.part
