@@ -1,5 +1,5 @@
-"""A thousand random restarts across scenes (tests/restarts.py): joints added, removed and moved; momenta and energy are accounted
-for, or the start is refused."""
+"""A thousand random restarts across scenes (tests/random_restarts.py): joints added, removed and moved; momenta and energy are
+accounted for, or the start is refused."""
 from __future__ import annotations
 
 import sys
@@ -9,7 +9,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
-from restarts import BAR, restart  # noqa: E402
+from random_restarts import BAR, restart  # noqa: E402
 from table import Row  # noqa: E402
 
 

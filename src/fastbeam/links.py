@@ -178,12 +178,14 @@ def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
 
 class Lines(NamedTuple):
     """Springs, dampers and line forces, whose force has a direction of its own on either side of the place where both ends meet:
-    names, nodes [L, 2], ways of one end past the other that steps may take at most, m [L]; and line forces by their numbers."""
+    names, nodes [L, 2], ways of one end past the other that steps may take at most, m [L]; line forces by their numbers; and
+    which have a force at rest where both ends meet, bool [L]."""
 
     names: list[str]
     node: Array
     most: Array
     forces: dict[int, LineForce]
+    acts: Array
 
     def passed(self, before: Array, after: Array) -> Array:
         """Numbers of those whose ends pass each other on a longer way between coordinates before and after, [12 N] each."""
@@ -192,6 +194,10 @@ class Lines(NamedTuple):
         x, y = x[b] - x[a], y[b] - y[a]
         beyond = np.einsum("lc,lc->l", x, y) < 0.0
         return np.flatnonzero(beyond & (np.linalg.norm(y - x, axis=1) > self.most)) if beyond.any() else np.zeros(0, np.int64)
+
+    def swapped(self, before: Array, after: Array) -> list[int]:
+        """Numbers of those whose ends pass each other from one equilibrium to another, and whose force turns around by that."""
+        return [int(k) for k in self.passed(before, after) if self.acts[k]]
 
     def unseen(self, before: Array, after: Array, t: float, h: float, weight: Array) -> float:
         """What steps of size h, in the middle of which the time is t, miss of laws of line forces, which they ask at the mean
@@ -217,6 +223,36 @@ class Lines(NamedTuple):
             size = off * h**2 / (12.0 * (mass if np.isfinite(mass) else float(weight.sum())))
             worst = max(worst, size) if np.isfinite(size) else worst
         return worst
+
+
+class Passes:
+    """Events of springs and line forces whose ends pass each other between equilibria that are looked at one after the other.
+
+    Parameters
+    ----------
+    lines : Lines or None
+    event : callable
+        Takes an event {'kind', 'time', 'text'}.
+    """
+
+    def __init__(self, lines: Lines | None, event: Callable[[dict[str, Any]], None]) -> None:
+        self._lines, self._event = lines, event
+        self._last: tuple[Array, str] | None = None
+        self._told: set[int] = set()
+
+    def look(self, q: Array, time: float, where: str) -> None:
+        """The equilibrium at coordinates [12 N], in words where, and at the time of its row."""
+        if self._lines is None:
+            return
+        for k in () if self._last is None else self._lines.swapped(self._last[0], q):
+            if k not in self._told:
+                self._told.add(k)
+                self._event({"kind": "unresolved", "time": time,
+                             "text": f"{self._lines.names[k]}: its ends pass each other between {self._last[1]} and {where}, and "
+                                     "its force acts on the other side from there on; one that pushes alone may have none left. "
+                                     "Start from a shape on the right side (start=), make it stiffer or longer, or see in a run "
+                                     "(simulate) whether it is pushed through"})
+        self._last = q.copy(), where
 
 
 def _tested(entry: Entry, table: Any) -> Any:
@@ -359,8 +395,10 @@ class Links:
         reach = np.maximum(np.linalg.norm(x[:, 1] - x[:, 0], axis=1), own)
         vectorial = np.array([type(part) is Spring and not part.has_law and part.length == 0.0 for part in parts], bool)
         kept = np.flatnonzero((reach > 0.0) & ~vectorial)
+        acts = np.array([type(part) is not Damper and not getattr(part, "tension_only", False) for part in parts], bool)
         return Lines([label_of(parts[k]) for k in kept.tolist()], node[kept], SHORT_WAY * reach[kept],
-                     {n: parts[k] for n, k in enumerate(kept.tolist()) if type(parts[k]) is LineForce}) if kept.size else None
+                     {n: parts[k] for n, k in enumerate(kept.tolist()) if type(parts[k]) is LineForce},
+                     acts[kept]) if kept.size else None
 
     def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any, loads_at: int,
                losses_at: int) -> tuple[Any, ...]:

@@ -18,6 +18,7 @@ from .joint_motion import check_at_rest
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
 from .law_path import user_forces
+from .links import Passes
 from .model import Model
 from .outcome import Outcome
 from .observe import Observer
@@ -142,6 +143,7 @@ class LoadSteps:
                                      **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
         self.buffer = ResultBuffer(self.observer.header(self.info))
         self.begin = time.perf_counter()
+        self.passes = Passes(model.lines, self.buffer.event)
         for kind, text in task.notes:
             self.buffer.event({"kind": kind, "time": 0.0, "text": text})
 
@@ -173,9 +175,10 @@ class LoadSteps:
             target = stop if reached + size > stop - 1e-12 else reached + size
             solver.set_time(t, target if raised else 1.0)
             solver.move_to(target)
-            before = solver.stepper.core_state.q.copy()
+            before, shape = solver.stepper.core_state.q.copy(), solver.state.q.copy()
             status, sizes = solver.equilibrium(target * factors if raised else factors)
-            if status == OK and size > smallest * (1.0 + 1e-12) and self._leaps_back(before):
+            shorter = size > smallest * (1.0 + 1e-12)
+            if status == OK and shorter and (self._leaps_back(before) or self._swaps_back(before, shape)):
                 status = NOT_CONVERGED
             if status == OK:
                 solver.history.append(len(sizes))
@@ -189,7 +192,7 @@ class LoadSteps:
             if status == SLIDER_END and isinstance(solver, SlidingSolver) and max(solver.runaway, solver.stuck) >= 0:
                 bar.close()
                 raise _no_rest(solver, target, reached, self._finish())
-            if size <= smallest * (1.0 + 1e-12):
+            if not shorter:
                 bar.close()
                 if isinstance(solver.motion, StaticMotion):
                     solver.motion.check_turns(reached)
@@ -210,6 +213,15 @@ class LoadSteps:
         if resolution.is_folded(solver.state.q):
             q[:] = after
             return False
+        return True
+
+    def _swaps_back(self, before: Array, shape: Array) -> bool:
+        """Go back to the coordinates `before`, `shape` in space, where ends of a spring or line force have passed each other: a
+        smaller step may meet it. Returns whether that was so."""
+        solver, lines = self.solver, self.task.model.lines
+        if lines is None or isinstance(solver, SlidingSolver) or not lines.swapped(shape, solver.state.q):
+            return False
+        solver.stepper.core_state.q[:] = before
         return True
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
@@ -268,6 +280,7 @@ class LoadSteps:
             row |= solver.row(Observed(self.observed, task.points or {}), t, loads, factor)
             shown = solver.shown
         self.buffer.append(row | self._also(), factor)
+        self.passes.look(state.q, factor, f"the load factor {factor:.6g}")
         q = shown.q.reshape(-1, 4, 3)
         self.buffer.snapshot(factor, q[:, 0], q[:, 1:])
 

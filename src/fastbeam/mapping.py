@@ -2,7 +2,7 @@
 brought to another."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -159,7 +159,7 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
 
 def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State) -> None:
     """Locks that have taken hold or let go, where a slider has as many as its namesake; whether its point is on the beam;
-    supports that have let go; how far supports have turned."""
+    supports that have let go; turns of supports and joints."""
     if model.slider_forces is not None:
         locks, theirs = names.get("locks", []), names.get("sliders", [])
         history = state.history[:HISTORY * len(locks)].reshape(-1, HISTORY)
@@ -197,11 +197,22 @@ def _carry_turns(model: Model, names: Mapping[str, list[Any]], history: Array, f
             if label in names["turning"]:
                 own[:] = history[of_supports + 3 * names["turning"].index(label):][:3]
     if model.motions is not None:
-        theirs = list(zip(names.get("joints", []), names.get("coordinates", [])))
+        theirs = _numbered(zip(names.get("joints", []), names.get("coordinates", [])))
         values = history[of_joints:][:MOTION * len(theirs)].reshape(-1, MOTION)[:, VALUE]
-        for own, named in zip(model.motions.own(fresh, model.motion_place), zip(model.motions.names, model.motions.what)):
+        mine = _numbered(zip(model.motions.names, model.motions.what))
+        for own, named in zip(model.motions.own(fresh, model.motion_place), mine):
             if named in theirs:
                 own[VALUE] = values[theirs.index(named)]
+
+
+def _numbered(named: Iterable[Any]) -> list[Any]:
+    """Names with how many of the same are before each."""
+    seen: dict[Any, int] = {}
+    out = []
+    for name in named:
+        seen[name] = seen.get(name, -1) + 1
+        out.append((name, seen[name]))
+    return out
 
 
 def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) -> list[tuple[slice, slice]]:

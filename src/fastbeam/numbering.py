@@ -112,6 +112,13 @@ class NodeList:
             self.part[self.span(net)] = np.repeat(first, last - first + 1)
         for owner, arm in self.arm_owner:
             self.part[arm] = owner
+        # spins of the rigid motions that every node begins with
+        self.turning = np.zeros((len(self.labels), 3))
+        for motion in scene.motions:
+            for part in motion.objects or [*scene.beams, *scene.nets, *scene.bodies, *scene.masses]:
+                self.turning[self.span(part)] += motion.spin
+        for owner, arm in self.arm_owner:
+            self.turning[arm] = self.turning[owner]
         self.phi = np.concatenate(phi)
         self._in_space = np.delete(np.arange(len(self.phi)), elsewhere)
         self.directors = np.concatenate(directors)

@@ -12,6 +12,7 @@ from .critical_points import CriticalPoint, PathStep, mode_of, type_of_bifurcati
 from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .interrupt import Interrupts
 from .kernels.work import State
+from .links import Passes
 from .load_steps import RECORDED
 from .model import Model
 from .observe import Observer
@@ -60,6 +61,7 @@ class PathWalk:
         header = self.observer.header(self.info)
         header.series |= {"load_factor": (), "unstable_directions": ()}
         self.buffer = ResultBuffer(header)
+        self.passes = Passes(model.lines, self.buffer.event)
         self.begin = time.perf_counter()
         self.length, self.rows, self.iterations = 0.0, 0, 0
         # why a path in a plane knows nothing of critical points out of it
@@ -78,6 +80,7 @@ class PathWalk:
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
         self.resolution.look(self.length, state)
+        self.passes.look(state.q, self.length, f"the load factor {self.solver.factor:.6g}")
         self.rows += 1
         self.iterations += iterations
 

@@ -20,6 +20,7 @@ from .joint_motion import check_at_rest
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .linsolve import check_backend
+from .links import Passes
 from .load_steps import TOLD, WHERE
 from .load_times import load_factors_at
 from .model import Model, check_model
@@ -262,6 +263,7 @@ class _Motion:
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,
                                      "residual": np.inf}
         self.buffer = ResultBuffer(self.observer.header(self.info))
+        self.passes = Passes(model.lines, self.buffer.event)
         self.begin = time.perf_counter()
         self.t = self.lost = 0.0
         self.steps = self.swings = self.iterations = 0
@@ -287,6 +289,7 @@ class _Motion:
         if self.observer.needs_forces:
             self.observer.add_forces(row, state.force)
         self.buffer.append(row, self.t)
+        self.passes.look(state.q, self.t, f"the shape at t = {self.t:.6g} s")
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.t, q[:, 0], q[:, 1:])
 

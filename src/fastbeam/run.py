@@ -39,7 +39,7 @@ from .recording import Rows
 from .result import Result
 from .sampling import Sampling
 from .scene.checks import Place
-from .starting import check_start, moved_supports
+from .starting import check_start, moved_supports, with_velocities_of_scene
 from .step_means import forces_of, measuring
 from .watching import Watch
 from .ways import Ways
@@ -54,7 +54,8 @@ START = Instance((State, Checkpoint), "a State (result.state, model.state()) or 
          observe=OBSERVED, points=POINTS, every=Count(), snapshots=Count(0, 10**6), file=FilePath(), overwrite=Flag(),
          checkpoint=FilePath(), checkpoint_every=Number(least=0.0, unit="s"), callback=Function("(t, state)"),
          tolerance=Number(above=0.0), min_step=STEP, max_step=STEP, max_iterations=Count(most=10_000), backend=Word(),
-         augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag())
+         augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag(),
+         velocities=Word(("start", "scene")))
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
              rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
              observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Place] | None = None,
@@ -63,7 +64,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
              min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
              augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None,
-             mend_start: bool = False) -> Result:
+             mend_start: bool = False, velocities: str = "start") -> Result:
     """Integrate a model in time, with the conserving step (theory.md 4 to 6) or a method to compare it with (theory.md 7).
 
     With the conserving step energy, linear and angular momentum of an isolated system and the gap of its sliders stay at
@@ -130,6 +131,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Start near to `start` where joints, supports and sliders do not allow it: parts up to a hundredth of the size of the scene
         apart are moved, those that meet at different velocities do so in an inelastic impact. Momenta stay, `Result.balance` has
         the energy.
+    velocities : {'start', 'scene'}
+        Those that a start has, or those that the scene gives its parts, in the shape of the start: of an equilibrium, which has
+        none.
 
     Returns
     -------
@@ -163,6 +167,12 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     """
     check_model("simulate", model)
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
+    said: list[tuple[str, str]] = []
+    if velocities == "scene" and state is not None:
+        if isinstance(start, Checkpoint):
+            raise SceneError("velocities: a checkpoint goes on with its own; start=checkpoint.state takes those of the scene")
+        start, said = with_velocities_of_scene(model, state, clock.now)
+        state = start
     check_times(clock.now, t_end, step)
     notes = [("projected", model.projected)] if start is None and model.projected else []
     books: dict[str, Any] = {}
@@ -171,6 +181,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         goes_on = isinstance(start, Checkpoint)
         state, notes = check_start(model, state, step, mend_start, t=clock.now, goes_on=goes_on)
         notes = [] if goes_on else notes
+        notes += said
         books, notes = books_of_start(model, start, state, clock.now, notes)
     elif clock.now != 0.0:
         notes += moved_supports(model, model.state(), clock.now)

@@ -15,7 +15,7 @@ from .kernels.layout import TRIAD
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow, turned
-from .maps import (free_unknowns, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins, velocity_map)
+from .maps import (free_unknowns, gap_rates, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins, velocity_map)
 from .model import Model
 from .multipliers import KeptLink, gap_matrix
 from .nearest import middles, nearest_by, rigid_motions, rigid_share
@@ -42,6 +42,10 @@ JUMPS = ("the support takes its node along at once, a blow that makes forces alt
          "with the velocity of the state")
 # misfits of places up to this share of the size of the scene are mended where that is asked for
 MENDABLE = 1e-2
+# share of the largest velocity by which velocities of the scene may change without a word
+CHANGES = 1e-9
+# share of the size of the scene at which gaps are closed: round-off
+CLOSED = 4.0 * float(np.finfo(float).eps)
 # rounds in which parts are moved until joints close
 ROUNDS = 8
 # factor on the mass of beams when places are mended, so that what slides moves rather than its beam
@@ -129,6 +133,8 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
     notes: list[Any] = _displaced_supports(model, state)
     if t is not None:
         notes += moved_supports(model, state, t)
+    if not at_rest:
+        notes += _at_rest_where_the_scene_moves(model, state) + _swapped_springs(model, state)
     found = misfits(model, state, step, t)
     if goes_on:
         found = [m for m in found if m.mendable < np.inf]
@@ -369,10 +375,14 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     q = follow(model, q)
     inertia = mass_map(model)
     beams = sparse.diags(np.repeat(np.where(model.numbers.rank == 3, STIFF, 1.0), 12))
+    before = np.inf
     for _ in range(ROUNDS * (model.n_constraints > 0)):
         across, gaps = _across(model, q, s)
-        if not np.any(np.abs(gaps) > 0.1 * GAP * model.length):
+        left = float(np.max(np.abs(gaps), initial=0.0))
+        # what is left would be closed by the next step, and its force do work on that
+        if left <= CLOSED * model.length or left > 0.5 * before:
             break
+        before = left
         lift, free = _lift(model, q, state)
         mass = (lift.T @ beams @ inertia @ beams @ lift).tocsr()
         step = np.zeros(6 * model.n_nodes)
@@ -392,10 +402,10 @@ def _close_rigidly(model: Model, state: State, q: Array, s: Array) -> None:
     inertia, before = mass_map(model), np.inf
     for _ in range(ROUNDS):
         across, gaps = _across(model, q, s)
-        ties, open_ties = _ties(model, state, q)
+        ties, open_ties, _ = _ties(model, state, q)
         gaps = np.concatenate((gaps, open_ties))
         left = float(np.max(np.abs(gaps), initial=0.0))
-        if left <= 0.1 * GAP * model.length or left > 0.5 * before:
+        if left <= CLOSED * model.length or left > 0.5 * before:
             break
         before, rates = left, velocity_map(q)
         part = model.numbers.part
@@ -414,9 +424,9 @@ def sparse_rows(*parts: Any) -> Any:
     return sparse.vstack(parts, format="csr")
 
 
-def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array]:
-    """What tied nodes, welded ends and supports ask of all nodes: a matrix on their velocities and spins, sparse [m, 6 N], and by
-    how much each of them is off [m]."""
+def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
+    """What tied nodes, welded ends and supports ask of all nodes: a matrix on their velocities and spins, sparse [m, 6 N], by
+    how much each of them is off [m], and of supports, whose rows come last, the numbers of what they hold."""
     from scipy import sparse
     place = follow(model, q)
     led = np.flatnonzero(_follows(model))
@@ -442,7 +452,80 @@ def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array]:
     still = np.flatnonzero((held[:, None] >> np.arange(6) & 1).reshape(-1))
     rows.append(unit[still])
     off.append(np.zeros(still.size))
-    return sparse_rows(*rows), np.concatenate(off)
+    return sparse_rows(*rows), np.concatenate(off), still
+
+
+def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[State, list[tuple[str, str]]]:
+    """The state with the velocities that the scene gives its parts, in the shape of the state, and what there is to say about it.
+
+    Rigid motions are those of the scene at the places of the state, sliders keep their rates along their beams. What does not
+    agree with joints in this shape changes as in a projection: rigid motions of the parts first.
+    """
+    state = own_state(model, state)
+    q, q0, v0 = (x.reshape(-1, 4, 3) for x in (state.q, model.q0, model.v0))
+    given = velocities_and_spins(q0, v0)
+    for motion, node in moving_supports(model, state):
+        rates = np.concatenate(motion.rates(t))
+        bits = np.append(held_axes(np.array([motion.mask]))[0], np.full(3, bool(motion.mask & 56)))
+        given[node, bits] = rates[bits]
+    fixed = given.reshape(-1).copy()
+    given[:, :3] += np.cross(model.numbers.turning, q[:, 0] - q0[:, 0])
+    to_rates = velocity_map(q)
+    gaps, tangents, _ = gap_rates(model, state)
+    goals = []
+    for k, tangent in enumerate(tangents):
+        _, along, relative = contact(model, k, float(model.s0[k]), q0, v0)
+        goals.append(float(relative @ along / (along @ along)) * tangent)
+        # what slides goes along, not what it slides on
+        part = model.numbers.part == model.numbers.part[int(model.sliders.point[k])]  # type: ignore[union-attr]
+        if np.all(model.numbers.rank[part] != 3):
+            given[part, :3] += goals[-1] - gaps[3 * k:3 * k + 3] @ (to_rates @ given.reshape(-1))
+    on = np.repeat(~off_beam(model, state), 3)
+    of_joints = gap_matrix([link for link in model.kept if link.law.holds], q0) @ model.v0
+    ties, _, still = _ties(model, state, q)
+    directions, _ = direction_rates(model, q, state.s)
+    rows = sparse_rows(gaps[:3 * model.n_sliders][on], gaps[3 * model.n_sliders:], *directions) @ to_rates
+    right = np.concatenate([np.concatenate((*goals, np.zeros(0)))[on], np.where(given_rows(model), of_joints, 0.0)])
+    right = np.concatenate((right, np.zeros(rows.shape[0] + ties.shape[0] - right.size - still.size), fixed[still]))
+    rows, inertia, begin = sparse_rows(rows, ties), mass_map(model), given.reshape(-1)
+    mass = (to_rates.T @ inertia @ to_rates).tocsr()
+    rigid = rigid_motions(q[:, 0], model.numbers.part)
+    found = begin + rigid @ rigid_share(mass, rows, right - rows @ begin, rigid)
+    found = nearest_by(mass, rows, right, found, np.arange(begin.size) % 6 >= 3)[0]
+    found[still] = fixed[still]
+    out = State(state.q, follow(model, (to_rates @ found).reshape(-1, 4, 3)).reshape(-1), state.s, state.force, state.history)
+    model.start_momenta(out.history, out.q, out.v)
+    changed = np.linalg.norm((found - begin).reshape(-1, 6)[:, :3], axis=1)
+    k = int(np.argmax(changed))
+    if changed[k] <= CHANGES * np.max(np.abs(begin), initial=0.0):
+        return out, []
+    return out, [("projected", f"the velocities of the scene change by up to {changed[k]:.6g} m/s, at {model.labels[k]}, to "
+                               "agree with joints, supports and sliders in the shape of the start")]
+
+
+def _at_rest_where_the_scene_moves(model: Model, state: State) -> list[tuple[str, str]]:
+    """A start without velocities in a scene that gives some is worth a word."""
+    if state.v.any() or not model.v0.any():
+        return []
+    size = np.linalg.norm(model.v0.reshape(-1, 4, 3), axis=2)
+    k = int(np.argmax(size.max(axis=1)))
+    much = f"{size[k, 0]:.3g} m/s" if size[k, 0] > 0.0 else "a spin"
+    return [("start", f"the start is at rest, where the scene gives {model.labels[k]} {much}: the run begins without it; take "
+                      "the velocities of the scene with velocities=\"scene\" of simulate, or leave them out of the scene")]
+
+
+def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
+    """Springs that only push, have no force, and lie the other way round than in the scene, are worth a word."""
+    if model.lines is None or model.find_springs is None:
+        return []
+    a, b = model.lines.node.T
+    x, y = (q.reshape(-1, 12)[:, :3] for q in (model.q0, state.q))
+    around = np.einsum("lc,lc->l", x[b] - x[a], y[b] - y[a]) < 0.0
+    names = {model.lines.names[k] for k in np.flatnonzero(around & model.lines.acts)}
+    slack = [name for springs in model.find_springs(model.links) if hasattr(springs, "slack") for name in springs.slack(state)]
+    return [("start", f"spring {name!r} has no force at the start and lies the other way round than in the scene: its ends have "
+                      "passed each other, and it will not push them back; start from a shape on the other side")
+            for name in slack if f"spring {name!r}" in names]
 
 
 def _after_impact(model: Model, state: State, q: Array, s: Array, t: float | None) -> Array:

@@ -387,3 +387,39 @@ def test_the_recipes_of_the_how_to() -> None:
     for name in ("mount 0", "mount 1", "mount 2", "mount 3"):
         np.testing.assert_allclose(sunk.bushing(name)["force"][-1], [0.0, 0.0, -150.0 * 9.81 / 4], rtol=0.0, atol=1e-6)
     assert modes.frequencies[0] > 1.0 and np.any(np.abs(modes.frequencies * 2.0 * np.pi - np.sqrt(4 * 3e5 / 150.0)) < 1e-6)
+
+
+# ------------------------------------------------------------------------------------------------------ ends that pass
+def pressed(force: float) -> fb.Model:
+    """A mass on a vertical guide, on a buffer of 20 mm that pushes alone with 2000 N/m, up to 40 N, and a spring above."""
+    bob = fb.PointMass("bob", mass=1.0, position=(0, 0, 0))
+    return fb.compile_scene(fb.Scene(
+        bob, fb.Pin(bob, axes="xy"), fb.Load("press", bob, force=(0, 0, -force)),
+        fb.Spring(bob, fb.GROUND.point((0, 0, 1)), "hanger", stiffness=100.0, length=1.0),
+        fb.Spring(bob, fb.GROUND.point((0, 0, -0.02)), "buffer", stiffness=2000.0, length=0.02, compression_only=True)))
+
+
+@pytest.mark.parametrize("force", [4.0, 10.0, 35.0])
+def test_statics_do_not_step_over_a_buffer(force: float) -> None:
+    """In the first load step the buffer is at its kink and resists nothing: the mass went through it, and was left with 0 N."""
+    found = fb.solve_static(pressed(force), observe=("spring",))
+    np.testing.assert_allclose(found.state.q[2], -force / 2100.0, rtol=1e-9)
+    np.testing.assert_allclose(found.spring("buffer")["force"][-1], -2000.0 * force / 2100.0, rtol=1e-9)
+    assert not [e for e in found.events if e["kind"] == "unresolved"]
+
+
+def test_a_buffer_that_is_pushed_through_is_told() -> None:
+    model = pressed(60.0)
+    # on its side there is no equilibrium beyond 40 N and the 2 N of the spring above
+    through = fb.solve_static(model)
+    np.testing.assert_allclose(through.state.q[2], -0.6, rtol=1e-12)
+    (event,) = [e for e in through.events if e["kind"] == "unresolved"]
+    says = "spring 'buffer': its ends pass each other between the "
+    assert event["text"].startswith(says + "load factor 0.7 and the load factor 0.7, and its force acts on the other side")
+    # at rest where it was left the buffer never pushes again, and the run says so
+    run = fb.simulate(model, start=through.state, t_end=0.02, step=0.01, progress=False)
+    (event,) = [e for e in run.events if e["kind"] == "start"]
+    assert event["text"].startswith("spring 'buffer' has no force at the start and lies the other way round than in the scene")
+    assert not fb.simulate(model, start=fb.solve_static(pressed(10.0)).state, t_end=0.02, step=0.01, progress=False).events
+    relaxed = fb.relax(model)
+    assert relaxed.state.q[2] < -0.02 and [e for e in relaxed.events if e["text"].startswith(says + "shape at t = 0 s and")]

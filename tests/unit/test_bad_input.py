@@ -437,7 +437,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "simulate": Call(fb.simulate, dict(model=model(), **ends_at_once), RUN | dict(
             model=one_of(Model), t_end=is_real, step=is_real, order=is_count, method=is_text, rho_inf=is_real, t_start=is_real,
             every=is_count, snapshots=is_count, file=PATH, overwrite=is_flag, checkpoint=PATH, checkpoint_every=is_real,
-            callback=is_function, tolerance=is_real, min_step=is_real, max_step=is_real, augmentation=is_real, progress=is_flag)),
+            callback=is_function, tolerance=is_real, min_step=is_real, max_step=is_real, augmentation=is_real, progress=is_flag,
+            velocities=is_text)),
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),

@@ -400,3 +400,37 @@ def test_a_run_goes_on_from_its_checkpoint_however_coarse_its_steps() -> None:
             np.testing.assert_array_equal(x, y)
     print(f"velocity across the path: up to {max(across):.2f} of the largest velocity")
     assert max(across) > 0.5
+
+
+# ------------------------------------------------------------------------------------------- velocities of the scene
+def swinging(*more: object) -> tuple[fb.Scene, fb.Beam]:
+    """A rod on a hinge with a body at its end, a ring that slides on it, and a spring that holds it up."""
+    rod = straight("rod", (0, 0, 0), (1, 0, 0), elements=2)
+    body = fb.RigidBody("body", mass=0.5, inertia=(0.01, 0.01, 0.01), position=(1.1, 0, 0))
+    ring = fb.PointMass("ring", mass=0.1)
+    return fb.Scene(rod, body, ring, fb.RevoluteJoint(fb.GROUND, rod.start, "root", axis=(0, 1, 0)),
+                    fb.RigidConnection(rod.end, body), fb.Slider("slide", ring, rod, at=0.5, rate=0.3),
+                    fb.Spring(body, fb.GROUND.point((1.1, 0, 1)), "hanger", stiffness=100.0, length=0.97), *more,
+                    gravity=(0, 0, -9.81)), rod
+
+
+def test_a_start_from_an_equilibrium_says_that_it_is_at_rest_or_takes_velocities_of_the_scene() -> None:
+    scene, rod = swinging(fb.RigidMotion(spin=(0, 2.0, 0)))
+    model = fb.compile_scene(scene)
+    rest = fb.solve_static(model, held=True)
+    text, = said(model, "start", start=rest.state)
+    assert text.startswith("the start is at rest, where the scene gives body 'body' 2.2 m/s: the run begins without it")
+    assert said(fb.compile_scene(swinging()[0]), "start", start=rest.state) == [
+        "the start is at rest, where the scene gives point mass 'ring' 0.3 m/s: the run begins without it; take the velocities "
+        "of the scene with velocities=\"scene\" of simulate, or leave them out of the scene"]
+    run = fb.simulate(model, start=rest.state, t_end=0.01, step=H, every=1, velocities="scene", observe=("energy", "velocity"))
+    assert not run.events and run.drift("total") < 1e-12
+    # a rigid motion about the hinge in the shape of the equilibrium, and the ring along the rod
+    q = rest.state.q.reshape(-1, 4, 3)[:, 0]
+    np.testing.assert_allclose(run.velocities[0][:rod.n_nodes], np.cross((0, 2.0, 0), q[:rod.n_nodes]), rtol=0, atol=1e-12)
+    assert np.linalg.norm(q[:rod.n_nodes] - model.q0.reshape(-1, 4, 3)[:rod.n_nodes, 0], axis=1).max() > 1e-3
+    ring = at(model, scene.masses[0])
+    nodes, values, slopes = curve_at(model, 0, rest.state.s[0])
+    np.testing.assert_allclose(run.velocities[0][ring], np.cross((0, 2.0, 0), q[ring]) + 0.3 * slopes @ q[nodes], atol=1e-12)
+    with pytest.raises(fb.SceneError, match="velocities: a checkpoint goes on with its own"):
+        fb.simulate(model, start=run.checkpoint, t_end=0.02, step=H, velocities="scene")
