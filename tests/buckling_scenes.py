@@ -77,7 +77,8 @@ def buckling_scene(kind: str, seed: int) -> tuple[fb.Scene, float]:
         left = fb.Beam.straight("left", at(-length, 0), at(0, rise), elements=4, **options)
         right = fb.Beam.straight("right", at(0, rise), at(length, 0), elements=4, **options)
         push = fb.Load("push", left.end, force=way(0.0, -4.0 * P, 4.0 * off * P))
-        return fb.Scene(left, right, fb.RigidConnection(left.end, right.start), fb.Clamp(left.start), fb.Clamp(right.end), push), 3.0
+        clamps = fb.Clamp(left.start), fb.Clamp(right.end)
+        return fb.Scene(left, right, fb.RigidConnection(left.end, right.start), *clamps, push), 3.0
     post = fb.Beam.straight("post", at(0, 0), at(0, length), elements=4, **options)
     arm = fb.Beam.straight("arm", at(0, length), at(0.3 * length, length), elements=3, **options)
     return fb.Scene(post, arm, fb.RigidConnection(post.end, arm.start), fb.Clamp(post.start),

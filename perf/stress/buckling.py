@@ -1,4 +1,5 @@
-"""Sixty random scenes that buckle (tests/buckling_scenes.py): lowest critical loads in a plane and in space, and modes about both sides."""
+"""Sixty random scenes that buckle (tests/buckling_scenes.py): lowest critical loads in a plane and in space, and modes about
+both sides."""
 from __future__ import annotations
 
 import sys

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .eigen import Pencil, SingularError, grown, lowest
+from .eigen import NOISE, Pencil, SingularError, grown, lowest
 from .iteration import newton_loop
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
@@ -92,6 +92,8 @@ class PathSolver(SlidingSolver):
         # of a path in a plane: makes a solver in space of the same path, and that solver
         self.in_space: Callable[[State, float], PathSolver] | None = None
         self._judge: PathSolver | None = None
+        # round-off of the last eigenvalue
+        self.noise = 0.0
         # eigenvalues that are zero all along, of parts that may spin about their own line
         self.free = 0
         # of one that judges, in space: the axes of the plane that the path runs in, and its normal
@@ -105,8 +107,8 @@ class PathSolver(SlidingSolver):
 
     @property
     def judge(self) -> PathSolver:
-        """The solver, at the present equilibrium, whose tangent tells what is stable: in space where the scene may leave the plane
-        in which the path runs."""
+        """The solver, at the present equilibrium, whose tangent tells what is stable: in space where the scene may leave the
+        plane in which the path runs."""
         if self.in_space is None:
             return self
         state = self.state
@@ -407,6 +409,7 @@ class PathSolver(SlidingSolver):
         if self.is_unsymmetric:
             values = found.values - below_zero * self._stiffest
             return values, v / np.sqrt(np.sum(self.weight[:, None] * v * v, axis=0))
+        self.noise = NOISE * float(np.max(np.sum(np.abs(v) * (abs(matrix) @ np.abs(v)), axis=0), initial=0.0))
         # not set to zero where they are round-off
         return np.sum(v * (matrix @ v), axis=0), v
 

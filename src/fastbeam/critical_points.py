@@ -15,6 +15,9 @@ TOGETHER, NEARBY = 1e-6, 1e-3
 # where Newton's matrix is singular at a zero: distance of the samples beside it that are interpolated, as a share of the
 # step, from the first to the largest that is tried, and how many there are on either side
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
+# degree of what fits to values along one path, and share of the largest from which on they do not: a jump leaves 0.24 of it, a
+# kink at most 0.03
+SMOOTH, ROUGH = 3, 0.05
 # step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
 # are none; increment of the unknowns by which a mode is told
 ASIDE, NO_CHANGE, SHORT = 0.2, 1e-13, 1e-6
@@ -79,6 +82,7 @@ class PathStep:
         bifurcation: next to it round-off moves the solver along the vector that vanishes, and Newton's method may fail."""
         places = np.array([*range(-SAMPLES, 0), *range(1, SAMPLES + 1)], float)
         width = CLOSEST * self.size
+        known: dict[float, float] = {}
         while width <= WIDEST * self.size:
             values, states = [], []
             for place in places:
@@ -86,7 +90,13 @@ class PathStep:
                 if not np.isfinite(values[-1]):
                     break
                 states.append(self.solver.saved())
+                known[width * place] = values[-1]
             if len(states) == places.size and values[0] * values[-1] < 0.0:
+                size, smooth = np.max(np.abs(values)), np.polynomial.Polynomial.fit(places, values, SMOOTH)
+                rough = max(abs(smooth(x / width) - value) for x, value in known.items())
+                if rough > ROUGH * size and self.solver.judge.noise < ROUGH**2 * size:
+                    # equilibria on both sides lie on different paths
+                    return None
                 line = np.polynomial.Polynomial.fit(places, values, places.size - 1)
                 zeros = np.array([z.real for z in line.roots() if abs(z.imag) < 1e-9 and abs(z.real) < SAMPLES])
                 if zeros.size:

@@ -101,7 +101,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         Newton iterations a step.
     backend : {'auto', 'pardiso', 'superlu'}
     stop_at : {'limit', 'bifurcation'}, optional
-        End at the first critical point of this kind.
+        End at the first critical point of this kind. What may be one and cannot be located raises.
     side : {1, -1}, optional
         Leave the start, a bifurcation (`stop_at`), on the other path that goes through it, to this side.
     branch : int, optional
@@ -137,7 +137,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     SceneError
         An argument is not usable, or something is held by nothing.
     ConvergenceError
-        The smallest step fails; carries the last equilibrium and the result until then.
+        The smallest step fails, or with stop_at= something changes that cannot be located; carries the last equilibrium and the
+        result until then.
     Interrupted
         By Ctrl-C; carries the same.
     """
@@ -215,8 +216,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     aside = ""
     if flat and may_leave:
         if free_aside(model):
-            aside = (f"nothing holds the scene in its plane, {free_aside(model)}: critical points and unstable directions are those "
-                     "in the plane alone; hold it there with Pins or Clamps to see those in space")
+            aside = (f"nothing holds the scene in its plane, {free_aside(model)}: critical points and unstable directions are "
+                     "those in the plane alone; hold it there with Pins or Clamps to see those in space")
         else:
             solver.in_space = lambda at, factor: solver_from(at, factor, False)
     wanted = wanted_of(model, stop, points)

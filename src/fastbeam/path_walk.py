@@ -29,6 +29,8 @@ Array = np.ndarray
 LEAST_COSINE = 0.9
 # iterations up to which steps grow, and by how much
 FEW, GROWTH = 5, 1.5
+# part of a step to which it is divided where a change within it is not located
+FINEST = 1e-3
 # a slider that near to an end, as a share of its beam, is what stops a path
 AT_END = 1e-3
 # a path is closed that comes back to its first equilibrium: rows before this is looked for, distance of the start from a chord of
@@ -50,6 +52,8 @@ class PathWalk:
         # where the step begins that is under way
         self.begun_at: tuple[Any, ...] | None = None
         self.first_step = self.size = step
+        # length of a step before it was divided because something within it was not located
+        self.undivided: float | None = None
         # quantities that end the path, and how far they are off their values
         self.wanted, self.off = wanted, np.zeros(0)
         self.resolution = Resolution(model)
@@ -161,12 +165,20 @@ class PathWalk:
                 # what changes on the way off is no event
                 sign = np.sign(after.factor)
             else:
+                step = PathStep(solver, before, along, size)
                 rates = (along.factor, after.factor) if after.factor * sign < 0.0 else None
-                found = self._critical(PathStep(solver, before, along, size), rates, unstable, counted)
+                found = step.first(rates, unstable, counted)
+                if step.is_lost and self._may_divide(stop_at):
+                    solver.restore(before)
+                    self._shorten(bar)
+                    continue
+                if step.is_lost:
+                    what = "the load factor turns around" if rates is not None and found is None else (
+                        f"the number of unstable directions changes from {unstable} to {counted}")
+                    self._lost(step, what, stop_at, bar)
             if found is not None:
                 size, counted, after, met = found.size, found.unstable, self._direction(along), None
                 off = self._off_values()
-                sign = -sign if found.kind == "limit" else sign
             if (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to:
                 solver.restore(before)
                 share = (to - before[3]) / along.factor if along.factor else size
@@ -179,6 +191,7 @@ class PathWalk:
                 self._shorten(bar)
                 continue
             if found is not None:
+                sign = -sign if found.kind == "limit" else sign
                 self._note(found, sign)
             self.length += size
             self.record(iterations, size, counted)
@@ -193,6 +206,8 @@ class PathWalk:
                 return
             along, unstable = after, counted
             self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
+            if self.undivided is not None and self.step >= self.undivided:
+                self.undivided = None
         text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; go on from "
                 "result.state with load_factor=, or give most_points")
         self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
@@ -336,18 +351,32 @@ class PathWalk:
         solver.restore(end)
         return None
 
-    def _critical(self, step: PathStep, rates: tuple[float, float] | None, unstable: int | None,
-                  counted: int | None) -> CriticalPoint | None:
-        """The first critical point within the present step, with the solver there; else with the solver at its end."""
-        found = step.first(rates, unstable, counted)
-        if step.is_lost:
-            what = "the load factor turns around" if rates is not None and found is None else (
-                f"the number of unstable directions changes from {unstable} to {counted}")
-            low, high = sorted((step.before[3], step.end[3]))
-            self.buffer.event({"kind": "unresolved", "time": self.length,
-                               "text": f"between load factors {low:.6g} and {high:.6g} {what} at a critical point that was not "
-                                       "located; use a smaller largest_step there"})
-        return found
+    def _may_divide(self, stop_at: str | None) -> bool:
+        """Whether a step with a change that was not located may become shorter: to a share of what it was, or as far as it goes
+        where the path ends at a critical point."""
+        self.undivided = self.undivided or self.step
+        return self.step > max(self.smallest, 0.0 if stop_at else FINEST * self.undivided)
+
+    def _lost(self, step: PathStep, what: str, stop_at: str | None, bar: Progress) -> None:
+        """An event about something that changes within a step and was not located; the next step is as long as before.
+
+        Raises
+        ------
+        ConvergenceError
+            The path ends at a critical point, which may be this one.
+        """
+        low, high = sorted((step.before[3], step.end[3]))
+        text = f"between load factors {low:.12g} and {high:.12g} {what} at a critical point that was not located"
+        if stop_at is not None:
+            bar.close()
+            self.solver.restore(step.before)
+            result = self.finish()
+            raise ConvergenceError(f"{text}, where the path may have to end (stop_at={stop_at!r}); give another step=, or leave "
+                                   "stop_at out and read info['critical_points']; the last equilibrium before is in .state, "
+                                   "everything until then in .result", step=self.rows - 1, time=self.length,
+                                   state=result.state, result=result)
+        self.buffer.event({"kind": "unresolved", "time": self.length, "text": f"{text}; use a smaller largest_step there"})
+        self.step, self.undivided = self.undivided or self.step, None
 
     def _note(self, found: CriticalPoint, sign: float) -> None:
         """Keep what is known of a critical point, at which the solver is; sign: that of the change of the load factor behind

@@ -396,10 +396,40 @@ def test_points_where_newtons_matrix_is_singular_are_located(monkeypatch: pytest
 
 
 def test_what_is_not_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the end of a path that looks for it by an error, behind steps that became shorter, else by an event."""
     monkeypatch.setattr(critical_points.PathStep, "zero", lambda self, *_, **__: self.solver.restore(self.end))
     column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=4)
     scene = fb.Scene(column, fb.Clamp(column.start), fb.Load("press", column.end, force=(0, 0, -5.0)))
-    path = fb.solve_path(fb.compile_scene(scene, planar=True))
+    model = fb.compile_scene(scene, planar=True)
+    path = fb.solve_path(model)
     event = next(x for x in path.events if x["kind"] == "unresolved")
     assert "the number of unstable directions changes from 0 to 1 at a critical point that was not located" in event["text"]
-    assert path.info["critical_points"] == []
+    assert path.info["critical_points"] == [] and 1e-5 < np.min(path.series["step_size"][1:]) < 3e-4
+    with pytest.raises(fb.ConvergenceError, match="not located, where the path may have to end .stop_at='limit'") as caught:
+        fb.solve_path(model, stop_at="limit")
+    assert caught.value.result.series["load_factor"][-1] == pytest.approx(np.pi**2 / 20.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("lateral", [0.3, 0.003])
+def test_the_limit_load_of_an_arch_next_to_another_branch(lateral: float) -> None:
+    """A small load aside makes a limit point of a bifurcation, next to which another path begins. Stiffnesses and loads of the
+    same ratio have the same load factor; short steps lead there; and statics finds the equilibrium below that load only."""
+    def arch(k: float, factor: float = 1.0) -> fb.Model:
+        cut = fb.Section(EA=1e4 * k, GA2=4e3 * k, GA3=4e3 * k, GJ=2.0 * k, EI2=k, EI3=4.0 * k, rhoA=0.1, rhoI2=1e-5,
+                         rhoI3=1e-5)
+        a = fb.Beam.straight("left", (-1, 0, 0), (0, 0, 0.15), section=cut, elements=2)
+        b = fb.Beam.straight("right", (0, 0, 0.15), (1, 0, 0), section=cut, elements=2)
+        load = fb.Load("weight", a.end, force=(lateral * k * factor, 0, -1.5 * k * factor))
+        clamps = fb.Clamp(a.start), fb.Clamp(b.end)
+        return fb.compile_scene(fb.Scene(a, b, fb.RigidConnection(a.end, b.start), *clamps, load), planar=True)
+
+    model = arch(1.0)
+    found = [fb.solve_path(x, to=20.0, stop_at="limit", **options) for x, options in (
+        (model, {}), (arch(1.001), {}), (model, {"largest_step": 0.02, "step": 0.01}))]
+    loads = np.array([x.series["load_factor"][-1] for x in found])
+    np.testing.assert_allclose(loads, loads[0], rtol=1e-9)
+    assert all(not x.series["unstable_directions"][:-1].any() and len(x.info["critical_points"]) == 1 for x in found)
+    below, beyond = (fb.solve_static(arch(1.0, x * loads[0]), largest_load_step=0.02) for x in (0.9999, 1.0001))
+    moves = [np.max(np.abs(x.state.q - found[0].state.q)) for x in (below, beyond)]
+    # 0.002 below, 0.015 and more beyond
+    assert moves[0] < 0.005 < moves[1] and below.info["unstable_directions"] == 0
