@@ -269,8 +269,8 @@ class PathSolver(SlidingSolver):
         nodes = n - s
 
         self.gone, first = np.zeros_like(along.x), self.factor
-        if isinstance(self.motion, StaticShift):
-            self.motion.reached = first
+        if self.motion is not None:
+            self.motion.begin(first)
 
         def move(x: Array, factor: float) -> float:
             self.gone += x

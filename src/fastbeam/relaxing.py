@@ -207,7 +207,8 @@ class _Way:
         ends = [motion.place(at_time) - motion.place(0.0) for motion in of.motions]
         turns = [motion.turn(at_time) @ motion.turn(0.0).T - np.eye(3) for motion in of.motions]
         # matrices do not tell full turns
-        far = max(float(np.max(np.abs(ends))) / length, *(float(np.max(np.abs(x), initial=0.0)) for x in (turns, of.vectors(at_time))))
+        turned = [float(np.max(np.abs(x), initial=0.0)) for x in (turns, of.vectors(at_time))]
+        far = max(float(np.max(np.abs(ends))) / length, *turned)
         self.most = self.size = min(LONGEST_WAY / far, LARGEST_SHARE) if far > 0.0 else LARGEST_SHARE
 
     def times(self) -> Array:

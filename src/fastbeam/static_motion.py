@@ -39,6 +39,10 @@ class _Moving:
         """Displacements and rotation vectors in space that supports go by with the load factor, [M, 6]."""
         raise NotImplementedError
 
+    def begin(self, share: float) -> None:
+        """Count turns from where supports are at this load factor."""
+        raise NotImplementedError
+
     def moved(self, q: Array, given: Array) -> Array:
         """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by what is `pending`."""
         raise NotImplementedError
@@ -121,11 +125,16 @@ class StaticMotion(_Moving):
         return (self.at_time - self.first) * rates * np.hstack((self._along, np.isin(np.arange(len(rates)), self._turns)[:, None]
                                                                 * np.ones(3)))
 
+    def begin(self, share: float) -> None:
+        """As of `_Moving`."""
+        self.share = share
+        self._reached = self._vectors()
+
     def stands(self, share: float, now: Array) -> bool:
         """Whether the supports with coordinates [M, 4, 3] stand where their functions have them at this load factor, from which
         turns are counted then."""
-        before, self.share = self.share, share
-        self._reached = self._vectors()
+        before = self.share
+        self.begin(share)
         left = self.pending(now)
         self.share = before
         return left is None or bool(np.all(np.abs(left) <= AWAY * np.repeat((self._size, 1.0), 3)))
@@ -239,10 +248,13 @@ class StaticShift(_Moving):
         self._turns = np.flatnonzero(self._moves[:, 3:].any(axis=1))
         shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
         self._move_of_node = shared
-        # at the last equilibrium
-        self.reached = share
+        self._reached = share
         # of supports that turn by a function: how far they had
         self._turned: Array | None = None
+
+    def begin(self, share: float) -> None:
+        """As of `_Moving`."""
+        self._reached = share
 
     @property
     def moves(self) -> Array:
@@ -252,7 +264,7 @@ class StaticShift(_Moving):
     def pending(self, now: Array) -> Array | None:
         """As `StaticMotion.pending`, and by `ahead` further."""
         out = np.zeros((self.own.size, 6))
-        if np.any(np.linalg.norm((self.share - self.reached) * self.moves[:, 3:], axis=1) > LARGEST_TURN):
+        if np.any(np.linalg.norm((self.share - self._reached) * self.moves[:, 3:], axis=1) > LARGEST_TURN):
             return np.full_like(out, np.nan)
         gone = (self.share - self._first) * self.moves
         out[:, :3] = np.where(self.moves[:, :3] != 0.0, self._start[:, 0] + gone[:, :3] - now[:, 0], 0.0)
