@@ -10,8 +10,11 @@ from .arc_length import Direction, PathSolver, root
 from .saddle_solver import Increment
 
 Array = np.ndarray
-# zeros so near to each other, as a share of the step, are those of one point; counts beside a point are taken so far from it
-TOGETHER, NEARBY = 1e-6, 1e-3
+# zeros so near to each other, as a share of the step, are those of one point; counts beside a limit point are taken so far from
+# it, nearer where other directions change as well
+TOGETHER, NEARBY = 1e-6, (1e-3, 1e-4, 1e-5, 1e-6)
+# cosine of two directions that are the same
+SAME_WAY = 0.99
 # where Newton's matrix is singular at a zero: distance of the samples beside it that are interpolated, as a share of the
 # step, from the first to the largest that is tried, and how many there are on either side
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
@@ -137,23 +140,23 @@ class PathStep:
             size = self.zero(self._rate, *rates)
             limit = None if size is None else (size, self.solver.saved())
             self.is_lost |= limit is None
-        if known and counted != unstable:
-            found = self._bifurcations(unstable, counted, self.size, self.end)  # type: ignore[arg-type]
         behind = counted
-        if limit is not None and known and not any(self._is_at(x[0], limit[0]) for x in found):
-            # it changes the number, too: the other way where a bifurcation is beside it
-            ahead, behind = (self._count(limit[0] + sign * NEARBY * self.size) for sign in (-1.0, 1.0))
-            if ahead is not None and ahead != unstable and not found:
-                size = limit[0] - NEARBY * self.size
-                if self.to(size):
-                    found = self._bifurcations(unstable, ahead, size, self.solver.saved())  # type: ignore[arg-type]
+        if limit is not None and known:
+            # it changes the number, too: what has changed before it are bifurcations
+            size, ahead, behind = self._beside(limit[0])
+            if ahead == behind and abs((behind or 0) - (unstable or 0)) == 1:
+                # next to a limit point the number has to differ on both sides: round-off hides on which it changes
+                ahead = unstable
+            if ahead is not None and ahead != unstable and self.to(size):
+                found = self._bifurcations(unstable, ahead, size, self.solver.saved())  # type: ignore[arg-type]
+        elif known and counted != unstable:
+            found = self._bifurcations(unstable, counted, self.size, self.end)  # type: ignore[arg-type]
+            # round-off may move the zero of a limit point into the step before it or behind it
+            found = [x for x in found if not self._turns(*x)]
         best = min(found, default=None, key=lambda x: x[0])
-        way = int(np.sign((counted or 0) - (unstable or 0))) or 1
-        if limit is not None and (best is None or best[0] >= limit[0] or self._is_at(best[0], limit[0])):
-            here = [x for x in found if self._is_at(x[0], limit[0])]
+        if limit is not None and best is None:
             self.solver.restore(limit[1])
-            number = min((x[1] for x in here), default=min(unstable or 0, behind or 0))
-            return CriticalPoint("limit", limit[0], number, (unstable or 0) + way * len(here) if here else behind)
+            return CriticalPoint("limit", limit[0], min(unstable or 0, behind or 0), behind)
         if best is not None:
             here = [x for x in found if self._is_at(x[0], best[0])]
             number = min(x[1] for x in here)
@@ -171,6 +174,32 @@ class PathStep:
 
     def _is_at(self, a: float, b: float) -> bool:
         return abs(a - b) <= TOGETHER * self.size
+
+    def _turns(self, size: float, number: int, at: tuple[Any, ...]) -> bool:
+        """Whether the path goes along vectors of the eigenvalues that vanish at a saved state, at this part of the step, as it
+        does at a limit point."""
+        # not the direction there, which at a bifurcation is that of any path
+        self.solver.restore(self.end)
+        after = self.solver.direction(self.along)
+        self.solver.restore(at)
+        vectors = self.solver.critical_directions(number)
+        if vectors is None or after is None or len(vectors) != after.x.size:
+            return False
+        way = self.along.x + size / self.size * (after.x - self.along.x)
+        weighed = self.solver.weight * way
+        return bool(np.linalg.norm(weighed @ vectors) >= SAME_WAY * np.sqrt(weighed @ way))
+
+    def _beside(self, limit: float) -> tuple[float, int | None, int | None]:
+        """Part of the step that ends shortly before a limit point, and the numbers of negative eigenvalues there and as far
+        behind it: so near that one direction changes between, if that is possible."""
+        found = []
+        for near in NEARBY:
+            size = limit - near * self.size
+            found.append((size, self._count(size), self._count(limit + near * self.size)))
+            _, ahead, behind = found[-1]
+            if ahead is None or behind is None or abs(behind - ahead) == 1:
+                return found[-1]
+        return found[0]
 
     def _count(self, size: float) -> int | None:
         return self.solver.judge.unstable() if self.to(size) else None

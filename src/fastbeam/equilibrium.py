@@ -2,9 +2,11 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from .free_motions import FreeMotions
 from .interrupt import Interrupts
 from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
@@ -18,6 +20,16 @@ from .static_motion import Carrying, StaticMotion, StaticShift, coordinates_of
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
 LARGEST_INCREMENT = 4.0
+# increments as small as this that do not become smaller may be those of a free motion
+DRIFT = 1e-4
+
+
+class Counts(NamedTuple):
+    """Of the eigenvalues of a tangent."""
+
+    unstable: int            # negative ones
+    free: int                # zeros
+    names: tuple[str, ...]   # free motions among these
 
 
 class StaticSolver:
@@ -45,6 +57,8 @@ class StaticSolver:
         self._carrying: Carrying | None = None
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
+        if self.stepper.pivots_everywhere:
+            self.linear.superlu.free = self.hold_free
 
     @property
     def name(self) -> str:
@@ -113,7 +127,9 @@ class StaticSolver:
         else:
             self.stepper.parts.start(0.0)
             status, sizes = self.stepper.parts.newton(0.0, self.max_iterations, LARGEST_INCREMENT, self.interrupts.serve)
-        if status == SINGULAR and not self.stepper.pivots_everywhere:
+        # what nothing resists goes anywhere by round-off, and has to be held
+        drifts = status in (NOT_CONVERGED, NOT_FINITE) and min(sizes, default=1.0) < DRIFT and not self.stepper.pivots_everywhere
+        if status == SINGULAR and not self.stepper.pivots_everywhere or drifts and self.fallback.free_motions.may_be:
             state.q[:] = before
             self.fallback.set_time(*self.stepper.law_work[:2])
             self.fallback.motion = self.motion
@@ -190,9 +206,19 @@ class StaticSolver:
         fallback.interrupts = self.interrupts
         return fallback
 
-    def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
-        """Numbers of negative and of zero eigenvalues of the tangent at the last equilibrium, that of load factors [K]: in space,
-        also in directions that a planar scene cannot follow, or in its plane. None where moments leave it undecided."""
+    @cached_property
+    def free_motions(self) -> FreeMotions:
+        """Motions that nothing resists."""
+        plane = self.stepper.plane
+        return FreeMotions(self.stepper.model, None if plane is None else plane.axes)
+
+    def hold_free(self, matrix: Any) -> Array:
+        """One unknown of each at the present shape, with the tangent by rows."""
+        return self.free_motions.find(matrix, self.state.q.reshape(-1, 4, 3))
+
+    def signs(self, factors: Array, in_plane: bool) -> Counts | None:
+        """Of the tangent at the last equilibrium, that of load factors [K]: in space, also in directions that a planar scene
+        cannot follow, or in its plane. None where moments leave it undecided."""
         if in_plane != (self.stepper.plane is not None) or not self.stepper.pivots_everywhere:
             return self._uneliminated(in_plane).signs(factors, in_plane)
         model, work = self.core, self.work
@@ -200,5 +226,10 @@ class StaticSolver:
         self.stepper.parts.start(0.0)
         self.stepper.parts.assemble(0.0)
         size = len(model.dofs)
-        return self.linear.superlu.signs(work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8),
-                                         symmetric=self.has_potential(in_plane))
+        blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
+        return self.counts(self.linear.superlu.signs(blocks, self.has_potential(in_plane), self.hold_free))
+
+    def counts(self, found: tuple[int, int] | None) -> Counts | None:
+        """Numbers of negative and of zero eigenvalues with what is known of the latter."""
+        names = self.free_motions.names
+        return None if found is None else Counts(*found, names if len(names) <= found[1] else ())

@@ -13,6 +13,7 @@ import numpy as np
 
 from .compile import Variant, compile_scene
 from .cut_beams import Acting, Along, Cut, energy_along, refuse
+from .equilibrium import Counts
 from .errors import SceneError
 from .kernels.along import INCREMENT, POSITION
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
@@ -387,7 +388,7 @@ class ExactSolver(SlidingSolver):
             mine[:] = x
 
     # --- what a result has --------------------------------------------------------------------------------------------
-    def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
+    def signs(self, factors: Array, in_plane: bool) -> Counts | None:
         found = self.found
         assert found is not None
         counted = found.solver.signs(factors, in_plane)
@@ -402,7 +403,8 @@ class ExactSolver(SlidingSolver):
                 return counted
         size = np.linalg.eigvalsh(bend)
         least = FLAT * float(np.max(np.abs(size)))
-        return counted[0] + int(np.sum(size < -least)), counted[1] + int(np.sum(np.abs(size) <= least))
+        return counted._replace(unstable=counted.unstable + int(np.sum(size < -least)),
+                                free=counted.free + int(np.sum(np.abs(size) <= least)))
 
     def row(self, observed: Observed, t: float, factors: Array, share: float) -> dict[str, Any]:
         """A row of the result at time t, s, under load factors [K]; share: the load factor."""

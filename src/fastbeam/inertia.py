@@ -1,20 +1,29 @@
 """Signs of the eigenvalues of sparse matrices: how many directions of an equilibrium are unstable, and how many free.
 
 They are the signs of the pivots of a symmetric matrix (Sylvester's law of inertia), and the sign of the determinant where a
-matrix is not symmetric. Matrices of a small bandwidth are factored as bands, others by SuperLU.
+matrix is not symmetric. Matrices of a small bandwidth are factored as bands, others by SuperLU. Free motions that are known
+(`free_motions`) are held before, because round-off makes the signs of their pivots arbitrary.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .kernels import band
 
 Array = np.ndarray
-# eigenvalues of a matrix scaled to a diagonal of 1: smaller ones are round-off
-ZERO_EIGENVALUE = 1e-13
+# of a matrix scaled to a diagonal of 1, in which round-off moves eigenvalues by 1e-16 to 1e-15: where none is nearer to zero than
+# this, pivots count them; else those within one of these widths are computed, the first that has no more than so many
+CERTAIN, WIDTHS, MOST_NEAR = 1e-14, (1e-12, 1e-13, 1e-14), 60
+# inverse iteration for these: shift as a share of the width, vectors more than are wanted, and steps
+BESIDE, MORE, SWEEPS = 0.01, 8, 6
+# an eigenvalue is zero up to so many times the round-off of its terms
+NOISE = 8.0
+# sums of a row next to its terms, and skew parts of a block next to its diagonal, that are round-off; entries at once
+LAST_BITS, SKEW_BLOCK, CHUNK = 3.0 * np.finfo(float).eps, 1e-14, 100_000
 # where all pivots lie above this share of their diagonal entries no eigenvalue is zero
 CLEAR_PIVOT = 1e-6
 # a negative pivot above this share is no round-off of a free motion, which in long beams grows to 1e-9
@@ -23,6 +32,14 @@ NEGATIVE_PIVOT = 1e-8
 WIDEST, MOST_IN_BAND = 128, 2e7
 # skew parts up to this share of the diagonal are round-off
 SKEW = 1e-8
+
+
+class Nodes(NamedTuple):
+    """Which unknowns are those of nodes: the first ones."""
+
+    count: int    # of unknowns
+    size: int     # unknowns a node
+    dim: int      # the first so many of them are positions
 
 
 class Blocks:
@@ -74,23 +91,23 @@ class Entries:
     """
 
     def __init__(self, matrix: Any) -> None:
-        self._by_rows, self.n = matrix, matrix.shape[0]
+        self.by_rows, self.n = matrix, matrix.shape[0]
         matrix.sum_duplicates()
         rows = np.repeat(np.arange(self.n), np.diff(matrix.indptr))
         self.width = int(np.max(np.abs(matrix.indices - rows), initial=0))
 
     def add_half(self, upper: Array) -> None:
         """Its symmetric part, as `kernels.band` keeps it."""
-        band.add_entries(self._by_rows.indptr, self._by_rows.indices, self._by_rows.data, upper)
+        band.add_entries(self.by_rows.indptr, self.by_rows.indices, self.by_rows.data, upper)
 
     def put(self, whole: Array) -> None:
         """All of it, as `kernels.band` keeps it."""
-        band.put_entries(self._by_rows.indptr, self._by_rows.indices, self._by_rows.data, self.width, whole)
+        band.put_entries(self.by_rows.indptr, self.by_rows.indices, self.by_rows.data, self.width, whole)
 
     @cached_property
     def matrix(self) -> Any:
         """By columns."""
-        return self._by_rows.tocsc()
+        return self.by_rows.tocsc()
 
 
 class Signs:
@@ -99,10 +116,13 @@ class Signs:
     Parameters
     ----------
     of : Blocks or Entries
+    nodes : Nodes, optional
+    free : function of the matrix by rows -> int array, optional
+        One unknown of every free motion that is known, to be held.
     """
 
-    def __init__(self, of: Blocks | Entries) -> None:
-        self._of = of
+    def __init__(self, of: Blocks | Entries, nodes: Nodes | None = None, free: Callable[[Any], Array] | None = None) -> None:
+        self._of, self._nodes, self._free = of, nodes, free
         self._is_narrow = of.width <= WIDEST and of.n * of.width**2 <= MOST_IN_BAND
 
     def count(self, symmetric: bool) -> tuple[int, int] | None:
@@ -111,6 +131,10 @@ class Signs:
         Of a matrix that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
         (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
         neither decides, or the eigenvalues cannot be counted."""
+        free = self._free(self._of.by_rows) if self._free is not None else ()
+        if len(free):
+            found = Signs(Entries(held(self._of.by_rows, free)), self._nodes).count(symmetric)
+            return None if found is None else (found[0], found[1] + len(free))
         clear = self.clear()
         if clear is not None and (symmetric or clear == (0, 0)):
             return clear
@@ -170,31 +194,158 @@ class Signs:
         return _sizes(self._of.matrix.diagonal() if self._whole is None else self._whole[:, 2 * self._of.width])
 
     def _of_symmetric_part(self) -> tuple[int, int] | None:
-        return inertia(0.5 * (self._of.matrix + self._of.matrix.T))
+        return inertia((0.5 * (self._of.matrix + self._of.matrix.T)).tocsc(), self._nodes)
 
 
-def inertia(matrix: Any) -> tuple[int, int] | None:
-    """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
-    (Sylvester). None where row exchanges spoil the count or eigenvalues are not found.
+def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
+    """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off (Sylvester). None where row
+    exchanges spoil the count of pivots.
 
-    Round-off makes the sign of a pivot of a free motion arbitrary, and in long beams grows in it to 1e-9 of the diagonal. Where
-    a pivot is small, the eigenvalues nearest to zero are therefore computed, and negative ones counted behind the gap next to
-    those that vanish."""
+    Pivots of the matrix scaled to a diagonal of 1 and shifted by s and by -s count what lies below -s and s, beyond doubt where s
+    is far above round-off. What lies between is computed: its vectors by inverse iteration, its values from differences of
+    positions (`Form`), and a value is zero where it is round-off of the terms that it is the sum of."""
     from scipy import sparse
     diagonal = np.abs(matrix.diagonal())
     pivots = _pivots(matrix)
     if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
         return int(np.sum(pivots < 0.0)), 0
-    scale = sparse.diags(np.sqrt(1.0 / _sizes(matrix.diagonal())), format="csc")
-    scaled = scale @ matrix @ scale
-    near = _nearest_to_zero(scaled)
+    scale = np.sqrt(1.0 / _sizes(matrix.diagonal()))
+    scaled = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
+    for k, width in enumerate((CERTAIN, *WIDTHS)):
+        low, high = (_below(scaled, side * width) for side in (-1.0, 1.0))
+        if low is None or high is None:
+            return None
+        if high <= low:
+            return low, 0
+        if k and high - low <= MOST_NEAR:
+            break
+    near = _nearest_to_zero(scaled, high - low, width)
     if near is None:
         return None
-    zero = np.abs(near) <= ZERO_EIGENVALUE
-    next_one = np.min(np.abs(near[~zero]), initial=1.0)
-    shift = np.sqrt(ZERO_EIGENVALUE * next_one)
-    pivots = _pivots((scaled + shift * sparse.identity(scaled.shape[0], format="csc")).tocsc())
-    return None if pivots is None else (int(np.sum(pivots < 0.0)), int(np.sum(zero)))
+    values, noise = Form(matrix.tocsr(), nodes).values(scale[:, None] * near)
+    first = np.argsort(np.abs(values))[:high - low]
+    zero = np.abs(values[first]) <= NOISE * noise[first]
+    return low + int(np.sum((values[first] < 0.0) & ~zero)), int(np.sum(zero))
+
+
+def held(matrix: Any, unknowns: Array) -> Any:
+    """A matrix by rows with as much on the diagonal of some unknowns as the largest entry there is on it.
+
+    With z, K z = 0, z_i not 0, the matrix K + k e_i e_i^T has one zero eigenvalue less than K, and as many negative ones."""
+    from scipy import sparse
+    more = np.zeros(matrix.shape[0])
+    more[unknowns] = float(np.max(np.abs(matrix.diagonal()), initial=0.0)) or 1.0
+    return (matrix + sparse.diags(more)).tocsr()
+
+
+class Form:
+    """x . K y of a symmetric matrix K, from differences of positions.
+
+    Where all nodes shift alike nothing is strained, so that of the entries between positions, and of those between rotations and
+    positions, every row has the sum zero but for what holds the node in space. Positions may then be replaced by their
+    differences to the node of the row. Without that, round-off of a stiffness EA/h stands beside the energy of bending, and
+    hides it in fine meshes of slender beams.
+
+    Parameters
+    ----------
+    matrix : sparse by rows [n, n]
+    nodes : Nodes, optional
+        Default: plain products.
+    """
+
+    def __init__(self, matrix: Any, nodes: Nodes | None) -> None:
+        rows, columns, data = _entries(matrix)
+        # (values, numbers whose difference stands on the left, the same on the right)
+        self._parts: list[tuple[Array, tuple[Array, ...], tuple[Array, ...]]] = []
+        if nodes is None:
+            self._parts.append((data, (rows,), (columns,)))
+            return
+        count, size, dim = nodes
+        of_nodes = (rows < count) & (columns < count)
+        from_place, to_place = (of_nodes & (x % size < dim) for x in (rows, columns))
+        apart = rows // size != columns // size
+        plain = ~(from_place | to_place)
+        self._parts.append((data[plain], (rows[plain],), (columns[plain],)))
+        at = from_place & to_place & apart
+        a, b = rows[at], columns[at]
+        self._parts.append((-0.5 * data[at], (a, _beside(b, a, size)), (_beside(a, b, size), b)))
+        # a block that is not symmetric by itself
+        skew = 0.5 * (data[at] - _at(matrix, _beside(a, b, size), _beside(b, a, size)))
+        real = np.abs(skew) > SKEW_BLOCK * np.sqrt(np.abs(matrix.diagonal()))[a] * np.sqrt(np.abs(matrix.diagonal()))[b]
+        a, b = a[real], b[real]
+        self._parts.append((skew[real], (a,), (b, _beside(a, b, size))))
+        at = ~from_place & to_place & apart
+        a, b = rows[at], columns[at]
+        self._parts.append((2.0 * data[at], (a,), (b, _beside(a, b, size))))
+        row, place, total = _totals(rows[to_place], columns[to_place], data[to_place], nodes)
+        self._parts.append((np.where(row % size < dim, 1.0, 2.0) * total, (row,), (place,)))
+
+    def values(self, x: Array) -> tuple[Array, Array]:
+        """Eigenvalues of x^T K x, x [n, m], and of each what may be round-off."""
+        product = np.zeros((x.shape[1],) * 2)
+        for value, left, right in self._parts:
+            for k in range(0, value.size, CHUNK):
+                a, b = (_difference(x, [i[k:k + CHUNK] for i in side]) for side in (left, right))
+                product += (a * value[k:k + CHUNK, None]).T @ b
+        values, turn = np.linalg.eigh(0.5 * (product + product.T))
+        y, noise = x @ turn, np.zeros(values.size)
+        for value, left, right in self._parts:
+            for k in range(0, value.size, CHUNK):
+                a, b = (np.abs(_difference(y, [i[k:k + CHUNK] for i in side])) for side in (left, right))
+                noise += np.abs(value[k:k + CHUNK]) @ (a * b)
+        return values, np.finfo(float).eps * noise
+
+
+def strained(matrix: Any, nodes: Nodes, x: Array) -> tuple[Array, Array]:
+    """K x of motions by columns [n, m], from differences of positions as in `Form`, and sums of the largest sizes that its terms
+    could have, those of entries sqrt(K_ii K_jj)."""
+    rows, columns, data = _entries(matrix)
+    count, size, dim = nodes
+    place = (rows < count) & (columns < count) & (columns % size < dim)
+    row, at, total = _totals(rows[place], columns[place], data[place], nodes)
+    beside = np.where(place, _beside(rows, columns, size), 0)
+    root = np.sqrt(np.abs(matrix.diagonal()))
+    most = np.maximum(np.abs(data), root[rows] * root[columns])
+    product, sizes = np.zeros(x.shape), np.zeros(x.shape)
+    for j, one in enumerate(x.T):
+        change = one[columns] - np.where(place, one[beside], 0.0)
+        product[:, j] = np.bincount(rows, data * change, len(x)) + np.bincount(row, total * one[at], len(x))
+        sizes[:, j] = np.bincount(rows, most * np.abs(change), len(x)) + np.bincount(row, np.abs(total * one[at]), len(x))
+    return product, sizes
+
+
+def _entries(matrix: Any) -> tuple[Array, Array, Array]:
+    """Rows, columns and values."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices.astype(np.int64), matrix.data
+
+
+def _beside(row: Array, column: Array, size: int) -> Array:
+    """Of the nodes of rows the unknowns that are those of columns of theirs."""
+    return row // size * size + column % size
+
+
+def _at(matrix: Any, rows: Array, columns: Array) -> Array:
+    """Entries of a sparse matrix."""
+    return np.asarray(matrix[rows, columns]).reshape(-1)
+
+
+def _difference(x: Array, of: list[Array]) -> Array:
+    return x[of[0]] - x[of[1]] if len(of) > 1 else x[of[0]]
+
+
+def _totals(rows: Array, columns: Array, data: Array, nodes: Nodes) -> tuple[Array, Array, Array]:
+    """Row, position of its node, and sum of the entries of the row that belong to this component of positions: what holds nodes
+    in space. Sums that are round-off are left out."""
+    key = rows * nodes.dim + columns % nodes.size
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    if not first.size:
+        return rows[:0], columns[:0], data[:0]
+    # in more digits: the sum is smaller than its terms by as many as there are
+    total = np.add.reduceat(data[order].astype(np.longdouble), first).astype(float)
+    real = np.abs(total) > LAST_BITS * np.add.reduceat(np.abs(data[order]), first)
+    row, column = rows[order[first[real]]], columns[order[first[real]]]
+    return row, _beside(row, column, nodes.size), total[real]
 
 
 def _sizes(diagonal: Array) -> Array:
@@ -203,35 +354,59 @@ def _sizes(diagonal: Array) -> Array:
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
-def _pivots(matrix: Any) -> Array | None:
-    """Pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
+def _factored(matrix: Any) -> Any:
+    """Without exchange of rows; None where the matrix is singular."""
     from scipy.sparse.linalg import splu
     try:
-        factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:
         return None
+
+
+def _pivots(matrix: Any) -> Array | None:
+    """Pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
+    factors = _factored(matrix)
     # perm_c[j] is where column j went
-    return factors.U.diagonal()[factors.perm_c] if np.array_equal(factors.perm_r, factors.perm_c) else None
+    exchanged = factors is None or not np.array_equal(factors.perm_r, factors.perm_c)
+    return None if exchanged else factors.U.diagonal()[factors.perm_c]
 
 
-def _nearest_to_zero(matrix: Any) -> Array | None:
-    """Eigenvalues nearest to zero of a symmetric matrix with a diagonal of 1, so many that one at least is no round-off; None
-    where they cannot be found."""
-    from scipy.sparse.linalg import ArpackError, eigsh
+def _below(matrix: Any, shift: float) -> int | None:
+    """Number of eigenvalues of a symmetric matrix below a shift."""
+    from scipy import sparse
+    pivots = _pivots((matrix - shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
+    return None if pivots is None else int(np.sum(pivots < 0.0))
+
+
+def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
+    """Orthonormal vectors [n, m] among which are those of the `count` eigenvalues nearest to zero of a symmetric matrix with a
+    diagonal of 1, which lie within this width."""
+    from scipy import sparse
     n = matrix.shape[0]
-    if n <= 100:
-        return np.linalg.eigvalsh(matrix.toarray())
-    count = 4
-    while count < n // 2:
-        try:
-            # about a point beside zero, where the matrix is not singular
-            near = eigsh(matrix, count, sigma=-1e-11, v0=np.ones(n), return_eigenvectors=False)
-        except (ArpackError, RuntimeError):
+    # about a point beside zero, where the matrix is not singular
+    factors = _factored((matrix + BESIDE * width * sparse.identity(n, format="csc")).tocsc())
+    if factors is None:
+        return None
+    v = np.random.default_rng(0).standard_normal((n, min(n, count + MORE)))
+    for _ in range(SWEEPS):
+        v = orthonormal_columns(factors.solve(v))[0]
+        if not np.isfinite(v).all():
             return None
-        if np.any(np.abs(near) > ZERO_EIGENVALUE):
-            return near
-        count *= 4
-    return None
+    return v
+
+
+def orthonormal_columns(v: Array) -> tuple[Array, Array]:
+    """Q, R of a few long columns, by Gram and Schmidt, each column twice: LAPACK takes a hundred times as long."""
+    q, r = v.copy(), np.zeros((v.shape[1], v.shape[1]))
+    for j in range(v.shape[1]):
+        for _ in range(2):
+            part = q[:, :j].T @ q[:, j]
+            q[:, j] -= q[:, :j] @ part
+            r[:j, j] += part
+        r[j, j] = np.linalg.norm(q[:, j])
+        if r[j, j] > 0.0:
+            q[:, j] /= r[j, j]
+    return q, r
 
 
 def _is_odd(order: Array) -> bool:

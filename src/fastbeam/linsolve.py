@@ -14,7 +14,7 @@ import numpy as np
 
 from .errors import BackendError, SceneError
 from .halves import Each, Halves, cut
-from .inertia import Blocks, Signs
+from .inertia import Blocks, Nodes, Signs, held
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
 from .mkl import load_mkl, on_threads, pardiso_tables
@@ -139,6 +139,8 @@ class SuperLU:
         self._rows, self._columns = np.ascontiguousarray(rows), np.ascontiguousarray(columns)
         self.solves = 0
         self.worst_residual = 0.0
+        # what finds one unknown of every free motion of the matrix by rows, to be held
+        self.free: Callable[[Any], Array] | None = None
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
         """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
@@ -147,8 +149,13 @@ class SuperLU:
             return None
         self.solves += 1
         matrix = self.matrix(blocks)
-        # the order that suits a symmetric structure first, then plain partial pivoting
-        for options in ({"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}, {}):
+        free = np.zeros(0, np.int64) if self.free is None else self.free(self.by_rows(blocks))
+        if free.size:
+            matrix = held(matrix.tocsr(), free).tocsc()
+        # the order that suits a symmetric structure first, then plain partial pivoting; in statics with few exchanges of rows,
+        # which fill the factors of fine meshes
+        symmetric: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+        for options in (*([] if self.free is None else [symmetric | {"diag_pivot_thresh": 1e-3}]), symmetric, {}):
             try:
                 factors = splu(matrix, **options)
             except RuntimeError:
@@ -163,9 +170,10 @@ class SuperLU:
                 return np.ascontiguousarray(x)
         return None
 
-    def signs(self, blocks: Array, symmetric: bool) -> tuple[int, int] | None:
+    def signs(self, blocks: Array, symmetric: bool, free: Callable[[Any], Array] | None = None) -> tuple[int, int] | None:
         """As `inertia.Signs.count`, of the matrix of blocks [n_blocks, size, 8]."""
-        return Signs(self._of(blocks)).count(symmetric)
+        of = self._of(blocks)
+        return Signs(of, Nodes(of.n, self.size, 2 if self.size == 3 else 3), free).count(symmetric)
 
     def matrix(self, blocks: Array) -> Any:
         """The matrix of blocks [n_blocks, size, 8] by columns."""

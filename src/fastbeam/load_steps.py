@@ -36,11 +36,14 @@ from .supports import check_supports
 from .twisting import check_twist
 
 Array = np.ndarray
-TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
-                    "passed on the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a "
-                    "run in time finds a stable one",
-        "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or "
-                "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
+UNSTABLE = ("this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was passed on "
+            "the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a run in time finds a "
+            "stable one")
+FREE_MOTIONS = "nothing resists {} motion(s) {}: {}; what these do is arbitrary"
+FREE = ("the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling or limit load is met, or a part can move "
+        "freely; what it does there is arbitrary")
+# names of free motions in an event
+SHOWN = 6
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 # of `simulate`'s what there is at rest
 RECORDED = ("energy", "spring", "orientation", "section", "reaction")
@@ -114,6 +117,27 @@ class StaticTask:
         if model.prescribed is not None and self.at_time is not None:
             out.motion = StaticMotion(model, out.state, self.start is None, self.at_time)
         return out
+
+
+def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space: bool,
+              is_counted: bool = True) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """What a result says of the stability of the last equilibrium of a solver, that of load factors [K], and its events (kind,
+    text). held_in_space: whether supports prevent all rigid motions; is_counted: whether it is to be said at all."""
+    flat = solver.stepper.plane is not None
+    where = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
+    counted = solver.signs(factors, where == "plane") if is_counted else None
+    if is_counted and counted is None and flat and where == "space":
+        # about the normal of a plane moments have a potential
+        where, counted = "plane", solver.signs(factors, True)
+    unstable, free, names = counted or (None, None, ())
+    info = {"unstable_directions": unstable, "free_directions": free, "free_motions": list(names), "counted_in": where}
+    texts = [("unstable", UNSTABLE.format(unstable, WHERE[where]))] if unstable else []
+    if names:
+        shown = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+        texts.append(("free", FREE_MOTIONS.format(len(names), WHERE[where], shown)))
+    if free and free > len(names):
+        texts.append(("free", FREE.format(free - len(names), WHERE[where])))
+    return info, texts
 
 
 class LoadSteps:
@@ -251,20 +275,14 @@ class LoadSteps:
             info |= solver.at_rest(task.asked, factors)
         if isinstance(solver, ExactSolver):
             info["force_along"] = solver.forces_along()
-        counted_in = "plane" if self.flat and (task.model.asked_for_plane or not self.held_in_space) else "space"
-        counted = None if task.steady is not None else solver.signs(factors, counted_in == "plane")
-        if counted is None and self.flat and counted_in == "space":
-            # about the normal of a plane moments have a potential
-            counted_in, counted = "plane", solver.signs(factors, True)
         self._look_at_mesh(1.0)
         if isinstance(solver, SlidingSolver) and not isinstance(solver, ExactSolver):
             for event in place_events(solver, task.model):
                 self.buffer.event(event)
-        info["counted_in"] = counted_in
-        for (kind, text), found in zip(TOLD.items(), counted or (None, None)):
-            info[kind + "_directions"] = found
-            if found:
-                self.buffer.event({"kind": kind, "time": 1.0, "text": text.format(found, WHERE[counted_in])})
+        told, texts = stability(solver, task.model, factors, self.held_in_space, task.steady is None)
+        info |= told
+        for kind, text in texts:
+            self.buffer.event({"kind": kind, "time": 1.0, "text": text})
 
     def _record(self, factor: float, iterations: int, size: float) -> None:
         """A row of the last equilibrium."""

@@ -21,7 +21,7 @@ from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .linsolve import check_backend
 from .links import Passes
-from .load_steps import TOLD, WHERE
+from .load_steps import stability
 from .load_times import load_factors_at
 from .model import Model, check_model
 from .newton import Stepper
@@ -438,21 +438,16 @@ class _Motion:
         if closed and self.energies(solver.state)[2] > reached + HIGHER * (self.lost + abs(reached)):
             self.refused = "the equilibrium that Newton's method finds from there lies higher"
             return False
-        counted_in = "plane" if flat and (self.model.asked_for_plane or not self.held_in_space) else "space"
-        counted = leaves if flat == (counted_in == "plane") else solver.signs(ones, counted_in == "plane")
-        if counted is None and flat and counted_in == "space":
-            counted_in, counted = "plane", solver.signs(ones, True)
         if isinstance(solver, SlidingSolver):
             for event in place_events(solver, at_rest):
                 self.buffer.event({**event, "time": self.t})
+        told, texts = stability(solver, self.model, ones, self.held_in_space)
         found = solver.state
         history = self.stepper.state.history.copy()
         self.stepper.set_state(State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), history))
-        self.info |= {"finished": True, "residual": sizes[-1], "counted_in": counted_in}
-        for (kind, text), number in zip(TOLD.items(), counted or (None, None)):
-            self.info[kind + "_directions"] = number
-            if number:
-                self.buffer.event({"kind": kind, "time": self.t, "text": text.format(number, WHERE[counted_in])})
+        self.info |= {"finished": True, "residual": sizes[-1]} | told
+        for kind, text in texts:
+            self.buffer.event({"kind": kind, "time": self.t, "text": text})
         self.iterations += len(sizes)
         self.record(len(sizes), 0.0)
         return True

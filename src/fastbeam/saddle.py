@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from .errors import BackendError
-from .inertia import SKEW, Entries, Signs, inertia
+from .inertia import SKEW, Entries, Nodes, Signs, held, inertia, orthonormal_columns
 from .kernels import sparse as kernels
 from .kernels.scaling import balance
 from .kernels.sparse import PardisoTables
@@ -36,9 +36,9 @@ REGULAR, FAIR, ROUND_OFF = 1e-12, 1e-2, 1e-12
 GOOD = 1e-14
 # a smaller pivot next to the largest tells a singular matrix
 LEAST_PIVOT = 1e-15
-# of the scaled matrix: singular values that are round-off, what is added to the diagonal so that it can be factored, and null
-# vectors that are looked for at most
-NULL, SMALL, MOST_NULL = 1e-12, 1e-13, 12
+# of the scaled matrix: singular values that are round-off (fine meshes of slender beams have some of 1e-14 that are not), what is
+# added to the diagonal so that it can be factored, and null vectors that are looked for at most
+NULL, SMALL, MOST_NULL = 3e-15, 1e-13, 12
 # a matrix whose smallest singular value, as two inverse iterations find it, lies above this has no null vectors
 CLEARLY_REGULAR = 10.0 * NULL
 # share of B^T B that is added to A before its pivots are counted: any gives the same number; and multipliers up to which
@@ -191,6 +191,9 @@ class Saddle:
         self.matrix, self.multiplier, self._factors = matrix.tocsr(), multiplier, factors
         self.is_finite = bool(np.isfinite(self.matrix.data).all())
         self.is_singular = False
+        # which unknowns are those of nodes, and what finds one unknown of every free motion: for signs
+        self.nodes: Nodes | None = None
+        self.free: Callable[[Any], Array] | None = None
         self.residual = self.unbalanced = 0.0
         self.drift = np.zeros(multiplier.size)
 
@@ -337,8 +340,8 @@ class Saddle:
         for count in (1, min(n, MOST_NULL)):
             v = np.random.default_rng(0).standard_normal((n, count))
             for _ in range(3):
-                v = _orthonormal(np.nan_to_num(factors.solve(np.ascontiguousarray(v), trans)))[0]
-            _, sizes, turn = np.linalg.svd(_orthonormal(matrix @ v)[1])
+                v = orthonormal_columns(np.nan_to_num(factors.solve(np.ascontiguousarray(v), trans)))[0]
+            _, sizes, turn = np.linalg.svd(orthonormal_columns(matrix @ v)[1])
             if not np.any(sizes <= NULL):
                 break
         return v @ turn[sizes <= NULL].T
@@ -350,18 +353,18 @@ class Saddle:
         A + p B^T B has on these motions the signs of A, whatever p is. Its negative eigenvalues less those of
         B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
         if not self.multiplier.any():
-            return Signs(Entries(self.matrix)).count(symmetric)
+            return Signs(Entries(self.matrix), self.nodes, self.free).count(symmetric)
+        free = np.zeros(0, np.int64) if self.free is None else self.free(self.matrix)
+        matrix = held(self.matrix, free) if free.size else self.matrix
         # the same factor for a row and its column
         row, column = self._measure
         factor = np.sqrt(np.abs(row * column))
-        whole = (self.matrix + self.matrix.T).tocsr()
+        whole = (matrix + matrix.T).tocsr()
         whole.data *= 0.5 * np.repeat(factor, np.diff(whole.indptr)) * factor[whole.indices]
         found = signs_between(whole, self.multiplier)
-        if symmetric or found == (0, 0):
-            return found
-        if Signs(Entries(self.matrix)).skew(factor) <= SKEW:
-            return found
-        return (1, 0) if self.determinant_sign() < 0 else None
+        if not symmetric and found != (0, 0) and Signs(Entries(matrix)).skew(factor) > SKEW:
+            return (1, free.size) if Saddle(matrix, self.multiplier).determinant_sign() < 0 else None
+        return None if found is None else (found[0], found[1] + free.size)
 
     def determinant_sign(self) -> int:
         """Of A among the motions that the constraints allow: 1, -1, or 0 where it is singular."""
@@ -403,20 +406,6 @@ def least_singular_value(solved: Callable[[Array], Array], times: Callable[[Arra
             return 0.0
         v /= size
     return _norm(times(v))
-
-
-def _orthonormal(v: Array) -> tuple[Array, Array]:
-    """Q, R of a few long columns, by Gram and Schmidt, each column twice: LAPACK takes a hundred times as long."""
-    q, r = v.copy(), np.zeros((v.shape[1], v.shape[1]))
-    for j in range(v.shape[1]):
-        for _ in range(2):
-            part = q[:, :j].T @ q[:, j]
-            q[:, j] -= q[:, :j] @ part
-            r[:j, j] += part
-        r[j, j] = np.linalg.norm(q[:, j])
-        if r[j, j] > 0.0:
-            q[:, j] /= r[j, j]
-    return q, r
 
 
 def _factors(matrix: Any, options: dict[str, Any], least: float = LEAST_PIVOT) -> Any:

@@ -220,6 +220,7 @@ class SaddleSolver(StaticSolver):
         multiplier = np.zeros(right.size, bool)
         multiplier[r.size + sliding.size:] = True
         saddle = Saddle(matrix, multiplier, self._factors, self._scales.get(sliding.tobytes()))
+        saddle.nodes, saddle.free = self.free_motions.nodes, self.hold_free
         if saddle.measured_in is None and self._factors is not None:
             saddle.measured_in = self._scales[sliding.tobytes()] = saddle.scales
         return saddle, right

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .equilibrium import Counts
 from .kernels.step import NOT_CONVERGED, OK, SINGULAR, SLIDER_END
 from .saddle import Saddle
 from .saddle_solver import Increment, SaddleSolver
@@ -142,7 +143,7 @@ class SlidingSolver(SaddleSolver):
         own = np.arange(self.stepper.model.n_nodes)
         return self.contacts.loads(self._weights, self.state.q, force, False, own)[:8 * own.size].reshape(-1, 8)
 
-    def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
+    def signs(self, factors: Array, in_plane: bool) -> Counts | None:
         if in_plane != (self.stepper.plane is not None):
             # where friction or a stop holds a slider, it stays
             t, share = (float(x) for x in self.stepper.law_work[:2])
@@ -158,7 +159,7 @@ class SlidingSolver(SaddleSolver):
         self.contacts.loose = None if self.joints is None else self.joints.loose
         found = self._assembled(self._unhindered)[0].signs(self.has_potential(in_plane))
         self.contacts.loose = None
-        return found
+        return self.counts(found)
 
     def at_places(self) -> tuple[Saddle, Array]:
         """Tangent at the present equilibrium with the sliders free that move without friction and away from stops, and which

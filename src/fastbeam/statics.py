@@ -113,9 +113,10 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         places, and `info["force_along"]` has what holds each of them along its beam, N; NaN where it stands on a node that
         other parts refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the
         negative and the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling
-        or limit load was passed, or is met, or something is held by nothing; `modes` shows them. Where the first are not 0, and
-        there is no `start`, and a load step was larger than 0.2, the equilibrium is looked for a second time with steps of a
-        fifth, because a large one may end in a remote equilibrium, and that of both with fewer is returned.
+        or limit load was passed, or is met, or something can move freely; `modes` shows them. `info["free_motions"]` names those
+        of the latter that are spins and turns of parts, `["beam 'tie' about its axis"]`, which stay as they are. Where the first
+        are not 0, and there is no `start`, and a load step was larger than 0.2, the equilibrium is looked for a second time with
+        steps of a fifth, because a large one may end in a remote equilibrium, and that of both with fewer is returned.
         `info["counted_in"]` is "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True,
         and one whose moments
         leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is

@@ -183,7 +183,7 @@ def test_an_unsymmetric_matrix_is_positive_where_its_symmetric_part_is(pivot: fl
     whole[0, 1], whole[1, 0] = 0.4, -0.4
     whole[2, 4], whole[4, 2] = 0.1, -0.1
     sure: list[float] = []
-    monkeypatch.setattr(inertia, "inertia", lambda matrix, whole=inertia.inertia: sure.append(0.0) or whole(matrix))
+    monkeypatch.setattr(inertia, "inertia", lambda *given, whole=inertia.inertia: sure.append(0.0) or whole(*given))
     assert Saddle(sparse.csr_matrix(whole), np.zeros(5, bool)).signs(False) == ((0, 0) if pivot > 0.0 else None)
     # a negative pivot that is no round-off decides without the eigenvalues
     assert bool(sure) == (pivot > -1e-8)

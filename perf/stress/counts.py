@@ -1,0 +1,24 @@
+"""Two hundred random columns of any slenderness and mesh (tests/column_scenes.py): numbers of unstable and free directions."""
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[2] / "tests")]
+
+from column_scenes import counted, drawn  # noqa: E402
+from table import Row  # noqa: E402
+
+
+def rows(quick: bool = False) -> Iterator[Row]:
+    """All cases of this part."""
+    for k, kind in enumerate(("bare columns", "columns with a strut", "columns with a body")):
+        seeds, wrong = range(k, 24 if quick else 201, 3), []
+        for seed in seeds:
+            column = drawn(seed, 200 if quick else 2048)
+            found = counted(column)
+            if found != (column.unstable, column.free):
+                wrong.append(f"{seed}: {found} for {(column.unstable, column.free)}")
+        yield Row(f"{len(seeds)} {kind}, slenderness to 1e5", "as many unstable and free directions as there are",
+                  "; ".join(wrong) or f"{len(seeds)} right", not wrong)
