@@ -31,9 +31,9 @@ from ._folder import cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-__all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background",
-           "compile_counts", "compiled_force", "compiled_law", "compiled_slopes", "compiled_tension", "compiled_tension_slopes",
-           "compiled_wind", "inlined", "kernel", "link_library", "one_variant", "separate", "work"]
+__all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "around_user", "begin_background", "compile_counts",
+           "compile_in_background", "inlined", "kernel", "link_library", "of_user", "one_variant", "separate", "with_address",
+           "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -197,131 +197,27 @@ def work(source: BinaryIO) -> None:
             print(flush=True)
 
 
-def compiled_law(function: Callable[..., float]) -> Any:
-    """A function of three numbers as machine code that kernels call by its `.address`; it lives as long as this object."""
-    return numba.cfunc("float64(float64, float64, float64)")(function)
+def of_user(function: Callable[..., Any]) -> Any:
+    """Compile a function of the user's own as Python runs it: to divide by zero and to read beyond an array are errors. It is not
+    kept on the disk."""
+    return _of_process(function, error_model="python", boundscheck=True)
 
 
-def compiled_force(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> tuple[Any, Any]:
-    """A law of a user force with n parameters, times a function of time, as machine code that kernels call by its `.address`, and
-    for Python; the code lives as long as these objects."""
-    from numba import carray, types
-    inner, pointer = _timed(law, time), types.CPointer(types.float64)
-
-    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
-    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
-        x, y = carray(given, (18,)), carray(found, (6,))
-        inner(t, x[:3], x[3:12].reshape((3, 3)), x[12:15], x[15:18], carray(parameters, (n,)), y[:3], y[3:6])
-    return entry, inner
+def around_user(function: Callable[..., Any]) -> Any:
+    """Compile what calls such a function. Both are written into `with_address`: tests of bounds that hold anyway go, which leaves
+    a law as fast as without them."""
+    return _of_process(function, error_model="numpy")
 
 
-def _timed(law: Callable[..., None], time: Callable[[float], float] | None) -> Any:
-    """A law of a user force, times a function of time where there is one."""
-    steady = numba.njit(error_model="numpy")(law)
-    if time is None:
-        return steady
-    factor = numba.njit(error_model="numpy")(time)
-
-    @numba.njit(error_model="numpy")
-    def timed(t: Any, x: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
-        steady(t, x, directors, velocity, spin, parameters, force, moment)
-        share = factor(t)
-        for i in range(3):
-            force[i] *= share
-            moment[i] *= share
-    return timed
+def _of_process(function: Callable[..., Any], **options: Any) -> Any:
+    return numba.njit(**options, **({"forceinline": True} if _takes("forceinline") else {}))(function)
 
 
-def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> Any:
-    """The derivative of a law of a user force by the six unknowns of its node, by differences, central ones at rest: machine code
-    as of `compiled_force`, the law within its loop. What it is given stands behind `DIFFERENCE` in kernels/user_force.py; found
-    are 6 x 6 numbers."""
-    from numba import carray, types
-    inner, pointer = _timed(law, time), types.CPointer(types.float64)
-
-    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
-    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
-        w, p, out = carray(given, (87,)), carray(parameters, (n,)), carray(found, (6, 6))
-        x, y, turns = w[57:75], w[75:87], w[21:57].reshape((3, 12))
-        is_central = w[18] == 0.0
-        for i in range(18):
-            x[i] = w[i]
-        for c in range(6):
-            size = w[19] if c < 3 else w[20]
-            # one-sided ones from what stands in y[6:]
-            for o in range(0, 12 if is_central else 6, 6):
-                by = size if o == 0 else -size
-                if c < 3:
-                    x[c] = w[c] + 0.5 * by
-                    x[12 + c] = w[12 + c] + w[18] * by
-                else:
-                    for i in range(9):
-                        x[3 + i] = w[3 + i] + by * turns[c - 3, i]
-                    for i in range(3):
-                        x[15 + i] = w[15 + i] + by * turns[c - 3, 9 + i]
-                y[o:o + 6] = 0.0
-                inner(t, x[:3], x[3:12].reshape((3, 3)), x[12:15], x[15:18], p, y[o:o + 3], y[o + 3:o + 6])
-            if c < 3:
-                x[c], x[12 + c] = w[c], w[12 + c]
-            for i in range(6):
-                out[i, c] = (y[i] - y[6 + i]) * ((0.5 if is_central else 1.0) / size)
-    return entry
-
-
-def compiled_tension(law: Callable[..., float], n: int) -> tuple[Any, Any]:
-    """A law of a force along a line with n parameters, as `compiled_force`."""
-    from numba import carray, types
-    inner, pointer = numba.njit(error_model="numpy")(law), types.CPointer(types.float64)
-
-    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
-    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
-        carray(found, (1,))[0] = inner(t, given[0], given[1], carray(parameters, (n,)))
-    return entry, inner
-
-
-def compiled_slopes(derivative: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> tuple[Any, Any]:
-    """The derivative of a law of a user force, as `compiled_force`."""
-    from numba import carray, types
-    steady, pointer = numba.njit(error_model="numpy")(derivative), types.CPointer(types.float64)
-    inner = steady
-    if time is not None:
-        factor = numba.njit(error_model="numpy")(time)
-
-        @numba.njit(error_model="numpy")
-        def inner(t: Any, x: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, out: Any) -> None:
-            steady(t, x, directors, velocity, spin, parameters, out)
-            out *= factor(t)
-
-    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
-    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
-        x = carray(given, (18,))
-        inner(t, x[:3], x[3:12].reshape((3, 3)), x[12:15], x[15:18], carray(parameters, (n,)), carray(found, (6, 18)))
-    return entry, inner
-
-
-def compiled_tension_slopes(derivative: Callable[..., tuple[float, float]], n: int) -> tuple[Any, Any]:
-    """The derivative of a law of a force along a line, as `compiled_force`."""
-    from numba import carray, types
-    inner, pointer = numba.njit(error_model="numpy")(derivative), types.CPointer(types.float64)
-
-    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
-    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
-        by_length, by_rate = inner(t, given[0], given[1], carray(parameters, (n,)))
-        out = carray(found, (2,))
-        out[0] = by_length
-        out[1] = by_rate
-    return entry, inner
-
-
-def compiled_wind(law: Callable[..., None], n: int) -> tuple[Any, Any]:
-    """A velocity of the air with n parameters, as `compiled_force`."""
-    from numba import carray, types
-    inner, pointer = numba.njit(error_model="numpy")(law), types.CPointer(types.float64)
-
-    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
-    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
-        inner(t, carray(given, (3,)), carray(parameters, (n,)), carray(found, (3,)))
-    return entry, inner
+def with_address(function: Callable[..., None]) -> Any:
+    """A function (double t, double *given, double *parameters, double *found, double *failed) as machine code that kernels call
+    by its `.address`; it lives as long as this object. What it raises would be lost."""
+    pointer = numba.types.CPointer(numba.types.float64)
+    return numba.cfunc(numba.types.void(numba.types.float64, pointer, pointer, pointer, pointer), error_model="numpy")(function)
 
 
 def link_library(path: str) -> None:

@@ -265,6 +265,7 @@ class PathSolver(SlidingSolver):
         """From an equilibrium to the next one by a step; the number of iterations, 0 where it fails. to: a load factor that it
         ends at instead of the plane across the direction."""
         self.work.increment.control[0] = 0.0
+        self.stepper.forget_failures()
         n, s = self.weight.size - self.core.n_forces, self.sliding.size
         nodes = n - s
 

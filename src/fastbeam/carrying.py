@@ -30,7 +30,7 @@ from .room import aligned_room, room
 Array = np.ndarray
 # fields of `Along` that the start of a step and the end of an iteration set, and those that an iteration sets, besides its doubts
 BEFORE = "given", "sign", "rest", "flips", "judged", "against", "held", "offset"
-BEHIND = "sign", "rest", "flips", "judged", "needed", "under", "taken", "shapes"
+BEHIND = "asked", "sign", "rest", "flips", "judged", "needed", "under", "taken", "shapes"
 
 
 def local_elements(tables: ElementTables, first: int, count: int, row_of: Array, idle: int) -> tuple[ElementTables, Array]:

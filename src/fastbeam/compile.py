@@ -25,16 +25,21 @@ from .condensing import Condensed, condense as choose
 from .connections import Connections
 from .dissipation import damped_of, with_drag
 from .errors import SceneError
+from .failed_laws import Lawful
 from .holding import Holding, trees
 from .joint_motion import motions_of
 from .joint_trees import softness_of
 from .kernels.bushing import Bushings
+from .kernels.drag import Wind
+from .kernels.force_element import ForceElements
 from .kernels.knots import Knots
 from .kernels.layout import POSITION
+from .kernels.line_force import LineForces
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
 from .kernels.ties import TARGET, Ties
+from .kernels.user_force import UserForces
 from .kernels.winch import Winches
 from .links import Links
 from .model import Model
@@ -55,7 +60,7 @@ from .supports import waiting
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
 from .tracks import corners_of, track_of
 from .unpacked import Unpacked, unpack
-from .user_forces import without_numbers
+from .user_forces import asked_of
 from .winches import WinchRows
 
 Array = np.ndarray
@@ -212,7 +217,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
-        failing_law=partial(without_numbers, [*zip(laws, links.loaded.nodes), *zip(*links.of(LineForce, ForceElement))]),
+        laws=_laws(scene, nodes, links, unpacked.dragged),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
     if model.catches:
         model = replace(model, **waiting(model))
@@ -322,6 +327,22 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
         isotropic = np.array([s.is_isotropic for s in net.sections])[net.section_of]
         idle = np.logical_and.reduceat(own, net.node_start[:-1]) & isotropic
         out[ends[idle, 0]] = 8 << np.argmax(np.abs(net.triads[idle, 0]), axis=1)
+    return out
+
+
+def _both(nodes: NodeList, at: Array, k: int) -> str:
+    return " and ".join(nodes.labels[i] for i in at[k].tolist())
+
+
+def _laws(scene: Scene, nodes: NodeList, links: Links, dragged: Any) -> dict[type, Lawful]:
+    """Whose laws the rows of tables call, and where."""
+    loaded = links.loaded
+    out = {UserForces: Lawful(loaded.forces, loaded.of, lambda k: nodes.labels[loaded.node[k]], asked_of)}
+    for noun, table in ((LineForce, LineForces), (ForceElement, ForceElements)):
+        parts, at = links.of(noun)
+        out[table] = Lawful(parts, np.arange(len(parts)), partial(_both, nodes, at), asked_of)
+    if dragged is not None:
+        out[Wind] = Lawful(scene.drags, dragged.part, lambda k: nodes.labels[dragged.node[k]], asked_of)
     return out
 
 

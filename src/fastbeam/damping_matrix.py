@@ -3,12 +3,12 @@ joints, springs and bushings, forces by laws of the user's own. And the stiffnes
 by a loss factor."""
 from __future__ import annotations
 
-import ctypes
 from typing import Any
 
 import numpy as np
 
 from .errors import SceneError
+from .failed_laws import ask
 from .kernels.along import CONTROL
 from .kernels.bushing import Bushings
 from .kernels.kinds import SPACE
@@ -23,8 +23,6 @@ from .tables import strain_gradient
 Array = np.ndarray
 # rates with which laws are tried, in sizes of the scene a second, and rad/s
 RATE = 1e-6
-NUMBERS = ctypes.POINTER(ctypes.c_double)
-LAW = ctypes.CFUNCTYPE(None, ctypes.c_double, NUMBERS, NUMBERS, NUMBERS)
 
 
 def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
@@ -176,10 +174,8 @@ def _of_lines(model: Model, q: Array, t: float) -> Any:
             way = q[b, 0] - q[a, 0]
             length = float(np.linalg.norm(way))
             size, found = RATE * length, np.zeros(2)
-            parameters = np.append(table.parameters[table.first[k]:], 0.0)
             for i, rate in enumerate((size, -size)):
-                given = np.array([length, rate])
-                LAW(int(table.laws.address[k]))(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found[i:])))
+                found[i] = ask(model, table, k, t, np.array([length, rate]), 1)[0]
             at = np.concatenate((12 * b + np.arange(3), 12 * a + np.arange(3)))
             lead = sparse.csr_matrix((np.concatenate((way, -way)) / length, (np.zeros(6, int), at)), shape=(1, total.shape[0]))
             total = total + (found[0] - found[1]) / (2.0 * size) * (lead.T @ lead)
@@ -221,17 +217,14 @@ def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
         if not isinstance(table, UserForces):
             continue
         for k, node in enumerate(table.node.tolist()):
-            law = LAW(int(table.laws.address[k]))
-            parameters = np.append(table.parameters[table.first[k]:], 0.0)
             block = np.zeros((6, 6))
             for c in range(6):
                 size = RATE * (model.length if c < 3 else 1.0)
                 ends = []
                 for sign in (1.0, -1.0):
-                    given, found = np.concatenate((q[node].reshape(-1), np.zeros(6))), np.zeros(6)
+                    given = np.concatenate((q[node].reshape(-1), np.zeros(6)))
                     given[12 + c] = sign * size
-                    law(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found)))
-                    ends.append(found)
+                    ends.append(ask(model, table, k, t, given, 6))
                 block[:, c] = -(factor if table.grows[k] else 1.0) * table.share[k] * (ends[0] - ends[1]) / (2.0 * size)
             # rates of coordinates -> velocity and spin
             motion = np.zeros((6, 12))
@@ -267,16 +260,14 @@ def _of_elements(model: Model, q: Array, t: float) -> Any:
                 j, l = (i + 1) % 3, (i + 2) % 3
                 rates[3 + i] = 0.5 * (spin[l, j] - spin[j, l])
             lead = rates.reshape(6, 24)
-            parameters = np.append(table.parameters[table.first[k]:], 0.0)
             block = np.zeros((6, 6))
             for column in range(6):
                 size = RATE * (model.length if column < 3 else 1.0)
                 ends = []
                 for sign in (1.0, -1.0):
-                    given, found = np.concatenate((own @ arm, c.reshape(-1), np.zeros(6))), np.zeros(6)
+                    given = np.concatenate((own @ arm, c.reshape(-1), np.zeros(6)))
                     given[12 + column] = sign * size
-                    LAW(int(table.laws.address[k]))(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found)))
-                    ends.append(found)
+                    ends.append(ask(model, table, k, t, given, 6))
                 block[:, column] = -(ends[0] - ends[1]) / (2.0 * size)
             at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
             rows, columns = np.broadcast_arrays(at[:, None], at)

@@ -2,11 +2,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from ._jit import compiled_law
+from ._laws import compiled_drive, machine_code
+from .arguments import real
 from .errors import SceneError
 from .kernels.along import CONTROL, FORCE, INCREMENT, LAW, NO_DRIVE, POSITION
 
@@ -37,19 +39,18 @@ def gains_of(drive: Any) -> tuple[float, float, float]:
     return drive.stiffness, drive.damping, np.inf if drive.limit is None else drive.limit
 
 
-def law_of(drive: Any, who: str) -> Any:
-    """A compiled force of (t, s, rate).
+def law_of(drive: Any, who: str) -> int:
+    """Address of a compiled force of (t, s, rate); kept as long as the process.
 
     Raises
     ------
     SceneError
-        It cannot be compiled.
+        It cannot be compiled, or returns nothing.
     """
-    try:
-        return compiled_law(drive.force)
-    except Exception as error:
-        raise SceneError(f"{who}: force(t, s, rate) cannot be compiled by numba ({' '.join(str(error).split())[:300]}); use "
-                         "numbers, math and numpy functions of numbers, or a function of t alone") from error
+    return machine_code(who, "drive's force(t, s, rate)", lambda: _driving(drive.force))[0]
+
+
+_driving = cache(compiled_drive)
 
 
 def given_to(drive: Any, who: str, t: float, h: float) -> tuple[float, float]:
@@ -120,11 +121,31 @@ def mean_of(drive: Any, who: str, what: str, t: float, h: float) -> float:
     return float(sum(w * value_at(drive, who, what, t + x * h) for x, w in zip(POINTS, SHARES)))
 
 
+def law_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
+    """Force of a drive with a law, in Python.
+
+    Raises
+    ------
+    SceneError
+        It fails, or returns no finite number.
+    """
+    failed: Exception | None = None
+    try:
+        found = real(drive.force(t, s, rate))
+        how = "returns no finite number"
+    except Exception as error:
+        found, failed, how = None, error, f"fails, {type(error).__name__}: {str(error)[:200]},"
+    if found is None or not np.isfinite(found):
+        raise SceneError(f"{who}: force(t, s, rate) of its drive {how} at t = {t:.6g} s, s = {s:.6g}, rate = "
+                         f"{rate:.6g}") from failed
+    return found
+
+
 def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
     """Force at time t of one that does not prescribe the motion, where its slider or joint stands at s and moves at this rate."""
     kind = kind_of(drive)
     if kind == LAW:
-        return float(drive.force(t, s, rate))
+        return law_at(drive, who, t, s, rate)
     given = given_to(drive, who, t, 0.0)
     if kind == FORCE:
         return given[0]
@@ -145,8 +166,8 @@ def slope_at_rest(drive: Any, who: str, t: float, s: float, size: float, by_rate
     if kind == LAW:
         law = f"{who}: force(t, s, rate)"
         if by_rate:
-            return slope_of(lambda x: float(drive.force(t, s, x)), 0.0, size, law, "rate")
-        return slope_of(lambda x: float(drive.force(t, x, 0.0)), s, size, law, "s")
+            return slope_of(lambda x: law_at(drive, who, t, s, x), 0.0, size, law, "rate")
+        return slope_of(lambda x: law_at(drive, who, t, x, 0.0), s, size, law, "s")
     stiffness, damping, limit = gains_of(drive)
     if kind != CONTROL or abs(stiffness * (given_to(drive, who, t, 0.0)[0] - s)) > limit:
         return 0.0

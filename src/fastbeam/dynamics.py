@@ -58,17 +58,17 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
     if not np.isfinite(size) and outcome.status in (SINGULAR, NOT_FINITE):
         cause = (f"on the way the axis was compressed to nothing near {model.node_label(node)}, where strains have no meaning, "
                  "or numbers ran away from there")
-        law = model.failing_law(model, stepper.copy_state(), t, h) if h and model.failing_law is not None else ""
-        cause, advice = (law, "Let it give finite numbers there") if law else (cause, advice)
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     spinning, spin = stepper.largest_spin()
     if spin * h > LARGE_TURN:
         shown += (f"; {model.node_label(spinning)} turns with {spin:.3g} rad/s, that is by {spin * h:.3g} rad in this step of "
                   f"{h:.3g} s, which may be too far: up to {LARGE_TURN} rad are safe, here steps up to {LARGE_TURN / spin:.2g} s")
-    return ConvergenceError(
+    error = ConvergenceError(
         f"step {step} at t = {t:.6g} s: {cause}; increments {shown or 'none'}; largest at {worst}; the last good state is in "
         f".state, everything computed in .result. {advice}",
         step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())
+    return stepper.blamed(error, f"step {step} at t = {t:.6g} s",
+                          "The last good state is in .state, everything computed in .result")
 
 
 def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:

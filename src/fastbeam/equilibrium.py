@@ -105,6 +105,7 @@ class StaticSolver:
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         """Solve for load factors [K]; on a failure or interrupt the state is the last equilibrium."""
         before = self.stepper.core_state.q.copy()
+        self.stepper.forget_failures()
         try:
             return self._equilibrium(factors)
         except BaseException:
@@ -224,7 +225,7 @@ class StaticSolver:
         model, work = self.core, self.work
         self._load(factors)
         self.stepper.parts.start(0.0)
-        self.stepper.parts.assemble(0.0)
+        self.stepper.assemble_anew()
         size = len(model.dofs)
         blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
         return self.counts(self.linear.superlu.signs(blocks, self.has_potential(in_plane), self.hold_free))

@@ -14,7 +14,7 @@ from .joint_motion import check_at_rest
 from .kernels.step import OK, SINGULAR
 from .kernels.work import State
 from .linsolve import check_backend
-from .load_steps import LONG, LoadSteps, StaticTask
+from .load_steps import KEPT, LONG, LoadSteps, StaticTask
 from .load_times import load_factors_at
 from .model import Model, check_model
 from .observe import OBSERVED, POINTS
@@ -137,10 +137,10 @@ class LengthSteps(LoadSteps):
         off = np.argsort(-np.abs(solver.values() - solver.asked), kind="stable")[:MOST]
         why = ("lengths do not move the conditions there any more, or a part is free to move" if status == SINGULAR else
                "there may be no equilibrium beyond it, or a prestrain would leave -10 to 0.99")
-        return ConvergenceError(f"find_lengths: the smallest step fails when conditions have gone {reached:.6g} of their way, "
-                                f"{', '.join(told[k] for k in off)}; {why}. The last equilibrium is in .state, everything "
-                                f"computed in .result{self._look_at_mesh(reached)}", step=len(solver.history), time=reached,
-                                residuals=sizes, state=result.state, result=result)
+        text = f"find_lengths: the smallest step fails when conditions have gone {reached:.6g} of their way"
+        error = ConvergenceError(f"{text}, {', '.join(told[k] for k in off)}; {why}. {KEPT}{self._look_at_mesh(reached)}",
+                                 step=len(solver.history), time=reached, residuals=sizes, state=result.state, result=result)
+        return solver.stepper.blamed(error, text, KEPT)
 
 
 @warns

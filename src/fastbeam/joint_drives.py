@@ -9,7 +9,7 @@ import numpy as np
 
 from .drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_of
 from .errors import SceneError
-from .kernels.along import CONTROL, LAW
+from .kernels.along import ASKED, CONTROL, LAW
 from .kernels.doubt import no_doubt
 from .kernels.joint_drive import BY, TO, ControlTimes, DriveTimes, JointControl, JointDrives, KnownForces
 from .kernels.joint_friction import AGAINST, RUB, RUBBED, SIGN, STICKS, STOP_LOSS, JointFriction
@@ -86,7 +86,7 @@ class Holds:
     length : float
         Size of the scene, m.
     laws : dict
-        Compiled forces of drives, by their coordinates.
+        Addresses of forces of drives that are laws, by their coordinates.
     """
 
     parts: list[Any]
@@ -98,7 +98,7 @@ class Holds:
     first: int
     place: int
     length: float
-    laws: dict[int, Any]
+    laws: dict[int, int]
 
     @property
     def is_angle(self) -> Array:
@@ -186,6 +186,10 @@ class Holds:
         mine = np.flatnonzero(np.isin(which, self.rows))
         return np.searchsorted(self.rows, which[mine]), mine
 
+    def pushed(self, i: int) -> Any:
+        """The coordinate of drive i among those that push."""
+        return self.parts[int(self.driven[self._left(self.driven)[1]][i])]
+
     # --- tables -------------------------------------------------------------------------------------------------------
     def tables(self, motion: JointMotion, acts: bool, ties: Any, kept: list[KeptLink], n_sliders: int) -> JointsOfRun:
         """Of one run; acts: whether there are springs, dampers or motors; kept: the joints with multipliers of its model."""
@@ -211,9 +215,9 @@ class Holds:
             stops = JointStops(motion, at_stop, self.stops[stopped])
         if at_control.size:
             gains, d = self.gains[driven], at_control.size
-            law = np.array([self.laws[k].address if k in self.laws else 0 for k in self.driven[driven].tolist()], np.int64)
+            law = np.array([self.laws.get(k, 0) for k in self.driven[driven].tolist()], np.int64)
             control = JointControl(motion, at_control, gains[:, 0].astype(np.int64), np.ascontiguousarray(gains[:, 1:]), law,
-                                   np.zeros((d, 2)), np.zeros(2), np.zeros(d), np.ones(1), np.zeros(d))
+                                   np.zeros((d, ASKED)), np.zeros((d, 2)), np.zeros(2), np.zeros(d), np.ones(1), np.zeros(d))
         return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction, control)
 
     def _press(self, k: int, kept: list[KeptLink], n_sliders: int) -> tuple[int, int]:

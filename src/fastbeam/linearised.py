@@ -126,7 +126,7 @@ class Linearisation:
         if self.steady is not None:
             work.f_ext[:] += self.steady.loads(self.q)
         stepper.parts.start(0.0)
-        stepper.parts.assemble(0.0)
+        stepper.assemble_anew()
         right = -work.r[:8 * n].reshape(n, 8)[:, :self.size].reshape(-1)[self.free]
         keep = self.free
         if self._saddle is None or border is None:

@@ -47,6 +47,7 @@ SHOWN = 6
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 # of `simulate`'s what there is at rest
 RECORDED = ("energy", "spring", "orientation", "section", "reaction")
+KEPT = "The last equilibrium is in .state, everything computed in .result"
 # iterations beyond which a load step was hard: the next one is not longer
 LONG = 9
 
@@ -261,11 +262,12 @@ class LoadSteps:
         in_full = [force.name for force in user_forces(self.task.model) if not force.grows]
         if in_full:
             coarse += f"; user force {in_full[0]!r} acts in full from the first load step: give it grows=True if it is a load"
-        return ConvergenceError(f"{text}{coarse}{_slack(self.task.model, solver.state)}; a limit or buckling point may lie "
-                                "there, a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
-                                "slender than 1e6). The last equilibrium is in .state, everything computed in .result",
-                                step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
-                                state=State(*(x.copy() for x in solver.state)), result=self._finish())
+        error = ConvergenceError(f"{text}{coarse}{_slack(self.task.model, solver.state)}; a limit or buckling point may lie "
+                                 "there, a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
+                                 f"slender than 1e6). {KEPT}",
+                                 step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
+                                 state=State(*(x.copy() for x in solver.state)), result=self._finish())
+        return solver.stepper.blamed(error, f"load factor {reached:.6g}", KEPT)
 
     def _judge(self) -> None:
         """What there is to say about the last equilibrium: friction, stability, the mesh."""

@@ -121,7 +121,8 @@ class Model(HistoryLayout):
     accounts_loads : bool
         Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because states
         of both hold the same numbers of the steps before.
-    failing_law : function of (model, state, t, h), see `user_forces.without_numbers`
+    laws : dict of type -> failed_laws.Lawful
+        By the kinds of tables that call them.
     user_forces, needs_forward_steps, controllers : tuple
         Names of the forces by laws of the user's own, and of those among them that dissipate; controllers.
     moving : moving_meshes.Moving or None
@@ -194,7 +195,7 @@ class Model(HistoryLayout):
     released: Any = None
     accounts_loads: bool = False
     user_forces: tuple[str, ...] = ()
-    failing_law: Callable[[Model, State, float, float], str] | None = None
+    laws: Mapping[type, Any] = field(default_factory=dict)
     needs_forward_steps: tuple[str, ...] = ()
     controllers: tuple[Any, ...] = ()
     moving: Any = None

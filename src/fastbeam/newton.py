@@ -13,7 +13,8 @@ from .arguments import count, number
 from .assembly import Corner, Growing, put_limits, system_of, terms_of
 from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
-from .errors import SceneError
+from .errors import ConvergenceError, SceneError
+from .failed_laws import LET_IT, Failure, failure_in, forget, has_failed
 from .iteration import LEFT, Iteration
 from .joint_motion import check_motions
 from .kernels import step as kernels
@@ -332,6 +333,56 @@ class Stepper:
             mine[:] = other
         put_limits(self.core, self.core_state, self.corner, self.terms, self.made_fallback and self.made_fallback.terms)
 
+    @property
+    def failed_law(self) -> Failure:
+        """Which law of the user's own has failed in the last attempt, and how."""
+        return failure_in(self.core, self.terms, self.law_work)
+
+    def blamed(self, error: ConvergenceError, text: str, rest: str) -> ConvergenceError:
+        """The error of an attempt in which a law of the user's own has failed says so; any other one is as it is.
+
+        Parameters
+        ----------
+        error : ConvergenceError
+        text : str
+            What was attempted.
+        rest : str
+            Where the results are.
+        """
+        failed = self.failed_law
+        if failed.text:
+            error.args = (f"{text}: {failed.text}{LET_IT} {rest}",)
+            error.__cause__ = failed.error
+        return error
+
+    def forget_failures(self) -> None:
+        """Before an attempt."""
+        forget(self.terms, self.law_work)
+
+    def assemble_anew(self) -> None:
+        """Residual and tangent of the present shape at rest.
+
+        Raises
+        ------
+        SceneError
+            A law of the user's own has failed.
+        """
+        self.forget_failures()
+        self.parts.assemble(0.0)
+        self.check_laws()
+
+    def check_laws(self) -> None:
+        """Refuse equations that laws have put no numbers into.
+
+        Raises
+        ------
+        SceneError
+            Names the law, its time and what it was given.
+        """
+        if has_failed(self.terms, self.law_work):
+            failed = self.failed_law
+            raise SceneError(failed.text) from failed.error
+
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
         event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
@@ -356,6 +407,7 @@ class Stepper:
         """Like `advance`, but returns after a step that was repeated."""
         model = self.core
         self._augment(h)
+        self.forget_failures()
         counts, sizes = np.zeros(5, np.int64), room(MORE_ITERATIONS * self.max_iterations)
         force = room((2, self.core_state.force.size))
         loads, factors = None, self._factors
@@ -379,6 +431,9 @@ class Stepper:
             result.iterations = int(counts[4])
             return self._run(t, h, 1, done + reached).after(result)
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
+            if has_failed(self.terms, self.law_work):
+                # when a step was done: its work is not known
+                result.status = NOT_FINITE
             return result
         # the failed step once more, from a first guess that relies less on the past, at last with pivoting across all unknowns
         past = self.work.past

@@ -13,7 +13,7 @@ from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .interrupt import Interrupts
 from .kernels.work import State
 from .links import Passes
-from .load_steps import RECORDED
+from .load_steps import KEPT, RECORDED
 from .model import Model
 from .observe import Observer
 from .path_stops import Wanted
@@ -254,10 +254,11 @@ class PathWalk:
         good = solver.go(at, 0.0, solver.factor)
         along = solver.direction(None, sign) if good else None
         if along is None:
-            raise ConvergenceError("solve_path: no equilibrium was found at the start, or its tangent is singular: give the "
-                                   "load_factor that belongs to the start, hold sliders whose contacts carry no force yet "
-                                   "(held=True), or begin from solve_static(...).state at a small load factor",
-                                   state=solver.state, result=self.finish())
+            error = ConvergenceError("solve_path: no equilibrium was found at the start, or its tangent is singular: give the "
+                                     "load_factor that belongs to the start, hold sliders whose contacts carry no force yet "
+                                     "(held=True), or begin from solve_static(...).state at a small load factor",
+                                     state=solver.state, result=self.finish())
+            raise solver.stepper.blamed(error, "solve_path: at the start", KEPT)
         return along
 
     def _off(self, branch: int) -> Direction:
@@ -320,9 +321,11 @@ class PathWalk:
                           "with start=solve_static(...).state and its load_factor")
             elif np.any(to_end < AT_END):
                 where += f"; slider {self.model.names['sliders'][int(np.argmin(to_end))]!r} comes to an end of its beam"
-            raise ConvergenceError(f"load factor {solver.factor:.6g}: the smallest step of the path fails, the largest residual "
-                                   f"is at {where}; the last equilibrium is in .state, everything until then in .result",
-                                   step=self.rows - 1, time=self.length, worst=where, state=result.state, result=result)
+            error = ConvergenceError(f"load factor {solver.factor:.6g}: the smallest step of the path fails, the largest "
+                                     f"residual is at {where}; the last equilibrium is in .state, everything until then in "
+                                     ".result", step=self.rows - 1, time=self.length, worst=where, state=result.state,
+                                     result=result)
+            raise solver.stepper.blamed(error, f"load factor {solver.factor:.6g}", KEPT)
         self.step = max(self.smallest, 0.5 * self.step)
 
     def _back(self, first: tuple[Any, ...], before: tuple[Any, ...], along: Direction, size: float) -> float | None:

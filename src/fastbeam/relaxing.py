@@ -343,7 +343,8 @@ class _Motion:
                 if outcome.status != OK:
                     error = failure(self.stepper, outcome, self.t, self.steps, h)
                     raise ConvergenceError(str(error).replace("step ", "relax: step ", 1), step=self.steps, time=self.t,
-                                           residuals=error.residuals, worst=error.worst, state=self.state(), result=self.result())
+                                           residuals=error.residuals, worst=error.worst, state=self.state(),
+                                           result=self.result()) from error.__cause__
                 self.steps += 1
                 since += 1
                 if self.way is not None and not self.way.is_done:

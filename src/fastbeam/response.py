@@ -105,7 +105,10 @@ class Response(SlidingSolver):
     def linearised(self) -> tuple[Saddle, Array]:
         """Tangent and what is unbalanced."""
         self.work.increment.control[0] = 0.0
-        return self._assembled(self.sliding)
+        self.stepper.forget_failures()
+        found = self._assembled(self.sliding)
+        self.stepper.check_laws()
+        return found
 
     def inner_forces(self) -> Array:
         """Of beams, springs and joints on the unknowns of the nodes [m], without loads and contact forces."""

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_of, slope_at_rest, value_at
+from .drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_at, law_of, slope_at_rest, value_at
 from .errors import SceneError
-from .kernels.along import (AGAINST, BY_RATE, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, MOST_KEPT, NO_DRIVE,
-                            OFF, OFFSET, POSITION, SIGN, STIFFNESS, TURNS, Along)
+from .kernels.along import (AGAINST, ASKED, BY_RATE, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, MOST_KEPT,
+                            NO_DRIVE, OFF, OFFSET, POSITION, SIGN, STIFFNESS, TURNS, Along)
 from .kernels.doubt import no_doubt
 from .scene import Drive, Path, Slider, Switch
 from .scene.switches import AT_END, Arrival, span_of, stops_on
@@ -49,9 +49,9 @@ class SliderForces:
     def __init__(self, sliders: list[Slider]) -> None:
         self.sliders = sliders
         n = len(sliders)
-        self._laws: dict[int, Any] = {}
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
-                            np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n),
+                            np.zeros(n, np.int64), np.zeros((n, ASKED)), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64),
+                            np.zeros(n),
                             np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64),
                             no_doubt(n), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
                             np.zeros((n, MOST_KEPT, 4)))
@@ -71,8 +71,7 @@ class SliderForces:
         if t.drive[k] == CONTROL:
             t.gains[k] = gains_of(drive)
         elif t.drive[k] == LAW:
-            self._laws[k] = law_of(drive, f"slider {slider.name!r}")
-            t.law[k] = self._laws[k].address
+            t.law[k] = law_of(drive, f"slider {slider.name!r}")
         t.given[k] = self._given(k, 0.0, 0.0)
 
     @property
@@ -126,7 +125,7 @@ class SliderForces:
     def dissipates(self) -> bool:
         """Whether something takes energy away."""
         t = self.tables
-        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or self._laws
+        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or np.any(t.law)
                     or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
 
     @property
@@ -195,8 +194,8 @@ class SliderForces:
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(doubt=no_doubt(len(self.sliders)), **{
             name: getattr(self.tables, name).copy() for name in (
-                "stops", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held", "offset", "under",
-                "taken", "shapes")})
+                "stops", "asked", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held", "offset",
+                "under", "taken", "shapes")})
 
     @cached_property
     def sides(self) -> list[Array]:
@@ -383,7 +382,7 @@ class SliderForces:
         `share`, with which it grows like a load; offset: arc length of the way less s."""
         kind, gains = self.tables.drive[k], self.tables.gains[k]
         if kind == LAW:
-            return share * float(self.sliders[k].drive.force(t, s, 0.0))
+            return share * law_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, 0.0)
         given = self._given(k, t, 0.0)[0]
         return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - offset - s), -gains[2], gains[2])))
 

@@ -39,6 +39,7 @@ class SlidingSolver(SaddleSolver):
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before = self._saved()
+        self.stepper.forget_failures()
         at_stop = None if self.along is None else self.along.modes.at_stop.copy()
         joints = None if self.joints is None else (self.joints.values.copy(), self.joints.at_stop.copy())
         status = NOT_CONVERGED

@@ -119,9 +119,10 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     shares = [1.0] if start is not None else np.linspace(0.0, 1.0, 5)[1:].tolist()
     for share in shares:
         if not load(solver, load_factor, share):
-            raise ConvergenceError(f"stick_interval: no equilibrium is found at load factor {load_factor:.6g}; find one with "
-                                   "solve_static, and give it as start=", step=0, time=0.0,
-                                   state=State(*(x.copy() for x in solver.state)))
+            text = f"stick_interval: no equilibrium is found at load factor {load_factor:.6g}"
+            error = ConvergenceError(f"{text}; find one with solve_static, and give it as start=", step=0, time=0.0,
+                                     state=State(*(x.copy() for x in solver.state)))
+            raise solver.stepper.blamed(error, text, "The last equilibrium is in .state")
     found = State(*(x.copy() for x in solver.state))
     ends = []
     for end in within:

@@ -277,6 +277,7 @@ class LengthSolver(Response):
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before, change = self._saved(), self.change.copy()
+        self.stepper.forget_failures()
         status, sizes = NOT_CONVERGED, list[float]()
         try:
             status, sizes = self._find()

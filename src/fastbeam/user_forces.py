@@ -1,24 +1,24 @@
 """Forces by functions of the user's own: compiled functions with an address, and their table."""
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from ._jit import (compiled_differences, compiled_force, compiled_slopes, compiled_tension, compiled_tension_slopes,
-                   compiled_wind)
+from ._laws import (compiled_differences, compiled_force, compiled_slopes, compiled_tension, compiled_tension_slopes,
+                    compiled_wind, machine_code)
 from .arguments import shown
 from .errors import SceneError
+from .failed_laws import Asked
 from .kernels.drag import NoWind, Wind
 from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
 from .kernels.user_force import Laws, UserForces
-from .kernels.work import State
-from .model import Model
 from .numbering import NodeList
 from .scene import Beam, Drag, ForceElement, LineForce, Scene, Signal, UserForce
-from .scene.follower import turning_slopes
+from .scene.follower import FollowerForce, turning_slopes
 from .scene.links import label_of
 from .scene.user_force import numbers_of_nodes
 from .tables import node_lengths
@@ -65,11 +65,10 @@ class Loaded:
         SceneError
             A law that cannot be compiled, fails, or gives numbers that are not finite.
         """
-        numbers = [rows_of(force) for force in self.forces]
-        starts = np.concatenate(([0], np.cumsum([x.size for x in numbers])))[:-1].astype(np.int64)
+        starts, parameters = parameters_of(self.forces)
         # rows of every node, or one for all
         first = [start + (x.shape[1] * np.arange(len(x)) if len(x) > 1 else np.zeros(nodes.size, np.int64))
-                 for start, x, nodes in zip(starts, numbers, self.nodes)]
+                 for start, x, nodes in zip(starts, map(rows_of, self.forces), self.nodes)]
         addresses, differences = [], []
         for k, force in enumerate(self.forces):
             address, compiled = compiled_law(force)
@@ -80,8 +79,7 @@ class Loaded:
         along = np.array([isinstance(force.at, Beam) for force in self.forces], np.int64)
         grows = np.array([force.grows for force in self.forces], np.int64)
         return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, grows[self.of],
-                          along[self.of], np.concatenate([np.zeros(0, np.int64), *first]),
-                          np.concatenate([np.zeros(0), *(x.reshape(-1) for x in numbers)]), np.array([place]),
+                          along[self.of], np.concatenate([np.zeros(0, np.int64), *first]), parameters, np.array([place]),
                           _laws(addresses, self.of), np.array(differences, np.int64)[self.of], law_work())
 
 
@@ -93,8 +91,6 @@ def line_forces(ends: Any) -> LineForces:
     SceneError
         A law that cannot be compiled, fails, or gives numbers that are not finite; ends that meet.
     """
-    counts = [force.parameters.size for force in ends.parts]
-    starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
     addresses = []
     for force, length in zip(ends.parts, ends.distance.tolist()):
         if not length > 0.0:
@@ -103,8 +99,7 @@ def line_forces(ends: Any) -> LineForces:
         given = 0.0, length, 0.0, np.array(force.parameters)
         _agree(force.label, [np.array([_called(force.label, function, given)]) for function in (force.law, compiled)], "tension")
         addresses.append((address, slopes_of(force, compiled, np.array([length, 0.0]))))
-    parameters = np.concatenate([np.zeros(0), *(force.parameters for force in ends.parts)])
-    return LineForces(ends.node, ends.row, ends.block, ends.place, starts, parameters, _laws(addresses), law_work())
+    return LineForces(ends.node, ends.row, ends.block, ends.place, *parameters_of(ends.parts), _laws(addresses), law_work())
 
 
 def force_elements(ends: Any) -> ForceElements:
@@ -116,8 +111,6 @@ def force_elements(ends: Any) -> ForceElements:
         A law that cannot be compiled, fails, or gives numbers that are not finite.
     """
     parts, node = ends.parts, ends.node
-    counts = [part.parameters.size for part in parts]
-    starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
     axes = np.array([part.directors for part in parts])
     # D_i = sum_k R_ik d_k of both nodes
     turn = np.einsum("lix,lskx->lsik", axes, ends.directors[node])
@@ -128,9 +121,8 @@ def force_elements(ends: Any) -> ForceElements:
         at = np.concatenate((place[None], np.eye(3)))
         try_law(part, compiled, at)
         addresses.append((address, slopes_of(part, compiled, _given(at))))
-    parameters = np.concatenate([np.zeros(0), *(part.parameters for part in parts)])
-    return ForceElements(node, ends.row, ends.block, ends.place, turn.reshape(-1), starts, parameters,
-                         _laws(addresses), law_work())
+    return ForceElements(node, ends.row, ends.block, ends.place, turn.reshape(-1), *parameters_of(parts), _laws(addresses),
+                         law_work())
 
 
 def _laws(addresses: list[tuple[int, int]], of: Array | None = None) -> Laws:
@@ -138,6 +130,18 @@ def _laws(addresses: list[tuple[int, int]], of: Array | None = None) -> Laws:
     both = np.array(addresses, np.int64).reshape(-1, 2)
     both = both if of is None else both[of]
     return Laws(both[:, 0].copy(), both[:, 1].copy())
+
+
+def parameters_of(parts: Sequence[Any]) -> tuple[Array, Array]:
+    """Places of the parameters of every part, int64 [L], and the parameters of all; a part without has a place of its own too, by
+    which a law that failed is known."""
+    numbers = [rows_of(part).reshape(-1) for part in parts]
+    ends = np.cumsum([max(1, x.size) for x in numbers], dtype=np.int64)
+    all_of = np.zeros(int(ends[-1]) if len(parts) else 0)
+    starts = np.concatenate(([0], ends))[:-1].astype(np.int64)
+    for x, start in zip(numbers, starts.tolist()):
+        all_of[start:start + x.size] = x
+    return starts, all_of
 
 
 def _given(q: Array) -> Array:
@@ -155,15 +159,10 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
     """
     if force.derivative is None:
         return 0
-    who, n = f"{force.kind} {force.name!r}", rows_of(force).shape[1]
+    who, n = label_of(force), rows_of(force).shape[1]
     on_line = isinstance(force, LineForce)
-    try:
-        entry, compiled = (_tension_slopes if on_line else _slopes)(force.derivative, n, *_time_of(force))
-        address = int(entry.address)
-    except Exception as failed:
-        text = " ".join(str(failed).split())[:300]
-        raise SceneError(f"{who}: numba cannot compile its derivative ({text}); use numbers, indices, loops, math and numpy "
-                         "functions") from failed
+    make = _tension_slopes if on_line else _slopes
+    address, compiled = machine_code(who, "derivative", lambda: make(force.derivative, n, *_time_of(force)))
     # that of loads that follow is the package's own: tests/unit/test_law_slopes.py
     if force.derivative is not turning_slopes:
         check_slopes(who, law, compiled, given, rows_of(force)[0], on_line)
@@ -251,7 +250,12 @@ def _parts_of(given: Array) -> tuple[Array, ...]:
 def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
     try:
         with np.errstate(all="ignore"):
-            return float(function(*given))
+            value = function(*given)
+            if value is None:
+                raise SceneError(f"{who}: its law returns nothing at the start; it has to return the tension, N")
+            return float(value)
+    except SceneError:
+        raise
     except Exception as failed:
         raise SceneError(f"{who}: its law failed at the start, {type(failed).__name__}: {str(failed)[:200]}") from failed
 
@@ -264,14 +268,8 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
     SceneError
         numba cannot compile it.
     """
-    try:
-        make = _tension if isinstance(force, LineForce) else _compiled
-        compiled = make(force.law, rows_of(force).shape[1], *_time_of(force))
-    except Exception as failed:
-        text = " ".join(str(failed).split())[:300]
-        raise SceneError(f"{force.kind} {force.name!r}: numba cannot compile its law ({text}); use numbers, indices, loops, math "
-                         "and numpy functions") from failed
-    return compiled[0].address, compiled[1]
+    make = _tension if isinstance(force, LineForce) else _compiled
+    return machine_code(label_of(force), "law", lambda: make(force.law, rows_of(force).shape[1], *_time_of(force)))
 
 
 def differences_of(force: UserForce) -> int:
@@ -279,7 +277,7 @@ def differences_of(force: UserForce) -> int:
     return int(_differences(force.law, rows_of(force).shape[1], *_time_of(force)).address)
 
 
-def rows_of(force: UserForce | LineForce | ForceElement) -> Array:
+def rows_of(force: UserForce | LineForce | ForceElement | Drag) -> Array:
     """Parameters of its nodes, [n, m]; one row where they are equal."""
     return numbers_of_nodes(force) if isinstance(force, UserForce) else np.array(force.parameters)[None]
 
@@ -304,17 +302,11 @@ def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
     """
     if all(drag.wind is None for drag in drags):
         return NoWind()
-    addresses, counts = np.zeros(len(drags), np.int64), [drag.parameters.size for drag in drags]
+    addresses = np.zeros(len(drags), np.int64)
     for k, drag in enumerate(drags):
         if drag.wind is None:
             continue
-        try:
-            entry, compiled = _blowing(drag.wind, drag.parameters.size)
-            address = entry.address
-        except Exception as failed:
-            text = " ".join(str(failed).split())[:300]
-            raise SceneError(f"{drag.label}: numba cannot compile its wind ({text}); use numbers, indices, loops, math and numpy "
-                             "functions") from failed
+        address, compiled = machine_code(drag.label, "wind", lambda: _blowing(drag.wind, drag.parameters.size))
         found = []
         for function in (drag.wind, compiled):
             out = np.zeros(3)
@@ -327,14 +319,13 @@ def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
             found.append(out)
         _agree(drag.label, found, "the velocity of the air", "wind")
         addresses[k] = address
-    starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
-    parameters = np.concatenate([np.zeros(0), *(drag.parameters for drag in drags)])
+    starts, parameters = parameters_of(drags)
     return Wind(Laws(addresses[part], np.zeros(part.size, np.int64)), starts[part], parameters, law_work())
 
 
 def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
     """Call a law once in Python and once compiled, at the start."""
-    who = f"{force.kind} {force.name!r}"
+    who = label_of(force)
     time = getattr(force, "time", None)
     factor = 1.0 if time is None else float(time(0.0))
     given = 0.0, q[0].copy(), q[1:].copy(), np.zeros(3), np.zeros(3), rows_of(force)[0]
@@ -347,51 +338,42 @@ def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
         except Exception as failed:
             raise SceneError(f"{who}: its law failed at the start, {type(failed).__name__}: {str(failed)[:200]}") from failed
         found.append(share * np.concatenate(out))
+        _check_finite(who, found[-1], "force and moment")
     _agree(who, found, "force and moment")
+
+
+def _check_finite(who: str, found: Array, what: str, law: str = "law") -> None:
+    if not np.isfinite(found).all():
+        raise SceneError(f"{who}: its {law} gives {shown(found)} for {what} at the start; it has to give finite numbers")
 
 
 def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
     """Refuse a law that gives no finite numbers, or others in Python than compiled."""
     for one in found:
-        if not np.isfinite(one).all():
-            raise SceneError(f"{who}: its {law} gives {shown(one)} for {what} at the start; it has to give finite numbers")
+        _check_finite(who, one, what, law)
     if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
         raise SceneError(f"{who}: its {law} gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads "
                          "beside its arguments is frozen when it is compiled: hand it over in parameters=")
 
 
-def without_numbers(laws: list[tuple[Any, Array]], model: Model, state: State, t: float, h: float) -> str:
-    """Which law gives no finite numbers within a step of size h that failed, asked in Python at the last good state and where its
-    velocities lead: a sentence, '' where none is found. Of every force the nodes that its law sees."""
-    q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
-    for part, nodes in laws:
-        for at in (t, t + 0.5 * h, t + h):
-            x = q + (at - t) * v
-            own = rows_of(part)
-            for k, where in enumerate([[int(k)] for k in nodes] if isinstance(part, UserForce) else [nodes.tolist()]):
-                found = _asked(part, own[k % len(own)], at, x[where], v[where], model.q0.reshape(-1, 4, 3)[where])
-                if found:
-                    return f"{label_of(part)}: its law {found} at t = {at:.6g} s, {' and '.join(model.labels[k] for k in where)}"
-    return ""
-
-
-def _asked(part: Any, parameters: Array, t: float, x: Array, v: Array, reference: Array) -> str:
-    """What is wrong with what a law gives at its nodes, coordinates [*, 4, 3]; '' for nothing."""
-    out = np.zeros(6)
-    try:
-        with np.errstate(all="ignore"):
-            if isinstance(part, LineForce):
-                way = x[1, 0] - x[0, 0]
-                length = float(np.linalg.norm(way))
-                out = np.array([float(part.law(t, length, float(way @ (v[1, 0] - v[0, 0])) / length, parameters))])
-            elif isinstance(part, ForceElement):
-                one, other = (np.asarray(part.directors) @ r[1:].T @ d[1:] for r, d in zip(reference, x))
-                part.law(t, one @ (x[1, 0] - x[0, 0]), one @ other.T, np.zeros(3), np.zeros(3), parameters, out[:3], out[3:])
-            else:
-                spin = 0.5 * np.cross(x[0, 1:], v[0, 1:]).sum(axis=0)
-                time = getattr(part, "time", None)
-                part.law(t, x[0, 0].copy(), x[0, 1:].copy(), v[0, 0].copy(), spin, parameters, out[:3], out[3:])
-                out = out * (1.0 if time is None else float(time(t)))
-    except Exception as failed:
-        return f"fails, {type(failed).__name__}: {str(failed)[:200]},"
-    return "" if np.isfinite(out).all() else f"gives {shown(out)}, which is no finite force,"
+def asked_of(part: Any, t: float, given: Array, parameters: Array) -> Asked:
+    """The functions of a part, to be called in Python at time t; given, parameters: what compiled code gave them."""
+    parameters, derivative, out = parameters[:rows_of(part).shape[1]].copy(), getattr(part, "derivative", None), np.zeros(6)
+    position = given[:3].copy()
+    if isinstance(part, FollowerForce):
+        # its law is the package's own
+        time: Any = part.time
+        return Asked(label_of(part), {}, [("time function", lambda: time(t), None)])
+    if isinstance(part, LineForce):
+        length, rate = given[:2].tolist()
+        both = [("law", part.law), *([("derivative", derivative)] if derivative else [])]
+        return Asked(part.label, {"length": length, "rate": rate},
+                     [(noun, partial(f, t, length, rate, parameters), None) for noun, f in both])
+    if not isinstance(part, (UserForce, ForceElement)):
+        return Asked(part.label, {"position": position}, [("wind", lambda: part.wind(t, position, parameters, out[:3]), out)])
+    velocity, spin, slopes = given[12:15].copy(), given[15:18].copy(), np.zeros((6, 18))
+    state = t, position, given[3:12].reshape(3, 3).copy(), velocity, spin, parameters
+    calls: list[Any] = [("law", lambda: part.law(*state, out[:3], out[3:]), out)]
+    if derivative:
+        calls.append(("derivative", lambda: derivative(*state, slopes), slopes))
+    return Asked(label_of(part), {"position": position, "velocity": velocity, "spin": spin}, calls)

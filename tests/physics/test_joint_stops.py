@@ -435,5 +435,5 @@ def test_what_does_not_go_with_stops_friction_and_drives_says_so() -> None:
                         (driven, "takes no motors and drives"), (rubbing, "knows no friction of joints")):
         with pytest.raises(fb.SceneError, match=text):
             fb.relax(model)
-    with pytest.raises(fb.SceneError, match="force.t, s, rate. cannot be compiled"):
+    with pytest.raises(fb.SceneError, match="numba cannot compile its drive's force.t, s, rate."):
         arm(drive=fb.Drive(force=lambda t, x, rate: float(str(x))))

@@ -53,7 +53,7 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "force of two arguments": (lambda: fb.Drive(force=lambda t, s: 1.0), ("one argument (t) or three",)),
     "force that fails": (lambda: fb.Drive(force=lambda t, s, v: 1.0 / 0.0), ("must not fail", "ZeroDivisionError")),
     "force that numba does not know": (lambda: model(drive=fb.Drive(force=lambda t, s, v: float(str(1.0 + s)))),
-                                       ("slider 's'", "cannot be compiled", "numbers, math and numpy")),
+                                       ("slider 's'", "numba cannot compile its drive's force", "math and numpy")),
     "position that begins elsewhere": (lambda: model(drive=fb.Drive(position=lambda t: 0.2 + t)),
                                        ("begins at position(0) = 0.2 m", "the slider at 0.5 m")),
     "rate and drive": (lambda: slider(rate=1.0, drive=fb.Drive(speed=2.0)), ("rate=1 m/s", "begins with 2 m/s")),

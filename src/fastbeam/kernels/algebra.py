@@ -437,24 +437,15 @@ def root(tc, x):
 
 
 @intrinsic
-def call_law(tc, address, t, s, rate):
-    """The value of a compiled function of three numbers at this address."""
-    def codegen(ctx, b, sig, args):
-        kind = ir.FunctionType(_DOUBLE, [_DOUBLE] * 3)
-        values = [ctx.cast(b, x, kind_of, f8) for x, kind_of in zip(args[1:], sig.args[1:])]
-        return b.call(b.inttoptr(args[0], kind.as_pointer()), values)
-    return f8(address, t, s, rate), codegen
-
-
-@intrinsic
-def call_force(tc, address, t, given, parameters, found):
-    """Call the function (double t, double *given, double *parameters, double *found) at an address with addresses of arrays."""
+def call_law(tc, address, t, given, parameters, found, failed):
+    """Call the function (double t, double *given, double *parameters, double *found, double *failed) at an address with addresses
+    of arrays."""
     def codegen(ctx, b, sig, args):
         pointer = _DOUBLE.as_pointer()
-        function = ir.FunctionType(ir.VoidType(), [_DOUBLE, pointer, pointer, pointer])
+        function = ir.FunctionType(ir.VoidType(), [_DOUBLE, pointer, pointer, pointer, pointer])
         b.call(b.inttoptr(args[0], function.as_pointer()), [args[1], *(b.inttoptr(x, pointer) for x in args[2:])])
         return ctx.get_dummy_value()
-    return types.void(types.int64, types.float64, types.int64, types.int64, types.int64), codegen
+    return types.void(types.int64, types.float64, types.int64, types.int64, types.int64, types.int64), codegen
 
 
 @intrinsic

@@ -27,6 +27,7 @@ from .kinds import cayley_vector, dim, position, put, spin_cross, vector, zero_s
 from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
                      is_settled_along, motion_along, note_passage, put_residual, sliding_law)
 from .terms import put_loads, spread_nodes
+from .user_force import known
 
 # kinds of drives
 NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
@@ -49,6 +50,8 @@ RESTS, LEFT = 8, 1e-12
 # nodes under a slider whose shape functions are kept: in steps that cross more element ends they are formed anew
 MOST_KEPT = 16
 BY_PLACE, BY_RATE, MOST, STIFFNESS = 0, 1, 2, 2  # columns of `gains`, the last one of `stops`
+# columns of `asked`: what a law is given, s and ds/dt; its force; where it has failed, as in user_force.FAILED: 1, time, s, ds/dt
+ASKED_FORCE, ASKED_FAILED, ASKED = 2, 3, 7
 
 
 class Along(NamedTuple):
@@ -60,7 +63,8 @@ class Along(NamedTuple):
     stops: np.ndarray       # float64 [S, 3]: arc lengths where elastic stops begin, m; their stiffness, N/m
     drive: np.ndarray       # int64 [S]: NO_DRIVE, POSITION, INCREMENT, FORCE, LAW or CONTROL
     gains: np.ndarray       # float64 [S, 3]: of a controller, N/m, N s/m and the largest force, N
-    law: np.ndarray         # int64 [S]: address of a compiled function of (t, s, ds/dt) that returns a force, N
+    law: np.ndarray         # int64 [S]: address of a compiled function as of user_force.Laws, of a force, N
+    asked: np.ndarray       # float64 [S, ASKED]: what it is given and gives
     given: np.ndarray       # float64 [S, 2]: what a drive is given in a step: s at its end, or the increment of s, m; the force,
     #                         N; or of a controller s in the middle, m, and ds/dt, m/s
     clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; mass of the scene, kg
@@ -129,6 +133,17 @@ def stop_force(along, k, s0, s1):
     return Force(value, slope)
 
 
+@kernel
+def law_force(along, k, s, rate):
+    """Of a drive with a law."""
+    asked = along.asked
+    asked[k, 0] = s
+    asked[k, 1] = rate
+    row = asked.ctypes.data + 8 * ASKED * k
+    call_law(along.law[k], along.clock[1], row, row, row + 8 * ASKED_FORCE, row + 8 * ASKED_FAILED)
+    return asked[k, ASKED_FORCE]
+
+
 @inlined
 def drive_force(along, k, s0, s1):
     """Of a drive that does not prescribe the motion."""
@@ -137,13 +152,12 @@ def drive_force(along, k, s0, s1):
     if kind == FORCE:
         return Force(along.given[k, 0], 0.0)
     if kind == LAW:
-        t = along.clock[1]
         step = 1e-6 * (abs(s1 - s0) + 1e-3 * abs(s1) + 1e-9)
         middle = 0.5 * (s0 + s1)
         rate = (s1 - s0) / h
-        slope = (call_law(along.law[k], t, middle + 0.5 * step, rate + step / h)
-                 - call_law(along.law[k], t, middle - 0.5 * step, rate - step / h)) / (2.0 * step)
-        return Force(call_law(along.law[k], t, middle, rate), slope)
+        slope = (law_force(along, k, middle + 0.5 * step, rate + step / h)
+                 - law_force(along, k, middle - 0.5 * step, rate - step / h)) / (2.0 * step)
+        return Force(law_force(along, k, middle, rate), slope)
     if kind == CONTROL:
         force = (along.gains[k, BY_PLACE] * (along.given[k, 0] - along.offset[k] - 0.5 * (s0 + s1))
                  + along.gains[k, BY_RATE] * (along.given[k, 1] - (s1 - s0) / h))
@@ -497,7 +511,7 @@ def account_work(along, term, system, k):
         friction = -along.viscous[k] / h * ds - most * sign
         drive = total - stop - friction
     else:
-        drive = drive_force(along, k, s0, s1).value
+        drive = known(drive_force(along, k, s0, s1).value)
         friction = total - stop - drive
     state.history[HISTORY * k + FRICTION_LOSS] -= friction * ds
     state.history[HISTORY * k + DRIVE_WORK] += drive * ds

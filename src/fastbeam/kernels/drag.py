@@ -11,10 +11,10 @@ import numpy as np
 
 from .._generic import generic
 from .._jit import kernel
-from .algebra import add_matrix, add_skew, call_force, component0, component1, cross, cross2, dot, ld3, outer, perp
+from .algebra import add_matrix, add_skew, call_law, component0, component1, cross, cross2, dot, ld3, outer, perp
 from .kinds import Plane, Space, add_outer, add_stiffness, add_to, coordinates, dim, vector
 from .terms import Conserving, Equilibrium, account, assemble, put_loads, spread_nodes
-from .user_force import BASE, FOUND, GIVEN, INCREMENT, RATES, TIME, Laws
+from .user_force import BASE, FAILED, FOUND, GIVEN, INCREMENT, RATES, TIME, Laws, known
 
 
 class NoWind(NamedTuple):
@@ -101,8 +101,8 @@ def blow(wind, k):
     w = wind.work
     if wind.laws.address[k] != 0:
         base = w.ctypes.data
-        call_force(wind.laws.address[k], w[TIME], base + 8 * GIVEN, wind.parameters.ctypes.data + 8 * wind.first[k],
-                   base + 8 * FOUND)
+        call_law(wind.laws.address[k], w[TIME], base + 8 * GIVEN, wind.parameters.ctypes.data + 8 * wind.first[k],
+                 base + 8 * FOUND, base + 8 * FAILED)
 
 
 @generic
@@ -226,4 +226,4 @@ def account_drag(drag, system, h):
         n = drag.node[k]
         spread_nodes.call(dofs, system.method, system.state, system.work, h, n, n + 1)
         x = flow(drag, k, system, h)
-        history[drag.place[k]] += dot(resistance(drag, k, x), vector(system.work.dphi, d * n, 1, dofs))
+        history[drag.place[k]] += known(dot(resistance(drag, k, x), vector(system.work.dphi, d * n, 1, dofs)))

@@ -14,11 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import call_force, cross, dot
+from .algebra import call_law, cross, dot
 from .joint_conditions import direction
 from .kinds import add_to, position, zero_vector
 from .terms import account, assemble, spread_nodes
-from .user_force import (FOUND, GIVEN, INCREMENT, KEPT, ORIGIN, OTHER, RATES, SLOPES, TIME, WRENCH, Laws, find_slopes)
+from .user_force import (FAILED, FOUND, GIVEN, INCREMENT, KEPT, ORIGIN, OTHER, RATES, SLOPES, TIME, WRENCH, Laws, find_slopes,
+                         known)
 
 
 class ForceElements(NamedTuple):
@@ -74,8 +75,8 @@ def evaluate_both(term, k, q0, q1, h, dofs, is_linear):
         for i in range(6):
             w[FOUND + i] = 0.0
         base = w.ctypes.data
-        call_force(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k],
-                   base + 8 * FOUND)
+        call_law(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k],
+                 base + 8 * FOUND, base + 8 * FAILED)
     force, moment = zero_vector(dofs), zero_vector(dofs)
     for i in range(3):
         axis = 0.5 * (direction.call(dofs, term, k, 0, i, q0) + direction.call(dofs, term, k, 0, i, q1))
@@ -164,4 +165,4 @@ def account_force_elements(term, system, h):
             n = term.node[k, side]
             for i in range(3):
                 total += w[WRENCH + 6 * side + i] * work.dphi[3 * n + i] + w[WRENCH + 6 * side + 3 + i] * work.theta[3 * n + i]
-        state.history[term.place[k]] -= total
+        state.history[term.place[k]] -= known(total)

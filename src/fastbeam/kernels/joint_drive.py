@@ -23,6 +23,7 @@ from .joint_motion import way_of
 from .kinds import dim
 from .sleeve import SETTLED
 from .terms import Conserving, Equilibrium, account, assemble, first_guess, is_settled, put_loads, take_unknowns
+from .user_force import known
 
 # how a coordinate is given: its value at the end of the step, or its increment
 TO, BY = range(2)
@@ -54,7 +55,8 @@ class JointControl(NamedTuple):
     which: np.ndarray      # int64 [D]: of the coordinates of `motion`
     drive: np.ndarray      # int64 [D]: along.FORCE, LAW or CONTROL
     gains: np.ndarray      # float64 [D, 3]: of a controller, by value and rate, and the largest force, N or N m
-    law: np.ndarray        # int64 [D]: address of a compiled function of (t, x, x')
+    law: np.ndarray        # int64 [D]: address of a compiled function, as of `along.Along`
+    asked: np.ndarray      # float64 [D, ASKED]: what it is given and gives
     given: np.ndarray      # float64 [D, 2]: the force; or value and rate that a controller follows
     clock: np.ndarray      # float64 [2]: size of the step, and time of its middle, s
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
@@ -204,7 +206,7 @@ def account_control(term, system, h):
     for i in range(term.which.shape[0]):
         o = term.motion.place[term.which[i]]
         value = history[o + VALUE]
-        history[o + WORK] += drive_force(term, i, term.start[i], value).value * (value - term.start[i])
+        history[o + WORK] += known(drive_force(term, i, term.start[i], value).value * (value - term.start[i]))
 
 
 @assemble.register(KnownForces, Conserving)

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import call_force, dot
+from .algebra import call_law, dot
 from .spring import add_pair, difference
 from .terms import account, assemble, spread_nodes
-from .user_force import FOUND, GIVEN, INCREMENT, SLOPES, TIME, Laws, find_slopes
+from .user_force import FAILED, FOUND, GIVEN, INCREMENT, SLOPES, TIME, Laws, find_slopes, known
 
 
 class LineForces(NamedTuple):
@@ -40,8 +40,8 @@ def tension_at(lines, k, length, rate):
     w[GIVEN] = length
     w[GIVEN + 1] = rate
     base = w.ctypes.data
-    call_force(lines.laws.address[k], w[TIME], base + 8 * GIVEN, lines.parameters.ctypes.data + 8 * lines.first[k],
-               base + 8 * FOUND)
+    call_law(lines.laws.address[k], w[TIME], base + 8 * GIVEN, lines.parameters.ctypes.data + 8 * lines.first[k],
+             base + 8 * FOUND, base + 8 * FAILED)
     return w[FOUND]
 
 
@@ -83,4 +83,4 @@ def account_lines(lines, system, h):
         start, end = difference(lines, k, state.q, dofs), difference(lines, k, work.q_end, dofs)
         before, after = dot(start, start)**0.5, dot(end, end)**0.5
         tension = tension_at(lines, k, 0.5 * (before + after), (after - before) / h)
-        state.history[lines.place[k]] += tension * (after - before)
+        state.history[lines.place[k]] += known(tension * (after - before))

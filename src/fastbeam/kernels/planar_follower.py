@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import call_force
+from .algebra import call_law
 from .terms import account, assemble, spread_nodes
-from .user_force import FOUND, GIVEN, TIME, Laws
+from .user_force import FAILED, FOUND, GIVEN, TIME, Laws, known
 
 
 class PlanarFollowers(NamedTuple):
@@ -50,7 +50,8 @@ def evaluate_in_plane(term, k, q0, q1):
     w[GIVEN + 7] = x
     w[GIVEN + 11] = 1.0
     base = w.ctypes.data
-    call_force(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * FOUND)
+    call_law(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * FOUND,
+             base + 8 * FAILED)
 
 
 @assemble.register(PlanarFollowers)
@@ -87,4 +88,4 @@ def account_planar_followers(term, system, h):
         spread_nodes.call(system.dofs, system.method, system.state, work, h, n, n + 1)
         evaluate_in_plane(term, k, system.state.q, work.q_end)
         done = w[FOUND] * work.dphi[2 * n] + w[FOUND + 1] * work.dphi[2 * n + 1] + w[FOUND + 5] * work.theta[n]
-        system.state.history[term.place[0]] += term.share[k] * done
+        system.state.history[term.place[0]] += known(term.share[k] * done)

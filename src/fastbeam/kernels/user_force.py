@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
-from .algebra import add3, call_force, cross, dot, ld3, st3, triple, zero3
+from .._jit import inlined, kernel
+from .algebra import add3, call_law, cross, dot, ld3, st3, triple, zero3
 from .terms import account, assemble, put_loads, spread_nodes
 
 # places in the work array: time, load factor in statics, what a law is given, force and moment, rates; then what differences
@@ -22,13 +22,15 @@ from .terms import account, assemble, put_loads, spread_nodes
 TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SLOPES, ORIGIN = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97, 205
 # what code that takes differences is given: as the law; 1/h and increments of positions and turns; changes of nine components of
 # directors and three of the spin by three turns, [3, 12]; room for 24 numbers, force and moment
-DIFFERENCE, STEPS, TURNS, BEFORE, SIZE = 229, 247, 250, 310, 316
+DIFFERENCE, STEPS, TURNS, BEFORE = 229, 247, 250, 310
+# of the first law that failed, which gives NaN: address of its parameters, 0 where none has failed; time; what it was given
+FAILED, SIZE = 316, 336
 # increments of central differences and of one-sided ones, of positions relative to the size of the scene, and of turns
 INCREMENT, ONE_SIDED = 1e-6, 1e-7
 
 
 class Laws(NamedTuple):
-    """Addresses of compiled functions (double t, double *given, double *parameters, double *found)."""
+    """Addresses of compiled functions (double t, double *given, double *parameters, double *found, double *failed)."""
 
     address: np.ndarray    # int64 [K]
     slopes: np.ndarray     # int64 [K]: of their derivatives, 0 where these are taken by differences
@@ -43,7 +45,7 @@ class UserForces(NamedTuple):
     share: np.ndarray      # float64 [K]: 1, along beams the length that belongs to the node, m
     grows: np.ndarray      # int64 [K]: 1 where it grows with the load factor in statics
     along: np.ndarray      # int64 [K]: 1 along beams, 0 at nodes
-    first: np.ndarray      # int64 [K]: first of its parameters
+    first: np.ndarray      # int64 [K]: first of its parameters; each part has a place there, which tells whose law failed
     parameters: np.ndarray  # float64 [*]
     place: np.ndarray      # int64 [1]: where the work stands in the history
     laws: Laws
@@ -60,6 +62,12 @@ class UserForceTimes(NamedTuple):
 
     work: np.ndarray       # float64 [SIZE]
     middle: np.ndarray     # float64 [substeps], s
+
+
+@inlined
+def known(work):
+    """The work of a law; 0 where it fails when a step is done, which ends the run."""
+    return work if work == work else 0.0
 
 
 @put_loads.register(UserForceTimes)
@@ -84,7 +92,8 @@ def evaluate(term, k, q0, q1, h):
     st3(w, FOUND, 1, zero3())
     st3(w, FOUND + 3, 1, zero3())
     base = w.ctypes.data
-    call_force(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * FOUND)
+    call_law(term.laws.address[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * FOUND,
+             base + 8 * FAILED)
 
 
 @assemble.register(UserForces)
@@ -109,7 +118,8 @@ def find_slopes(term, k):
     for i in range(108):
         w[SLOPES + i] = 0.0
     base = w.ctypes.data
-    call_force(term.laws.slopes[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * SLOPES)
+    call_law(term.laws.slopes[k], w[TIME], base + 8 * GIVEN, term.parameters.ctypes.data + 8 * term.first[k], base + 8 * SLOPES,
+             base + 8 * FAILED)
 
 
 @kernel
@@ -167,8 +177,8 @@ def add_differences(term, k, factor, system, h):
             spin += more
         st3(w, TURNS + 12 * c + 9, 1, spin)
     base = w.ctypes.data
-    call_force(term.differences[k], w[TIME], base + 8 * DIFFERENCE, term.parameters.ctypes.data + 8 * term.first[k],
-               base + 8 * SLOPES)
+    call_law(term.differences[k], w[TIME], base + 8 * DIFFERENCE, term.parameters.ctypes.data + 8 * term.first[k],
+             base + 8 * SLOPES, base + 8 * FAILED)
     for i in range(6):
         for c in range(6):
             work.blocks[48 * term.block[k] + 8 * i + c] -= factor * w[SLOPES + 6 * i + c]
@@ -187,4 +197,4 @@ def account_user_forces(term, system, h):
         total = 0.0
         for i in range(3):
             total += w[FOUND + i] * work.dphi[3 * n + i] + w[FOUND + 3 + i] * work.theta[3 * n + i]
-        system.state.history[term.place[0]] += term.share[k] * total
+        system.state.history[term.place[0]] += known(term.share[k] * total)
