@@ -46,7 +46,8 @@ def given_places(model: Model) -> list[tuple[str, Any]]:
         out.append((f"what is given to {part.label}", part.place))
     for motion in () if model.prescribed is None else model.prescribed.motions:
         out += [(f"{motion.label} ({name})", getattr(motion, name)) for name in ("displacement", "position", "rotation")]
-    return out
+    scene = getattr(model.uneliminated, "scene", None)
+    return out + [(f"{winch.label} (length_at)", winch.length_at) for winch in (() if scene is None else scene.winches)]
 
 
 class Callback:

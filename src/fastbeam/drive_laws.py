@@ -11,11 +11,9 @@ from ._laws import compiled_drive, machine_code
 from .arguments import real
 from .errors import SceneError
 from .kernels.along import CONTROL, FORCE, INCREMENT, LAW, NO_DRIVE, POSITION
+from .load_times import means
 
 Array = np.ndarray
-# three Gauss points: smooth forces are exact to order 6, and a step stays symmetric in time
-POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 18.0
-
 # derivative from values at steps of SHORT s from now on, of fourth order, as of scene/sliding.py
 SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
 # derivatives of laws at rest: the largest difference, as a share of the size of the argument, how often it is halved, and how
@@ -116,9 +114,10 @@ def value_at(drive: Any, who: str, what: str, t: float) -> float:
 
 def mean_of(drive: Any, who: str, what: str, t: float, h: float) -> float:
     """Its mean over the step."""
-    if not callable(getattr(drive, what)):
+    given = getattr(drive, what)
+    if not callable(given):
         return value_at(drive, who, what, t)
-    return float(sum(w * value_at(drive, who, what, t + x * h) for x, w in zip(POINTS, SHARES)))
+    return float(means(lambda at: value_at(drive, who, what, at), getattr(given, "_rows", None), np.array([t]), np.array([h]))[0])
 
 
 def law_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:

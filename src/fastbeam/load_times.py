@@ -11,6 +11,8 @@ from .errors import SceneError
 from .model import Model
 
 Array = np.ndarray
+# three Gauss points: what is smooth is exact to order 6, and a step stays symmetric in time
+POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 def load_factors(model: Model, times: Array, steps: Array) -> Array:
@@ -79,20 +81,21 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
 
 
 def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of gravity") -> Array:
-    """Means of a time function over steps [t, t + h], [n]: of what is smooth by three Gauss points, of a table from row to row
-    that lie within a step."""
-    x = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
-    w = np.array([5.0, 8.0, 5.0]) / 18.0
+    """Means of a time function over steps [t, t + h], [n]."""
+    return means(lambda t: factor_at(time, t, who), getattr(time, "_rows", None), times, steps)
 
-    def means(begins: Array, sizes: Array) -> Array:
-        points = (begins[:, None] + x * sizes[:, None]).reshape(-1)
-        values = np.array([factor_at(time, float(t), who) for t in points]).reshape(-1, 3)
+
+def means(value: Callable[[float], float], rows: Array | None, times: Array, steps: Array) -> Array:
+    """Means of a function over steps [t, t + h], [n]: of what is smooth by three Gauss points, of a table from row to row (rows:
+    their times) that lie within a step."""
+    def smooth(begins: Array, sizes: Array) -> Array:
+        points = (begins[:, None] + POINTS * sizes[:, None]).reshape(-1)
+        values = np.array([value(float(t)) for t in points]).reshape(-1, 3)
         # written out: a matrix product rounds a row differently in calls of different length
-        return np.asarray(w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2])
+        return np.asarray(SHARES[0] * values[:, 0] + SHARES[1] * values[:, 1] + SHARES[2] * values[:, 2])
 
     times, steps = np.asarray(times), np.asarray(steps)
-    out = means(times, steps)
-    rows = getattr(time, "_rows", None)
+    out = smooth(times, steps)
     if rows is not None:
         ends = times + steps
         low, high = np.minimum(times, ends), np.maximum(times, ends)
@@ -100,7 +103,7 @@ def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who
         for k in np.flatnonzero(last > first):
             cuts = np.concatenate(([low[k]], rows[first[k]:last[k]], [high[k]]))
             sizes = np.diff(cuts)
-            out[k] = float(np.sum(means(cuts[:-1], sizes) * sizes)) / (high[k] - low[k])
+            out[k] = float(np.sum(smooth(cuts[:-1], sizes) * sizes)) / (high[k] - low[k])
     return out
 
 

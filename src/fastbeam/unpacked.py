@@ -249,7 +249,7 @@ def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
         s = 0.5 * (a + b)[:, None] + half * at
         return [s, half * share, field(s.reshape(-1)).reshape(*s.shape, 3)]
 
-    def sums(s: Array, weight: Array, values: Array) -> Array:
+    def sums(s: Array, weight: Array, values: Array) -> tuple[Array, Array]:
         # and with linear functions, for the moment of forces
         lever = (s - middle[:, None]) / (b - a)[:, None]
         return np.einsum("pg,pgc->pc", weight, values), np.einsum("pg,pgc->pc", weight * lever, values)
@@ -270,7 +270,7 @@ def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
         left, right = look(a, middle), look(middle, b)
         halves = [np.concatenate(x, axis=1) for x in zip(left, right)]
         largest = max(largest, float(np.max(np.abs(halves[2]))))
-        off = np.max(np.abs(np.subtract(sums(*whole), sums(*halves))), axis=(0, 2))
+        off = np.max(np.abs(np.array(sums(*whole)) - np.array(sums(*halves))), axis=(0, 2))
         good = (off <= ALIKE * largest * sizes[element]) | (b - a <= SHORTEST * sizes[element])
         found.append([element[good], *(x[good] for x in halves)])
         more = ~good

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.drive_laws import given_to
 from fastbeam.load_times import mean_factors
 from fastbeam.scene.prescribed import largest_kink
 
@@ -44,6 +45,15 @@ def test_the_compiled_form_and_the_means_are_those_of_the_table(kind: str) -> No
     begins, sizes = np.array([0.2, 0.9, 0.0, 1.505, 1.6]), np.array([0.5, 0.7, 3.0, 0.01, -0.7])
     exact = [signal._curve.integrate(a, a + h) / h for a, h in zip(begins, sizes)]
     assert np.max(np.abs(mean_factors(signal, begins, sizes) - exact)) < 1e-14 * max(1.0, np.max(np.abs(exact)))
+
+
+def test_a_drive_by_a_table_of_speeds_goes_the_way_under_it() -> None:
+    speed = fb.Signal(*JUMPS)
+    drives = fb.Drive(speed=speed), fb.Drive(force=speed)
+    for t, h in ((0.0, 3.0), (0.97, 0.05), (1.505, 0.2), (0.2, 0.1)):
+        exact = speed._curve.integrate(t, t + h)
+        assert given_to(drives[0], "it", t, h)[0] == pytest.approx(exact, abs=1e-15)
+        assert h * given_to(drives[1], "it", t, h)[0] == pytest.approx(exact, abs=1e-15)
 
 
 def test_a_blow_shorter_than_a_step_has_its_impulse() -> None:

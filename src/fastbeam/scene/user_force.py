@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -11,11 +11,8 @@ from fastbeam.arguments import Flag, Function, Name, Numbers, Refusal, checked, 
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import NodeLike, Takes, noun, tried
+from fastbeam.scene.checks import FieldField, NodeLike, Takes, noun, tried
 from fastbeam.scene.parts import Node
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)"
@@ -95,7 +92,7 @@ class UserForce:
     at: Takes[NodeLike | Beam, NodeRef | Beam]
     law: Callable[..., None]
     _: KW_ONLY
-    parameters: Takes[ArrayLike | Callable[[Array], ArrayLike], Any] = ()
+    parameters: FieldField = ()
     dissipates: bool = True
     derivative: Callable[..., None] | None = None
     grows: bool = False
