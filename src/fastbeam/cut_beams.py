@@ -380,8 +380,8 @@ class Along(NamedTuple):
     way: Array       # float64 [S, 2, 3]: of these nodes by s, position and spin
 
 
-def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array, only: int = -1) -> Along:
-    """At coordinates q [N, 4, 3] of the nodes of the cut scene. acting: on the beams with contacts, by the ids of the given ones;
+def energy_along(cut: Cut, numbers: Any, acting: dict[Any, Acting], q: Array, only: int = -1) -> Along:
+    """At coordinates q [N, 4, 3] of the nodes of the cut scene. acting: on the beams with contacts, by the given ones;
     only: the one contact of which the slope is asked for, without second derivatives."""
     size = len(cut.places)
     out = Along(np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, q.size)), np.full(size, -1),

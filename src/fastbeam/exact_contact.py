@@ -324,7 +324,7 @@ class ExactSolver(SlidingSolver):
                 bend[i, i] = self._bend(cut, solver, acting, int(k), ahead[i])
         return Found(cut, solver, along.slope, 0.5 * (bend + bend.T), ahead, stretch)
 
-    def _bend(self, cut: Cut, solver: SlidingSolver, acting: dict[int, Acting], k: int, ahead: Increment) -> float:
+    def _bend(self, cut: Cut, solver: SlidingSolver, acting: dict[Any, Acting], k: int, ahead: Increment) -> float:
         """Derivative of the slope of contact k by its place, with all nodes in equilibrium: a difference along the way that they
         take, because in the sum of derivatives that of the normal force of a stiff beam is left as round-off."""
         step, saved, slope = BEND_STEP * cut.length_at(k), solver._saved(), []
@@ -354,7 +354,7 @@ class ExactSolver(SlidingSolver):
         matrix, nodes = reduced(sparse.csr_matrix(along.forces[free]) @ contacts.ties)
         return np.asarray((matrix @ contacts._rates(solver.state.q, nodes)).todense())
 
-    def _acting(self, cut: Cut, factors: Array) -> dict[int, Acting]:
+    def _acting(self, cut: Cut, factors: Array) -> dict[Any, Acting]:
         """What acts along the beams with contacts at load factors [K]."""
         model, scene = self.stepper.model, self.scene
 
@@ -362,8 +362,8 @@ class ExactSolver(SlidingSolver):
             return next((float(x) for x, known in zip(factors, model.load_times) if known is time), 0.0)
 
         weight = factor(scene.gravity_time) * np.asarray(scene.gravity) if np.any(scene.gravity) else np.zeros(3)
-        return {i: Acting(beam.section.inertia[0] * weight, tuple((load, factor(load.time)) for load in scene.distributed
-                                                                  if load.beam is beam)) for i, beam in cut.old.items()}
+        return {beam: Acting(beam.section.inertia[0] * weight, tuple((load, factor(load.time)) for load in scene.distributed
+                                                                  if load.beam is beam)) for beam in cut.slots}
 
     # --- on the given mesh --------------------------------------------------------------------------------------------
     @property

@@ -39,7 +39,7 @@ import numpy as np
 
 from .arguments import FilePath, take
 from .errors import ResultFileError
-from .places import check_new
+from .places import check_new, claim
 from .reading import (COUNTS, FORMAT, MARGIN, MOST_EVENT_BYTES, MOST_EVENTS, MOST_PARTS, VERSION, import_h5py, load_result,
                       parts_of)
 from .result import Result, ResultHeader, shape_row
@@ -115,7 +115,7 @@ class ResultWriter:
         self._raw = _open(self.path, self._where, overwrite)
         try:
             self._raw.truncate(0)
-            _claim(self._raw.fileno(), 0, len(texts) + MARGIN)
+            claim(self._raw.fileno(), 0, len(texts) + MARGIN)
             # until others may read the file HDF5 keeps a lock of its own
             lock(self._raw, "LOCK_UN")
             self._file = h5py.File(self._where, "w", libver="latest")
@@ -261,7 +261,7 @@ class ResultWriter:
         return out
 
     def _reserve(self, size: int) -> None:
-        _claim(self._raw.fileno(), int(self._file.id.get_filesize()), size + MARGIN)
+        claim(self._raw.fileno(), int(self._file.id.get_filesize()), size + MARGIN)
 
     def _sync(self) -> None:
         # a flush gives back what it did not use
@@ -331,12 +331,6 @@ def save_result(result: Result, path: str | PathLike[str], *, overwrite: bool = 
             writer.snapshot(float(t), phi, d, *(None if x is None else x[k] for x in (result.velocities, result.spins)))
         for event in result.events:
             writer.event(event)
-
-
-def _claim(handle: int, first: int, size: int) -> None:
-    """Make the file system set this range aside, where it can."""
-    if hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(handle, first, size)
 
 
 def _open(path: Path, where: Path, overwrite: bool) -> BinaryIO:

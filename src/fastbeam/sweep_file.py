@@ -22,14 +22,16 @@ from typing import Any, NotRequired, TypedDict
 import numpy as np
 
 from .errors import ResultFileError
-from .places import check_new
-from .reading import LeftOpen, Reader, read_again, import_h5py
+from .places import check_new, claim
+from .reading import MARGIN, LeftOpen, Reader, read_again, import_h5py
 from .store import lock
 
 Array = np.ndarray
 FORMAT, VERSION = "fastbeam-sweep", 1
 # s between two flushes, bytes that wait in memory at most
 FLUSH_TIME, PENDING = 0.5, 1 << 24
+# entries of a chunk
+CHUNK = 8192
 # locks of this process; forks let go of theirs, or they would outlive it
 _HELD: list[Any] = []
 
@@ -74,12 +76,16 @@ class SweepFile:
             self._old = self._where.open("rb") if self._where.exists() else None
             if self._old is not None and not lock(self._old, "LOCK_EX"):
                 raise ResultFileError(f"sweep file '{path}': another sweep writes it; wait for that, or choose another path")
+            text = json.dumps(header).encode()
+            self._raw = self._part.open("wb")
+            claim(self._raw.fileno(), 0, len(text) + MARGIN)
             self._file = h5py.File(self._part, "w", libver="latest")
+            self._reserve(len(text))
             self._file.attrs["format"], self._file.attrs["version"] = FORMAT, VERSION
-            self._file["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+            self._file["header"] = np.frombuffer(text, np.uint8)
             self._file["committed"] = np.zeros(5, np.int64)
             for name, kind in (("rows", np.uint8), ("numbers", np.float64)):
-                self._file.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(8192,), dtype=kind)
+                self._file.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=kind)
             self._file.swmr_mode = True
             for row in rows:
                 self.append(row)
@@ -128,6 +134,7 @@ class SweepFile:
         try:
             if shutil.disk_usage(self._where.parent).free < len(self._text) + numbers.nbytes + (1 << 20):
                 raise OSError("no room on the disk")
+            self._reserve(len(self._text) + numbers.nbytes + 2 * 9 * CHUNK)
             for name, data, k in (("rows", np.frombuffer(self._text, np.uint8), 0), ("numbers", numbers, 1)):
                 first = self._counts[k]
                 self._file[name].resize(first + len(data), axis=0)
@@ -138,10 +145,16 @@ class SweepFile:
             committed = [*self._counts, *self._crc]
             self._file["committed"][...] = [*committed, -sum(committed)]
             self._file.flush()
+            # a flush gives back what it did not use
+            self._reserve(0)
         except (OSError, RuntimeError) as error:
             self._close()
             raise self._unwritable(error) from error
         self._text, self._numbers, self._waiting, self._last = b"", [np.zeros(0)], 0, time.perf_counter()
+
+    def _reserve(self, size: int) -> None:
+        """Room behind what is written."""
+        claim(self._raw.fileno(), int(self._file.id.get_filesize()), size + MARGIN)
 
     def close(self) -> None:
         """Write what waits and close; safe to call twice."""
@@ -155,6 +168,8 @@ class SweepFile:
         with suppress(OSError, RuntimeError):
             if file is not None:
                 file.close()
+        if hasattr(self, "_raw"):
+            self._raw.close()
         if hasattr(self, "_new"):
             self._new.close()
             _HELD[:] = [held for held in _HELD if held is not self._new]

@@ -20,7 +20,7 @@ import numpy as np
 from .arguments import shown
 from .errors import ResultFileError, SceneError
 from .lines import Lines
-from .places import check_new
+from .places import check_new, claim
 from .reading import import_h5py
 from .rows import listing
 
@@ -93,7 +93,10 @@ def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, ref
         if size > free:
             raise ResultFileError(f"file '{path}': needs {size / 1e6:.0f} MB and {free / 1e6:.0f} MB are free; choose another "
                                   "place, or leave out shapes or double=True")
-        with h5py.File(part, "w", libver="latest") as file:
+        with part.open("wb") as raw:
+            claim(raw.fileno(), 0, size)
+        with h5py.File(part, "w", libver="latest") as file, part.open("rb+") as raw:
+            claim(raw.fileno(), 0, size)
             _write(file, shape, result.t_snap, dtype, h5py)
         os.replace(part, where)
     except (OSError, RuntimeError) as error:

@@ -10,7 +10,7 @@ import pytest
 from counted import calls
 from fastbeam.errors import SceneError
 from fastbeam.scene import (
-    BallJoint, Beam, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
+    BallJoint, Beam, Clamp, DistributedLoad, InitialVelocity, Load, Path, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
     Scene, Section, Slider,
 )
 
@@ -192,6 +192,20 @@ def test_closest_place_on_a_curved_beam():
     point = arc.reference(np.sqrt(2))[0][0]
     bob = PointMass("bob", mass=1, position=point)
     refused(r"use at=1\.414213562, where it lies", arc, bob, Slider("run", bob, arc, at=0.3))
+    # by hand, a little beside it
+    near = 1.0003 * point
+    s, distance = arc.nearest(near)
+    assert s == pytest.approx(np.sqrt(2), rel=1e-13) and distance == pytest.approx(3e-4, rel=1e-9)
+    bob = PointMass("bob", mass=1, position=near)
+    refused(r"closest at s=1\.414 m, still 0\.0003 m away: move the point to beam\.reference\(s\)\[0\]\[0\], \(0\.155", arc, bob,
+            Slider("run", bob, arc, at=s))
+    Scene(arc, bob := PointMass("bob", mass=1, position=arc.reference(s)[0][0]), Slider("run", bob, arc, at=s)).check()
+    # nearest to an end, and to the middle of an arc from its centre anywhere on it
+    assert arc.nearest((2, -1, 0)) == pytest.approx((0.0, np.sqrt(2)))
+    assert arc.nearest((0, 0, 1))[1] == pytest.approx(np.sqrt(2), rel=1e-14)
+    rail, post = make_rail(), Beam.straight("post", (1.2, 0, 0), (1.2, 0, 1), section=BAR, elements=2, degree=1)
+    for wire, place in ((Path("p", [rail, post]), 1.7), (Path("back", [(post, -1), (rail, -1)]), 0.5)):
+        assert wire.nearest((1.5, 0, 0.5)) == pytest.approx((place, 0.3), rel=1e-13)
 
 
 def test_ball_joint_with_a_gap():

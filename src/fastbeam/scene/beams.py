@@ -160,6 +160,23 @@ class NodeRef:
         return hash((self.owner, self.index, tuple(self.offset.tolist())))
 
 
+def nearest_on(line: Any, point: Any) -> tuple[float, float]:
+    """As of `Beam.nearest`, on a beam or path: the best of a thousand places, and the zero of (x - point) . d1 beside it."""
+    s = np.linspace(0.0, line.length, 1001)
+    best = int(np.argmin(np.linalg.norm(line.reference(s)[0] - point, axis=1)))
+    low, high = s[max(best - 1, 0)], s[min(best + 1, s.size - 1)]
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        x, triad = line.reference(middle)
+        low, high = (low, middle) if (x[0] - point) @ triad[0, 0] > 0.0 else (middle, high)
+    ends = np.array([low, high])
+    distance = np.linalg.norm(line.reference(ends)[0] - point, axis=1)
+    k = int(np.argmin(distance))
+    return float(ends[k]), float(distance[k])
+
+
 @checked(name=Name(), curve=CurveOf(), **COMMON)
 @noun
 class Beam:
@@ -355,6 +372,25 @@ class Beam:
         if not np.all(inside):
             raise SceneError(f"{self.label}: s={s[~inside][0]:.6g} lies outside it (0 to {self.length:.6g} m)")
         return self.curve.reference(np.clip(s, 0.0, self.length))
+
+    @checked(point=Vector)
+    def nearest(self, point: ArrayLike) -> tuple[float, float]:
+        """Arc length of the place on the reference curve that is nearest to `point` (3,), and its distance, both m.
+
+        Raises
+        ------
+        SceneError
+            The point is not 3 finite numbers.
+
+        Examples
+        --------
+        >>> bar = Section.circle(radius=0.01, E=70e9, rho=2700.0)
+        >>> bow = Beam.arc('bow', (1, 0, 0), (0, 1, 0), (-1, 0, 0), radius=1, angle=3, section=bar, elements=3)
+        >>> s, distance = bow.nearest((1, 1, 0))
+        >>> print(f'{s:.6f} {distance:.6f}', bow.reference(s)[0][0].round(6))
+        0.785398 0.414214 [0.707107 0.707107 0.      ]
+        """
+        return nearest_on(self, point)
 
     # --- nodes --------------------------------------------------------------------------------------------------------
     @cached_property

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Flag, Name, Number, Refusal, checked, shown, whole
+from fastbeam.arguments import Flag, Name, Number, Refusal, Vector, checked, shown, whole
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
+from fastbeam.scene.beams import ArcLengths, Beam, NodeRef, nearest_on
 from fastbeam.scene.checks import Array, Takes, noun
 from fastbeam.scene.nets import Net
 
@@ -190,6 +190,17 @@ class Path:
             if self.directions[i] < 0:
                 triads[at, :2] *= -1.0
         return phi, triads
+
+    @checked(point=Vector)
+    def nearest(self, point: ArrayLike) -> tuple[float, float]:
+        """Arc length of the place on the path that is nearest to `point` (3,), and its distance, both m.
+
+        Raises
+        ------
+        SceneError
+            The point is not 3 finite numbers.
+        """
+        return nearest_on(self, point)
 
     @checked()
     def joints(self) -> list[tuple[NodeRef, NodeRef]]:

@@ -3,21 +3,17 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array
 from fastbeam.scene.added_mass import AddedMass
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import (
     BallJoint, DistributedLoad, InitialVelocity, Load, RigidConnection, RigidMotion,
 )
-from fastbeam.scene.paths import Path
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.supports import Clamp, Pin
-from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch
 
@@ -55,19 +51,3 @@ def owners(part: Any) -> list[Any]:
     if isinstance(part, (Drag, AddedMass)):
         found.append(part.on)
     return found
-
-
-def closest(beam: Beam | Path, point: Array) -> tuple[float, float]:
-    """Arc length of the point of the reference curve of a beam or path closest to `point` (3,), and the distance, both m."""
-    if isinstance(beam, Switch):
-        found = [closest(track, point) for track in beam.tracks]
-        k = int(np.argmin([distance for _, distance in found]))
-        return float(beam.spans[k, 0]) + found[k][0], found[k][1]
-    low, high = 0.0, beam.length
-    s = np.linspace(low, high, 1001)
-    for _ in range(8):
-        distance = np.linalg.norm(beam.reference(s)[0] - point, axis=1)
-        best = int(np.argmin(distance))
-        low, high = s[max(best - 1, 0)], s[min(best + 1, s.size - 1)]
-        s = np.linspace(low, high, 41)
-    return float(s[best]), float(distance[best])

@@ -28,7 +28,7 @@ from fastbeam.scene.parts import (
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.placing import Placing
 from fastbeam.scene.prescribed import PrescribedMotion
-from fastbeam.scene.relations import closest, held_nodes, owners, who
+from fastbeam.scene.relations import held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.supports import Clamp, Pin
@@ -369,11 +369,12 @@ class Scene(notebook.Parts):
         gap = float(np.linalg.norm(point - slider.place))
         if gap <= tolerance:
             return
-        s, least = closest(beam, point)
+        s, least = beam.nearest(point)
         if least <= tolerance:
             cure = f"use at={s:.10g}, where it lies on the beam"
         else:
-            cure = f"the beam is closest at s={s:.4g} m, still {least:.6g} m away: move the point"
+            cure = (f"the beam is closest at s={s:.4g} m, still {least:.6g} m away: move the point to beam.reference(s)[0][0], "
+                    f"{checks.shown(beam.reference(s)[0][0])} m; beam.nearest(point) finds s")
         leave = "leave its position out, or " if isinstance(slider.point.owner, PointMass) else ""
         raise SceneError(f"{who(slider)}: {slider.point} lies {gap:.6g} m away from {beam.label} at={slider.at:.6g}; "
                          f"{leave}{cure}")

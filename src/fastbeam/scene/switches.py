@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fastbeam.arguments import Name, Number, Refusal, Word, checked, real, shown
+from fastbeam.arguments import Name, Number, Refusal, Vector, Word, checked, real, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
@@ -244,6 +244,13 @@ class Switch(Path):
             inside = track.places([at]) if isinstance(track, Path) else (np.zeros(1, np.int64), np.array([at]))
             number[i], local[i] = before[k] + inside[0][0], inside[1][0]
         return number, local
+
+    @checked(point=Vector)
+    def nearest(self, point: ArrayLike) -> tuple[float, float]:
+        """As of `Path`, on the nearest of the tracks."""
+        found = [track.nearest(point) for track in self.tracks]
+        k = int(np.argmin([distance for _, distance in found]))
+        return float(self.spans[k, 0]) + found[k][0], found[k][1]
 
     def __repr__(self) -> str:
         return f"<{self.label}: {', '.join(x.name for x in self.tracks)}>"
