@@ -24,6 +24,8 @@ LONGEST, AT_REST = 1.0, 1e-6
 # eigenvalues that are looked for at a critical point; those below this share of the next one vanish together; directions tried in
 # each dimension of their vectors; cosine of two that are the same
 MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
+# eigenvalues of a tangent without symmetry that are looked for, until two numbers tell the same number of negative ones
+NUMBERS = (6, 12, 24, 48)
 # imaginary part of a real eigenvalue, next to the largest that was found
 REAL = 1e-9
 # next to the largest stiffness: where they are looked for, and round-off of one
@@ -318,6 +320,15 @@ class PathSolver(SlidingSolver):
         values = np.delete(found[0], np.argsort(np.abs(found[0]))[:self.free])
         return float(values[k]) if values.size > k else np.nan
 
+    def nearest(self, m: int) -> Array:
+        """Vectors [n, m] of the m real eigenvalues nearest to zero, fewer where so many are not found."""
+        found = self._eigen(NUMBERS[0] + m)
+        if found is None:
+            return np.zeros((self.weight.size, 0))
+        size = np.where(_are_real(found[0]), np.abs(found[0]), np.inf)
+        order = np.argsort(size)[:m]
+        return np.asarray(found[1][:, order[np.isfinite(size[order])]])
+
     def critical_directions(self, k: int) -> Array | None:
         """Of the eigenvalues that vanish together next to the k-th, vectors of length 1 by columns [n, m], their largest
         component positive."""
@@ -425,14 +436,22 @@ class PathSolver(SlidingSolver):
         # a symmetric part without negative ones has none itself (Bendixson)
         if saddle.signs() == (0, 0):
             return 0
-        near = self._eigen(MOST_TOGETHER)
-        sign = saddle.determinant_sign()
-        if near is None or not sign:
-            return None
-        real = np.abs(np.imag(near[0])) <= REAL * np.max(np.abs(near[0]), initial=0.0)
-        count = int(np.sum(real & (np.real(near[0]) < 0.0)))
-        # pairs of complex ones leave the sign of the determinant
-        return count if (count % 2 == 1) == (sign < 0) else None
+        sign, before = saddle.determinant_sign(), -1
+        for n in NUMBERS:
+            near = self._eigen(n)
+            if near is None:
+                return None
+            count = int(np.sum(_are_real(near[0]) & (np.real(near[0]) < 0.0)))
+            # those far below zero may come late; pairs of complex ones leave the sign of the determinant
+            if count == before and sign and (count % 2 == 1) == (sign < 0):
+                return count
+            before = count
+        return None
+
+
+def _are_real(values: Array) -> Array:
+    """Which of some eigenvalues are real, bool [m]."""
+    return np.asarray(np.abs(np.imag(values)) <= REAL * np.max(np.abs(values), initial=0.0))
 
 
 def _bordered_places(inner_indptr: Array, inner_indices: Array, column: Array, row: Array

@@ -18,6 +18,8 @@ SAME_WAY = 0.99
 # where Newton's matrix is singular at a zero: distance of the samples beside it that are interpolated, as a share of the
 # step, from the first to the largest that is tried, and how many there are on either side
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
+# part of a step within which eigenvalues of tangents without symmetry change their signs together
+SHORTEST = 1e-3
 # degree of what fits to values along one path, and share of the largest from which on they do not: a jump leaves 0.24 of it, a
 # kink at most 0.03
 SMOOTH, ROUGH = 3, 0.05
@@ -33,6 +35,10 @@ class CriticalPoint(NamedTuple):
     size: float              # part of the step that leads there
     number: int              # of the eigenvalue that vanishes, counted from 0
     unstable: int | None     # negative eigenvalues behind it
+
+
+# part of a step that leads to a zero, number of the eigenvalue, and what the solver has saved there
+Found = tuple[float, int, tuple[Any, ...]]
 
 
 class PathStep:
@@ -55,10 +61,10 @@ class PathStep:
         self.is_lost = False
 
     def zero(self, f: Callable[[], float], first: float, last: float, size: float | None = None,
-             is_singular: bool = False) -> float | None:
+             is_singular: bool = False, begin: float = 0.0) -> float | None:
         """The part of the step at which f of the solver vanishes, with the solver there; first, last: f at the beginning of the
-        step and at its end, or that of its part `size`; is_singular: whether Newton's matrix is there, too. None, with the solver
-        at the end of the step, where it is not found."""
+        step and at its end, or those of its parts `begin` and `size`; is_singular: whether Newton's matrix is there, too. None,
+        with the solver at the end of the step, where it is not found."""
         size = self.size if size is None else size
         failed: list[float] = []
 
@@ -71,10 +77,10 @@ class PathStep:
 
         if not first * last < 0.0:
             return None
-        x = root(at, 0.0, first, size, last, *([CLOSEST * self.size] if is_singular else []))
+        x = root(at, begin, first, size, last, *([CLOSEST * self.size] if is_singular else []))
         if is_singular:
             x = self._between_samples(at, failed[-1] if x is None else x)
-        elif x is not None and not (0.0 < x < size and np.isfinite(at(x))):
+        elif x is not None and not (begin < x < size and np.isfinite(at(x))):
             x = None
         if x is None:
             self.solver.restore(self.end)
@@ -134,7 +140,7 @@ class PathStep:
             Negative eigenvalues of the tangent at the beginning and the end.
         """
         known = unstable is not None and counted is not None
-        found: list[tuple[float, int, tuple[Any, ...]]] = []
+        found: list[Found] = []
         limit = None
         if rates is not None:
             size = self.zero(self._rate, *rates)
@@ -162,8 +168,7 @@ class PathStep:
             number = min(x[1] for x in here)
             way = 1 if number >= (unstable or 0) else -1
             self.solver.restore(best[2])
-            alone = self.solver.judge.is_unsymmetric and limit is None
-            return CriticalPoint("bifurcation", best[0], number, counted if alone else (unstable or 0) + way * len(here))
+            return CriticalPoint("bifurcation", best[0], number, (unstable or 0) + way * len(here))
         self.solver.restore(self.end)
         return None
 
@@ -208,28 +213,59 @@ class PathStep:
         found = self.solver.direction(self.along)
         return np.nan if found is None else found.factor
 
-    def _bifurcations(self, unstable: int, counted: int, size: float, end: tuple[Any, ...]
-                      ) -> list[tuple[float, int, tuple[Any, ...]]]:
-        """Where eigenvalues of the tangent vanish up to this size, at whose end the solver has saved `end`: size, number and what
-        the solver has saved there."""
+    def _bifurcations(self, unstable: int, counted: int, size: float, end: tuple[Any, ...]) -> list[Found]:
+        """Where eigenvalues of the tangent vanish up to this size, at whose end the solver has saved `end`."""
+        if self.solver.judge.is_unsymmetric:
+            return self._crossings(0.0, unstable, size, counted)
         solver, out = self.solver, []
-        numbers = range(min(unstable, counted), max(unstable, counted))
-        # of tangents without symmetry one vector at the end tells all that is near it
-        for k in numbers[:1] if solver.judge.is_unsymmetric else numbers:
+        for k in range(min(unstable, counted), max(unstable, counted)):
+            def test(k: int = k) -> float:
+                return solver.judge.eigenvalue(k)
+
             solver.restore(end)
-            vectors = solver.judge.critical_directions(k) if solver.judge.is_unsymmetric else None
-
-            def test(k: int = k, vectors: Array | None = vectors) -> float:
-                return solver.judge.eigenvalue(k) if vectors is None else solver.judge.test_of(vectors[:, 0])
-
             last = test()
             solver.restore(self.before)
-            first = test()
-            x = self.zero(test, first, last, size, is_singular=True)
+            x = self.zero(test, test(), last, size, is_singular=True)
             if x is None:
                 self.is_lost = True
             else:
                 out.append((x, k, solver.saved()))
+        return out
+
+    def _crossings(self, begin: float, first: int, end: float, last: int) -> list[Found]:
+        """The same of tangents without symmetry, between two parts of the step with these numbers of negative eigenvalues.
+
+        Their eigenvalues have no order of their own, so the step is divided until one changes its sign in each part, or several
+        at one place. Two real ones that meet and become complex leave the number without passing zero."""
+        if first == last:
+            return []
+        is_short = end - begin <= SHORTEST * self.size
+        if abs(last - first) == 1 or is_short:
+            out = self._zeros_of(begin, end, min(first, last), abs(last - first))
+            if out or is_short:
+                self.is_lost |= (last - first - len(out)) % 2 != 0
+                return out
+        for share in (0.5, 0.4, 0.65):
+            middle = begin + share * (end - begin)
+            count = self._count(middle)
+            if count is not None:
+                return [*self._crossings(begin, first, middle, count), *self._crossings(middle, count, end, last)]
+        self.is_lost = True
+        return []
+
+    def _zeros_of(self, begin: float, end: float, number: int, count: int) -> list[Found]:
+        """The same between two parts of the step of the `count` eigenvalues nearest to zero at the second, numbered from
+        `number` on."""
+        solver, out = self.solver, []
+        vectors = solver.judge.nearest(count) if self.to(end) else np.zeros((0, 0))
+        for v in vectors.T:
+            def test(v: Array = v) -> float:
+                return solver.judge.test_of(v)
+
+            last = test() if self.to(end) else np.nan
+            x = self.zero(test, test(), last, end, is_singular=True, begin=begin) if self.to(begin) else None
+            if x is not None:
+                out.append((x, number + len(out), solver.saved()))
         return out
 
 

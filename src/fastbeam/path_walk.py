@@ -68,6 +68,8 @@ class PathWalk:
         self.passes = Passes(model.lines, self.buffer.event)
         self.begin = time.perf_counter()
         self.length, self.rows, self.iterations = 0.0, 0, 0
+        # load factors at which the number of unstable directions is not known
+        self.open: list[float] = []
         # why a path in a plane knows nothing of critical points out of it
         self.aside = ""
 
@@ -85,6 +87,8 @@ class PathWalk:
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
         self.resolution.look(self.length, state)
         self.passes.look(state.q, self.length, f"the load factor {self.solver.factor:.6g}")
+        if unstable is None:
+            self.open.append(self.solver.factor)
         self.rows += 1
         self.iterations += iterations
 
@@ -92,6 +96,11 @@ class PathWalk:
         """The result so far."""
         for event in self.resolution.events():
             self.buffer.event(event)
+        if self.open:
+            self.buffer.event({"kind": "unresolved", "time": self.length,
+                               "text": f"at {len(self.open)} rows, between load factors {min(self.open):.6g} and {max(self.open):.6g}, "
+                                       "the number of unstable directions is not known: bifurcations may be missing there; look at "
+                                       "fb.modes(model, state=..., load_factor=...)"})
         if not self.info["conservative"]:
             self.buffer.event({"kind": "nonconservative", "time": self.length, "text": FLUTTER})
         result = self.buffer.close(self.info | {"solver": self.solver.name, "steps": self.rows - 1, "iterations": self.iterations,

@@ -94,6 +94,29 @@ def test_a_column_under_a_load_that_follows_in_part_buckles_where_it_diverges(pl
     assert not at.info["conservative"] and "no potential" in at.events[-1]["text"]
 
 
+@pytest.mark.parametrize(("bending", "size"), [
+    ([(1.0, 1.1), (1.02, 1.2), (1.05, 1.4)], 0.5), ([(1.0, 1.0001), (1.00003, 1.3)], 0.1), ([(1.0, 1.0), (1.05, 1.05)], 0.5)])
+def test_all_bifurcations_within_a_step_are_found_without_symmetry(bending: list[tuple[float, float]], size: float) -> None:
+    """Columns side by side, whose thrust follows in part: both axes of each at cos kL = -w/(1 - w), in order."""
+    EA, GA, share, P = 4000.0, 1500.0, 0.4, 8.0
+    k = np.arccos(-share / (1.0 - share))
+    parts: list[Any] = []
+    for j, (EI2, EI3) in enumerate(bending):
+        cut = fb.Section(EA=EA, GA2=GA, GA3=GA, GJ=1.0, EI2=EI2, EI3=EI3, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
+        column = fb.Beam.straight(f"column {j}", (2.0 * j, 0, 0), (2.0 * j, 0, 1), section=cut, elements=6)
+        parts += [column, fb.Clamp(column.start), fb.Load(f"turns {j}", column.end, force=(-share * P, 0, 0), follower=True),
+                  fb.Load(f"stays {j}", column.end, force=(0, 0, -(1.0 - share) * P))]
+    path = fb.solve_path(fb.compile_scene(fb.Scene(*parts)), to=0.95, largest_step=size, step=size)
+    # those of round columns are double
+    exact = [brentq(lambda p, x=x: p * (1.0 - p / EA + p / GA) - k * k * x, 1.0, 20.0, xtol=1e-14) / P
+             for x in sorted({y for pair in bending for y in pair})]
+    points = path.info["critical_points"]
+    np.testing.assert_allclose([x["load_factor"] for x in points], exact, rtol=2e-6)
+    assert [x["type"] for x in points] == ["multiple" if len(exact) == len(bending) else "supercritical"] * len(exact)
+    assert path.series["unstable_directions"][-1] == 2 * len(bending) and {x["kind"] for x in path.events} == {
+        "bifurcation", "nonconservative"}
+
+
 def test_an_arch_snaps_under_a_load_that_follows() -> None:
     """Clamped and pinned, 215 degrees: its limit load against the largest force of the exact rod, all along its own path."""
     EA = GA = 2e4
