@@ -410,7 +410,7 @@ def largest_kink(of: Signal, begin: float, end: float) -> tuple[float, float]:
     what moves starts with the rate behind it."""
     slope = of._curve.derivative()
     before, after = np.zeros((2, *of.values.shape))
-    before[1:] = np.array([slope(t) for t in np.nextafter(of.times[1:], -np.inf)])
+    before[1:] = slope(np.nextafter(of.times[1:], -np.inf))
     after[:-1] = slope(of.times[:-1])
     if of._outside is not None:
         before[0], after[-1] = of._outside
