@@ -11,11 +11,9 @@ from pathlib import Path
 
 import numba
 
-from .errors import BackendError
-
 if numba.config.DISABLE_JIT:
-    raise BackendError("NUMBA_DISABLE_JIT is set, and fastbeam's kernels run as compiled code alone: they call functions by "
-                       "address and work in registers of the processor; unset it")
+    raise ImportError("NUMBA_DISABLE_JIT is set, and fastbeam's kernels run as compiled code alone: they call functions by "
+                      "address and work in registers of the processor; unset it")
 
 
 def _source_hash(way: str) -> str:

@@ -187,4 +187,4 @@ def test_kernels_that_are_not_to_be_compiled_are_refused() -> None:
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert done.returncode == 1 and done.stdout == "described\n"
-    assert "BackendError: NUMBA_DISABLE_JIT is set, and fastbeam's kernels run as compiled code alone" in done.stderr
+    assert "ImportError: NUMBA_DISABLE_JIT is set, and fastbeam's kernels run as compiled code alone" in done.stderr
