@@ -11,6 +11,10 @@ from pathlib import Path
 
 import numba
 
+if numba.config.DISABLE_JIT:
+    raise ImportError("NUMBA_DISABLE_JIT is set, and fastbeam's kernels run as compiled code alone: they call functions by "
+                      "address and work in registers of the processor; unset it")
+
 
 def _source_hash(way: str) -> str:
     here = Path(__file__).parent

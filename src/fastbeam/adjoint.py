@@ -45,6 +45,9 @@ Array = np.ndarray
 MOST = 4e9
 # links whose forces are symmetric in time, with exact derivatives
 SYMMETRIC = Springs, SpringLaws, Bushings, BallJoints, DistanceJoints, JointConditions
+# what others are called; laws and added mass are named one by one
+TABLES = {"Knots": "crossings of beams", "Winches": "winches", "MovingBeam": "elements that move", "UserForces": "",
+          "LineForces": "", "ForceElements": "", "AddedMass": ""}
 
 
 class RunSectionGradient(NamedTuple):
@@ -460,10 +463,11 @@ def _without_adjoint(model: Model) -> list[str]:
             for k in model.twisting]
     if model.motions is not None:
         out += [f"friction or rigid stops of {model.motions.labels[k]}" for k in model.motions.holds.rubs]
+    out += model.user_forces
+    out += sorted({name for name in (TABLES.get(type(x).__name__, f"links of kind {type(x).__name__}") for x in model.links
+                                     if not isinstance(x, SYMMETRIC)) if name})
     return out + [name for name, there in (
         ("sliders on nets of condensed beams", model.carriers is not None),
         ("supports that let go or take hold", model.released is not None),
-        ("added mass", model.added is not None), ("user forces", model.user_forces), ("controllers", model.controllers),
-        ("air that changes in time", model.dragged is not None and (model.dragged.timed or model.dragged.windy)),
-        ("links of other kinds than springs, dampers, bushings and joints", any(
-            not isinstance(x, SYMMETRIC) for x in model.links))) if there]
+        ("added mass", model.added is not None), ("controllers", model.controllers),
+        ("air that changes in time", model.dragged is not None and (model.dragged.timed or model.dragged.windy))) if there]

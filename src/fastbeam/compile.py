@@ -216,7 +216,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), lines=links.lines, dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
-        user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
+        user_forces=(*(f"{law.kind} {law.name!r}" for law in laws), *(x.label for x in links.of(LineForce, ForceElement)[0])),
         laws=_laws(scene, nodes, links, unpacked.dragged),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
     if model.catches:

@@ -81,6 +81,12 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
         found = stepper.model.moving.at_end(int(vanishing[0]), stepper.state.q)
         return f"in this step {found['text'].replace('came', 'comes')}", "Use steps that are shorter than its way there"
     names, contact = stepper.model.constraint_names, stepper.contact
+    if outcome.status == SLIDER_END and 0 <= outcome.slider < stepper.model.n_sliders:
+        begin, end = stepper.model.limits_at(stepper.state.s, stepper.state.history)[outcome.slider]
+        s = float(stepper.state.s[outcome.slider])
+        which = "end" if end - s < s - begin else "start"
+        return (f"{names[outcome.slider]} comes to the {which} of its {stepper.model.track} in this step, where the motion ends",
+                "End before that time (t_end=...)")
     others, smaller = "supports, connections or other sliders hold", "Try a smaller step, or step control with tolerance=..."
     if outcome.status == BORDER_SINGULAR:
         # a negative size stands for the slider

@@ -58,10 +58,10 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
         return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)
     if not model.user_forces:
         return LawPath(0.0, 1.0, 0.0)
-    other = [name for name in model.user_forces if name not in {x.name for x in forces if isinstance(x, FollowerForce)}]
+    other = [label for label in model.user_forces if not label.startswith(FollowerForce.kind)]
     if other:
-        raise SceneError(f"{who}: user force {other[0]!r} is a law of its own, of which two times of at_time= tell no path; give "
-                         "one time, or write it as a load with follower=True")
+        raise SceneError(f"{who}: {other[0]} is a law of its own, of which two times of at_time= tell no path; give one time, or "
+                         "write it as a load with follower=True")
 
     def values(t: float) -> Array:
         return np.array([1.0 if x.time is None else factor_at(x.time, t, f"of {x.kind} {x.name!r}") for x in forces])

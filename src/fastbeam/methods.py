@@ -111,9 +111,8 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     SceneError
     """
     compared = method.middle is not None or method.parameters is not None
-    laws = [f"user force {name!r}" for name in model.user_forces]
     absent = [*(["supports that move"] if core.prescribed is not None else []),
-              *(["supports that let go or take hold"] if core.released is not None else []), *laws, *core.losses,
+              *(["supports that let go or take hold"] if core.released is not None else []), *model.user_forces, *core.losses,
               *(["added mass"] if core.added is not None else []),
               *(["bushings"] if any(isinstance(table, Bushings) for table in core.links) else []),
               *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]

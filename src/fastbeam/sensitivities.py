@@ -339,8 +339,8 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
                          "there, at a place that build computes")
     refuse_winches(who, model)
     if model.user_forces:
-        raise SceneError(f"{who}: user force {model.user_forces[0]!r} is a function whose derivatives are not known; use loads, "
-                         "or differences of equilibria")
+        raise SceneError(f"{who}: {model.user_forces[0]} acts by a law whose derivatives by parameters are not known; use loads "
+                         "that do not turn along, or differences of equilibria")
     check_at_rest(who, model)
     if model.motions is not None and model.motions.holds.given.size:
         raise SceneError(f"{who}: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on them, "
@@ -401,7 +401,7 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
     if state is None:
         if load_factor != 1.0:
             raise SceneError("sensitivity: load_factor belongs to a state; give state=..., or scale the loads in build")
-        result = solve_static(model, at_time=at_time, held=held, backend=backend)
+        result = solve_static(model, at_time=at_time, held=held, backend=backend, points=family.points)
         state = result.state
     else:
         state, _ = check_start(model, state, 1.0, at_rest=True)

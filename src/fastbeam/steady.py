@@ -21,6 +21,7 @@ from .maps import mass_map, velocity_map
 from .model import Model
 from .scene import Beam
 from .static_contact import StaticContacts
+from .winches import ropes_of
 
 Array = np.ndarray
 # part of loads across the axis of a spin that is round-off
@@ -130,8 +131,11 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
         raise SceneError(f"{who}: drag of {model.dragged.labels[0]} resists the steady motion itself, which would not go on; "
                          "leave it out")
     refuse_added(who, model, "the fluid does not take part in a steady motion; leave it out")
+    if ropes_of(model) is not None:
+        raise SceneError(f"{who}: ropes of winches are not known in a steady motion; put a Spring of the same length and "
+                         "stiffness, and a mass, in their place")
     if model.user_forces:
-        raise SceneError(f"{who}: user force {model.user_forces[0]!r} is not known in a steady motion; leave it out")
+        raise SceneError(f"{who}: {model.user_forces[0]} is not known in a steady motion; leave it out")
     if isinstance(motion, Spin):
         for k, load in enumerate(model.loads):
             of_row = load.reshape(-1, 8)

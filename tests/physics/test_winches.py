@@ -136,6 +136,8 @@ def test_what_a_rope_cannot_be_is_refused() -> None:
     with pytest.raises(fb.SceneError, match=r"length_at\(2\) = 0 m"):
         rope.length_of(2.0)
     model = fb.compile_scene(fb.Scene(crate, rope))
+    with pytest.raises(fb.SceneError, match="solve_static: ropes of winches are not known in a steady motion"):
+        fb.solve_static(model, at_time=0.0, steady=fb.Spin(rate=1.0, axis=(0, 0, 1)))
     for wrong in (lambda: fb.relax(model), lambda: fb.simulate(model, t_end=1.0, step=0.1,
                                                                                         method="midpoint"),
                   lambda: fb.simulate(model, t_end=1.0, step=0.1, observe=("inner",))):

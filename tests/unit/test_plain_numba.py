@@ -178,3 +178,13 @@ print(json.dumps([whole(Mine(np.ones(1))), _jit.compile_counts()[0], {type(k._ca
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import small"
     for _ in range(2):
         assert python(code, FASTBEAM_PLAIN_NUMBA="1")[0] == [1.0, 0, True]
+
+
+def test_kernels_that_are_not_to_be_compiled_are_refused() -> None:
+    """Scenes can be described without a compiler; what needs one says which setting keeps it away."""
+    code = ("import fastbeam as fb\nscene = fb.Scene(fb.PointMass('m', mass=1.0, position=(0, 0, 0)))\nscene.check()\n"
+            "print('described')\nfb.compile_scene(scene)")
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.returncode == 1 and done.stdout == "described\n"
+    assert "ImportError: NUMBA_DISABLE_JIT is set, and fastbeam's kernels run as compiled code alone" in done.stderr

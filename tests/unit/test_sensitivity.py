@@ -78,7 +78,9 @@ def test_an_equilibrium_at_its_limit_has_no_derivatives() -> None:
 def test_what_is_handed_out_and_asked_for_wrongly() -> None:
     found = fb.sensitivity(tip, {"F": 20.0, "L": 3.0})
     assert set(found.point("tip")) == {"F", "L"} and found.point("tip")["F"].shape == (3,)
-    assert "F = 20" in str(found) and max(found.accuracy.values()) < 1e-8 and found.result is not None
+    assert "F = 20" in str(found) and max(found.accuracy.values()) < 1e-8
+    # the equilibrium has the points that build names
+    assert found.result.point("tip").shape[1] == 3 and np.isin(found.result.point("tip")[-1], found.result.state.q).all()
     with pytest.raises(fb.SceneError, match="there is no point 'top'; there are 'tip'"):
         found.point("top")
     with pytest.raises(fb.SceneError, match="there is no slider 'ring'"):
