@@ -20,9 +20,9 @@ SAME_WAY = 0.99
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
 # part of a step within which eigenvalues of tangents without symmetry change their signs together
 SHORTEST = 1e-3
-# degree of what fits to values along one path, and share of the largest from which on they do not: a jump leaves 0.24 of it, a
-# kink at most 0.03
-SMOOTH, ROUGH = 3, 0.05
+# degree of what fits to values along one path; half the jump of the samples on both sides, which is zero of all powers up to the
+# fourth and of kinks; share of the largest value from which on it is a jump
+SMOOTH, JUMP, ROUGH = 3, np.array([-1.0, 4.0, -5.0, 5.0, -4.0, 1.0]) / 4.0, 0.02
 # step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
 # are none; increment of the unknowns by which a mode is told
 ASIDE, NO_CHANGE, SHORT = 0.2, 1e-13, 1e-6
@@ -99,11 +99,10 @@ class PathStep:
                 if not np.isfinite(values[-1]):
                     break
                 states.append(self.solver.saved())
-                known[width * place] = values[-1]
             if len(states) == places.size and values[0] * values[-1] < 0.0:
                 size, smooth = np.max(np.abs(values)), np.polynomial.Polynomial.fit(places, values, SMOOTH)
-                rough = max(abs(smooth(x / width) - value) for x, value in known.items())
-                if rough > ROUGH * size and self.solver.judge.noise < ROUGH**2 * size:
+                rough = max((abs(smooth(x / width) - value) for x, value in known.items()), default=0.0)
+                if max(rough, abs(JUMP @ values)) > ROUGH * size and self.solver.judge.noise < ROUGH**2 * size:
                     # equilibria on both sides lie on different paths
                     return None
                 line = np.polynomial.Polynomial.fit(places, values, places.size - 1)
@@ -113,6 +112,7 @@ class PathStep:
                     weights = [np.prod([(x - b) / (a - b) for b in places if b != a]) for a in places]
                     self._restore_mean(weights, states)
                     return float(near + width * x)
+            known |= dict(zip(width * places, values[:len(states)]))
             width *= 4.0
         return None
 

@@ -97,10 +97,10 @@ class PathWalk:
         for event in self.resolution.events():
             self.buffer.event(event)
         if self.open:
-            self.buffer.event({"kind": "unresolved", "time": self.length,
-                               "text": f"at {len(self.open)} rows, between load factors {min(self.open):.6g} and {max(self.open):.6g}, "
-                                       "the number of unstable directions is not known: bifurcations may be missing there; look at "
-                                       "fb.modes(model, state=..., load_factor=...)"})
+            text = (f"at {len(self.open)} rows, between load factors {min(self.open):.6g} and {max(self.open):.6g}, the number "
+                    "of unstable directions is not known: bifurcations may be missing there; look at fb.modes(model, state=..., "
+                    "load_factor=...)")
+            self.buffer.event({"kind": "unresolved", "time": self.length, "text": text})
         if not self.info["conservative"]:
             self.buffer.event({"kind": "nonconservative", "time": self.length, "text": FLUTTER})
         result = self.buffer.close(self.info | {"solver": self.solver.name, "steps": self.rows - 1, "iterations": self.iterations,

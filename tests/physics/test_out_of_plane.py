@@ -46,14 +46,17 @@ def compared(kind: str, seed: int) -> float:
     return abs(found / other - 1.0) if np.isfinite(found) or np.isfinite(other) else 0.0
 
 
-@pytest.mark.parametrize("seed", [0, 1, 12, 13, 14])
-def test_random_scenes_buckle_where_they_do_in_space(seed: int) -> None:
-    assert compared(KINDS[seed % len(KINDS)], seed) < 1e-6
+@pytest.mark.parametrize(("kind", "seed"), [("strut", 0), ("portal", 1), ("strip", 12), ("arch", 13), ("corner", 14),
+                                            ("portal", 2)])
+def test_random_scenes_buckle_where_they_do_in_space(kind: str, seed: int) -> None:
+    """The last one does not: a small load across it makes it bend aside, next to where it would."""
+    assert compared(kind, seed) < 1e-6
 
 
 @pytest.mark.slow
-def test_sixty_random_scenes_buckle_where_they_do_in_space() -> None:
-    assert max(compared(KINDS[seed % len(KINDS)], seed) for seed in range(60)) < 1e-6
+@pytest.mark.parametrize("kind", KINDS)
+def test_sixty_random_scenes_buckle_where_they_do_in_space(kind: str) -> None:
+    assert max(compared(kind, seed) for seed in range(12)) < 1e-6
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
