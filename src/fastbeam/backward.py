@@ -185,7 +185,7 @@ class Backward:
                        core.pattern.row_of[core.spin_root].astype(np.int64), core.loads, pattern.rows.astype(np.int64),
                        pattern.columns.astype(np.int64),
                        aligned_room(8 * len(core.dofs) * (core.n_blocks + 1) * (pattern.plan is not None)),
-                       aligned(rows), np.zeros(size), *(aligned_room(rows) for _ in range(4)), *(room(size) for _ in range(4)))
+                       aligned(rows), np.zeros(size), *(aligned(rows) for _ in range(4)), *(room(size) for _ in range(4)))
 
     def _border(self) -> Border | NoBorder:
         core = self.core

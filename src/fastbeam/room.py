@@ -26,11 +26,6 @@ def aligned_room(n: int) -> Array:
     return filled(work.aligned(n))
 
 
-def padded(n: int) -> Array:
-    """n numbers with room for a row of 8 behind the last, so that short rows may be read as long ones."""
-    return filled(np.zeros(n + 8))[:n]
-
-
 def filled(x: Array) -> Array:
     """An array of zeros with what such arrays begin with."""
     if FILL != 0.0:

@@ -19,9 +19,9 @@ from .kernels.nodes import NODES_SCRATCH
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.terms import NoTies
 from .kernels.user_force import FACTOR, SIZE
-from .kernels.work import LastIncrement, Work
+from .kernels.work import LastIncrement, Work, aligned
 from .model import Model
-from .room import aligned_room, padded, room
+from .room import aligned_room, room
 
 Array = np.ndarray
 
@@ -40,10 +40,10 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     # what only a dense border needs
     dense = 0 if model.by_rows else border
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
-    # mean rates of the step before: none
-    theta = np.zeros((size - model.dim) * n + 8)[:(size - model.dim) * n]
-    return Work(dphi=np.zeros(model.dim * n + 8)[:model.dim * n], theta=theta, q_mid=room(moved), q_end=room(moved),
-                u=room(q * (rates or second)), s_end=room(s), f_ext=aligned_room(8 * (n + 1)),
+    # zeros mean no rates of a step before, no loads, and nodes that are not tied
+    theta = _padded((size - model.dim) * n)
+    return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=room(moved), q_end=room(moved),
+                u=room(q * (rates or second)), s_end=room(s), f_ext=aligned(8 * (n + 1)),
                 r=aligned_room(8 * (n + 1)),
                 blocks=aligned_room(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
                 panel=aligned_room(panel), border_rows=aligned_room((1 - model.by_rows) * (dense + 1) * model.width),
@@ -55,7 +55,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 past=np.zeros(model.past_size),
                 keep_past=room(kept * model.past_size),
                 increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned_room(8 * (n + 1)),
-                               NoTies() if model.ties is None else padded(model.dim * n)))
+                               NoTies() if model.ties is None else _padded(model.dim * n)))
 
 
 def check_border(model: Model) -> None:
@@ -185,12 +185,12 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
         model.carried, -1, model.border * (np.cumsum(~model.carried) - 1))
     kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
     columns, lines = (aligned_room(n * row * entries).reshape(n, row * entries) for _ in range(2))
-    # behind the forces of joints those of the identity
-    corner = aligned_room(64 * n).reshape(n, 64)
+    # behind the forces of joints those of the identity, and zeros on the right
+    corner = aligned(64 * n).reshape(n, 64)
     corner[:, ::9] = model.forces[:, None] <= np.arange(8)
     return kind(basis=room((5, shape[:, 2].max())), legendre=room((3, shape[:, 1].max())),
                 entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
-                corner=corner, residual=room((n, 8)),
+                corner=corner, residual=np.zeros((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
                 first_force=model.first_force, compliance=room(n), softness=model.softness,
                 remaining=room(n),
@@ -214,6 +214,11 @@ def condensed_of(model: Model) -> Substructures | None:
         return None
     placed = place_stores(model.substructures, len(model.dofs))
     return placed._replace(store=aligned_room(placed.store.size), ends=aligned_room(placed.ends.size))
+
+
+def _padded(n: int) -> Array:
+    """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
+    return np.zeros(n + 8)[:n]
 
 
 def law_work() -> Array:

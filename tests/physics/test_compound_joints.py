@@ -342,3 +342,40 @@ BODY = body("block", (0, 0, 0))
 def test_what_makes_no_sense_is_refused(call: Any, text: str) -> None:
     with pytest.raises(fb.SceneError, match=text):
         call()
+
+
+# -------------------------------------------------------------------------------------- a joint that holds nothing in its plane
+def halves(planar: bool | str, joined: bool = True, ground: bool = False, **joint: Any) -> fb.Model:
+    """Two cantilevers whose ends meet, one of them loaded, or one of them and the ground, on a joint about the normal."""
+    section = fb.Section(EA=1e4, GA2=4e3, GA3=4e3, GJ=2.0, EI2=1.0, EI3=4.0, rhoA=0.1, rhoI2=1e-5, rhoI3=1e-5)
+    a, b = (fb.Beam.straight(name, (x, 0, 0), (x + 1, 0, 0), section=section, elements=2) for name, x in (("a", 0), ("b", 1)))
+    rest = () if ground else (b, fb.Clamp(b.end))
+    held = (fb.PlanarJoint(a.end, fb.GROUND if ground else b.start, "joint", normal=(0, 1, 0), along=(1, 0, 0), **joint),)
+    load = fb.Load("end", a.end, force=(0, 0, -0.1))
+    return fb.compile_scene(fb.Scene(a, *rest, fb.Clamp(a.start), *(held if joined else ()), load), planar=planar)
+
+
+@pytest.mark.parametrize("rho_inf", [None, 0.8])
+@pytest.mark.parametrize("ground", [False, True], ids=["two beams", "beam and ground"])
+def test_a_planar_joint_in_its_plane_only_reads(ground: bool, rho_inf: float | None) -> None:
+    with_joint, without = (run(halves("auto", joined=joined, ground=ground), 0.02, 1e-3, rho_inf=rho_inf)
+                           for joined in (True, False))
+    # the ground is one more node, the last
+    q = with_joint.state.q[:without.state.q.size].reshape(-1, 4, 3)
+    assert np.abs(q.reshape(-1) - without.state.q).max() < 1e-14 and with_joint.info["fallbacks"] == 0
+    end = 6
+    gap = (np.array((1.0, 0, 0)) if ground else q[7, 0]) - q[end, 0]
+    # in directions that the first part carries, x and the normal times x
+    turn = q[end, 1:].T @ halves("auto", ground=ground).q0.reshape(-1, 4, 3)[end, 1:]
+    expected = gap @ turn[:, 0], gap @ np.cross((0, 1, 0), turn[:, 0])
+    np.testing.assert_allclose(with_joint.joint("joint")["distance"][-1], expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("ground", [False, True], ids=["two beams", "beam and ground"])
+def test_springs_of_a_planar_joint_in_its_plane_are_those_in_space(ground: bool) -> None:
+    found = [run(halves(planar, ground=ground, stiffness=(50.0, 50.0, 1.0)), 0.02, 1e-3) for planar in ("auto", False)]
+    for name in ("distance", "angle"):
+        a, b = (x.joint("joint")[name] for x in found)
+        assert np.abs(b).max() > 1e-6
+        np.testing.assert_allclose(a, b, atol=1e-13)
+    assert max(x.drift("total") for x in found) < 1e-13

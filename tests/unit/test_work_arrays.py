@@ -87,7 +87,7 @@ def fences(monkeypatch: pytest.MonkeyPatch) -> Fences:
     state = Model.state
     for module in ALLOCATING:
         monkeypatch.setattr(module, "np", made)
-        for name, own in (("aligned", made.aligned), ("aligned_room", made.aligned_room), ("padded", made.room),
+        for name, own in (("aligned", made.aligned), ("aligned_room", made.aligned_room), ("_padded", made.zeros),
                           ("room", made.room)):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, own)
