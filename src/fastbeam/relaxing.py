@@ -376,7 +376,7 @@ class _Motion:
         if counted is None and flat and counted_in == "space":
             counted_in, counted = "plane", solver.signs(ones, True)
         if isinstance(solver, SlidingSolver):
-            for event in place_events(solver, at_rest):
+            for event in place_events(solver, self.model):
                 self.buffer.event({**event, "time": self.t})
         found = solver.state
         history = self.stepper.state.history.copy()
