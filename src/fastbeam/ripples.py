@@ -21,8 +21,8 @@ from .mapping import shapes_at
 from .scene import Beam, NodeRef, Path, PointMass, RigidBody, Scene, Sleeve, Slider, Switch
 
 Array = np.ndarray
-# elements on each side of the one with the contact; places in that one, and degree of the polynomial through them
-AROUND, PLACES, DEGREE = 3, 17, 14
+# elements on each side of the one with the contact, Lagrange and splines; places in that one; degree of the fit to these
+AROUND, AROUND_SPLINE, PLACES, DEGREE = 3, 8, 17, 14
 # bending lengths in the piece at least, so that no digits are lost where there is no tension
 LEAST_TAUT = 0.1
 # how many times as many elements are tried, and a slope of the beam (rad) below which a force along it is nothing
@@ -125,13 +125,14 @@ def element_at(beam: Beam, s: float) -> int:
 def ripple_of(contact: Contact, finer: int = 1) -> Ripple:
     """Of the mesh of its beam, or of one with so many times as many elements."""
     basis, e = contact.beam.basis, element_at(contact.beam, contact.s)
-    ends = basis.element_ends[max(e - AROUND, 0):e + AROUND + 2]
+    around = AROUND if basis.interpolation == "lagrange" else AROUND_SPLINE
+    ends = basis.element_ends[max(e - around, 0):e + around + 2]
     size = float(basis.element_ends[e + 1] - basis.element_ends[e])
     x = (contact.s - float(basis.element_ends[e])) / size
-    own = min(e, AROUND)
+    own = min(e, around)
     shape = tuple(np.round((ends - ends[0]) / size, 9).tolist())
     if finer > 1:
-        size, own, shape = size / finer, AROUND, tuple(range(2 * AROUND + 2))
+        size, own, shape = size / finer, around, tuple(range(2 * around + 2))
     piece = _piece(basis.interpolation, basis.degree, shape, basis.directors, contact.curve, own)
     # lengths in elements, forces in EI/size^2
     unit = contact.EI / size**2
