@@ -440,7 +440,7 @@ class _Motion:
             self.refused = "the equilibrium that Newton's method finds from there lies higher"
             return False
         if isinstance(solver, SlidingSolver):
-            for event in place_events(solver, at_rest):
+            for event in place_events(solver, self.model):
                 self.buffer.event({**event, "time": self.t})
         told, texts = stability(solver, self.model, ones, self.held_in_space)
         found = solver.state

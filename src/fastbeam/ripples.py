@@ -21,8 +21,8 @@ from .mapping import shapes_at
 from .scene import Beam, NodeRef, Path, PointMass, RigidBody, Scene, Sleeve, Slider, Switch
 
 Array = np.ndarray
-# elements on each side of the one with the contact; places in that one, and degree of the polynomial through them
-AROUND, PLACES, DEGREE = 3, 17, 14
+# elements on each side of the one with the contact, Lagrange and splines; places in that one; degree of the fit to these
+AROUND, AROUND_SPLINE, PLACES, DEGREE = 3, 8, 17, 14
 # bending lengths in the piece at least, so that no digits are lost where there is no tension
 LEAST_TAUT = 0.1
 # how many times as many elements are tried, and a slope of the beam (rad) below which a force along it is nothing
@@ -35,6 +35,8 @@ PLACE, STIFFNESS, ENERGY, SLEEVE = 2e-3, 0.02, 0.05, 0.02
 OF_BORE, OF_PLACE = 0.3, 0.14
 # sliders that are looked at, those with the largest forces; looks in a run, the least slope (rad) and way (of the beam) there
 MOST, MOST_LOOKS, LEAST_SLOPE_IN_TIME, LEAST_WAY, MOST_EVENTS = 20, 8, 1e-4, 1e-4, 5
+# of more looks than so many one in so many is at what costs more
+SELDOM = 10
 
 
 # distance of a curve that rounds a kink from the axis, of the size of the scene
@@ -123,26 +125,26 @@ def element_at(beam: Beam, s: float) -> int:
 def ripple_of(contact: Contact, finer: int = 1) -> Ripple:
     """Of the mesh of its beam, or of one with so many times as many elements."""
     basis, e = contact.beam.basis, element_at(contact.beam, contact.s)
-    ends = basis.element_ends[max(e - AROUND, 0):e + AROUND + 2]
+    around = AROUND if basis.interpolation == "lagrange" else AROUND_SPLINE
+    ends = basis.element_ends[max(e - around, 0):e + around + 2]
     size = float(basis.element_ends[e + 1] - basis.element_ends[e])
     x = (contact.s - float(basis.element_ends[e])) / size
-    own = min(e, AROUND)
+    own = min(e, around)
     shape = tuple(np.round((ends - ends[0]) / size, 9).tolist())
     if finer > 1:
-        size, own, shape = size / finer, AROUND, tuple(range(2 * AROUND + 2))
-    piece = _piece(basis.interpolation, basis.degree, shape, basis.directors)
-    at = shape[own] + 0.5 * (1.0 + np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES))
+        size, own, shape = size / finer, around, tuple(range(2 * around + 2))
+    piece = _piece(basis.interpolation, basis.degree, shape, basis.directors, contact.curve, own)
     # lengths in elements, forces in EI/size^2
     unit = contact.EI / size**2
     GA = contact.GA / unit
     least = (LEAST_TAUT / shape[-1])**2
     N = min(max(contact.tension / unit, least), 0.5 * GA)
-    error = _of_mesh(piece, contact.curve, GA, N, at) - _exact(shape[-1], GA, N, at)
+    error = piece.compliance(GA, N) - _exact(shape[-1], GA, N, piece.at)
     error *= -0.5 * contact.force * contact.total / unit * size
-    fit = Chebyshev.fit(at, error, DEGREE, domain=[shape[own], shape[own] + 1.0])
+    fit = Chebyshev.fit(piece.at, error, DEGREE, domain=[shape[own], shape[own] + 1.0])
     bent = fit.deriv(2)
-    return Ripple(float(np.ptp(error)), float(np.max(np.abs(fit.deriv()(at)))) / size,
-                  float(bent(shape[own] + np.clip(x, 0.0, 1.0))) / size**2, float(np.max(np.abs(bent(at)))) / size**2, size)
+    return Ripple(float(np.ptp(error)), float(np.max(np.abs(fit.deriv()(piece.at)))) / size,
+                  float(bent(shape[own] + np.clip(x, 0.0, 1.0))) / size**2, float(np.max(np.abs(bent(piece.at)))) / size**2, size)
 
 
 def worst_of(model: Any, state: Any, tension: Array, free: Array) -> list[Contact]:
@@ -230,6 +232,7 @@ class Contacts:
         self.sleeves = [(k, x) for k, x in enumerate(sliders) if isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
         points = [(k, x) for k, x in enumerate(sliders) if not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
         self.rounded = [(k, x) for k, x in points if x.curve == "c1" and x.beams[0].interpolation == "lagrange"][:MOST]
+        self.own = {beam: beam.basis.curve("own") for _, x in self.rounded for beam in x.beams}
         of = dict[Any, list[tuple[int, Slider]]]()
         for k, x in points:
             of.setdefault(_owner(x), []).append((k, x))
@@ -246,7 +249,7 @@ class Contacts:
         n = len(sliders)
         self.speed, self.least, self.largest = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
         self.before: tuple[float, Array] = 0.0, np.zeros(0)
-        self.looks = 0
+        self.looks = self.count = 0
         self.sliders = sliders
         self.scene, self.masses = scene, {k: float(owner.mass) for k, x in points for owner in (_owner(x),)
                                           if isinstance(owner, PointMass | RigidBody)}
@@ -324,12 +327,14 @@ class Contacts:
 
     def look(self, t: float, state: Any, tension: Callable[[Array], Array], moves: bool) -> None:
         """At a state in space; moves: of a run, a look of which is due for energies, too."""
-        for k, sleeve in self.sleeves:
-            self._sleeve(t, state, k, sleeve)
-        for j, k, one, other in self.pairs:
-            self._pair(t, state, j, k, one, other)
-        for k, slider in self.rounded:
-            self._rounding(t, state, k, slider)
+        self.count += 1
+        if self.count < SELDOM or self.count % SELDOM == 0:
+            for k, sleeve in self.sleeves:
+                self._sleeve(t, state, k, sleeve)
+            for j, k, one, other in self.pairs:
+                self._pair(t, state, j, k, one, other)
+            for k, slider in self.rounded:
+                self._rounding(t, state, k, slider)
         if moves and self.free and self.looks < MOST_LOOKS:
             self.looks += 1
             free = np.zeros(self.model.n_sliders, bool)
@@ -400,7 +405,7 @@ class Contacts:
         """How far the curve with one tangent at element ends lies beside the axis, where this has a kink at one."""
         at, positions = float(state.s[k]), state.q.reshape(-1, 4, 3)[:, 0]
         beam, s = place_of(slider, at)
-        (first,), (values,), _ = beam.basis.curve("own").evaluate([s])
+        (first,), (values,), _ = self.own[beam].evaluate([s])
         start = self.model.numbers.start(beam) + int(first)
         nodes, shapes = shapes_at(self.model, k, at)
         off = float(np.linalg.norm(values @ positions[start:start + values.size] - shapes[0] @ positions[nodes]))
@@ -457,27 +462,44 @@ def _exact(W: float, GA: float, N: float, s: Array) -> Array:
     return np.asarray(s * (W - s) / (N * W) - (1.0 - N / GA) * length / N * hyperbolic)
 
 
-@lru_cache(maxsize=64)
-def _piece(interpolation: str, degree: int, ends: tuple[float, ...], directors: str) -> Basis:
-    own = "greville" if directors == "nodes" else directors
-    return build_basis(interpolation, degree, np.array(ends), ends[-1], directors=own)
+class Piece(NamedTuple):
+    """Elements of some lengths with EI = 1 on two pins, and forces on them."""
+
+    at: Array                              # float64 [k], where these act
+    parts: tuple[Array, Array, Array]      # energies of shear, bending and tension; unknowns are places, then turns
+    load: Array                            # float64 [unknowns, k]
+
+    def compliance(self, GA: float, N: float) -> Array:
+        """Where the forces act [k]."""
+        shear, bending, tension = self.parts
+        found = np.linalg.solve((GA - N) * shear + bending + N * tension, self.load)
+        return np.asarray(np.einsum("ik,ik->k", self.load, found))
 
 
-def _of_mesh(basis: Basis, curve: str, GA: float, N: float, s: Array) -> Array:
-    """The same with elements."""
+def piece_of(basis: Basis, curve: str, at: Array) -> Piece:
+    """With forces at some places of the curve of a slider."""
     n = basis.n_nodes
-    # energies of shear, of bending and of the tension; places come before turns
-    K = np.zeros((2 * n, 2 * n))
+    parts = np.zeros((3, 2 * n, 2 * n))
     for e, nodes in enumerate(basis.element_nodes):
         none = np.zeros_like(basis.phi_s[e])
-        at = np.concatenate((nodes, n + nodes))
-        for stiffness, rows in ((GA - N, np.hstack((basis.phi_s[e], -basis.dir[e]))), (1.0, np.hstack((none, basis.dir_s[e]))),
-                                (N, np.hstack((basis.phi_s[e], none)))):
-            K[np.ix_(at, at)] += stiffness * (rows.T * basis.weight[e]) @ rows
-    first, values, _ = basis.curve(curve).evaluate(s)
-    load = np.zeros((2 * n, s.size))
+        all_of = np.concatenate((nodes, n + nodes))
+        for K, rows in zip(parts, (np.hstack((basis.phi_s[e], -basis.dir[e])), np.hstack((none, basis.dir_s[e])),
+                                   np.hstack((basis.phi_s[e], none)))):
+            K[np.ix_(all_of, all_of)] += (rows.T * basis.weight[e]) @ rows
+    first, values, _ = basis.curve(curve).evaluate(at)
+    load = np.zeros((2 * n, at.size))
     for k, (a, row) in enumerate(zip(first, values)):
         count = min(row.size, n - a)
         load[a:a + count, k] = row[:count]
     free = np.delete(np.arange(2 * n), [0, n - 1])
-    return np.asarray(np.einsum("ik,ik->k", load[free], np.linalg.solve(K[np.ix_(free, free)], load[free])))
+    shear, bending, tension = parts[:, free[:, None], free]
+    return Piece(at, (shear, bending, tension), load[free])
+
+
+@lru_cache(maxsize=64)
+def _piece(interpolation: str, degree: int, ends: tuple[float, ...], directors: str, curve: str, own: int) -> Piece:
+    """With forces at places of element `own`."""
+    fields = "greville" if directors == "nodes" else directors
+    basis = build_basis(interpolation, degree, np.array(ends), ends[-1], directors=fields)
+    return piece_of(basis, curve, ends[own] + 0.5 * (ends[own + 1] - ends[own]) * (
+        1.0 + np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES)))

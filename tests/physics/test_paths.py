@@ -366,7 +366,9 @@ def test_cabins_go_around_a_tensioned_cable(joint: Any) -> None:
     assert result.state.s.max() > path.length + (30.0 if welded else 15.0)
     assert np.min(result.state.s - start.s) > (40.0 if welded else 20.0)
     assert result.info["fallbacks"] == 0 and result.drift("balance") < 1e-11 and balanced(result, 1e-11)
-    assert np.max(np.abs(result.series["contact_force"][1:])) < 2000.0
+    # over hinges forces are those of blows
+    assert (np.max(np.abs(result.series["contact_force"][1:])) < 2000.0) == welded
+    assert welded or any("grows with 1/h" in event["text"] for event in result.events)
 
 
 # --- random paths --------------------------------------------------------------------------------------------------------

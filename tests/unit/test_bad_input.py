@@ -701,7 +701,7 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 
 # --- nothing public is left out --------------------------------------------------------------------------------------------
 # of errors and of tables that calls make the arguments are texts and facts of the package's own; a net's lists serve the compiler
-OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "__version__"}
+OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "ResultWarning", "SceneError", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 
 
