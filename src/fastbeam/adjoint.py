@@ -459,7 +459,8 @@ def _without_adjoint(model: Model) -> list[str]:
     return out + [name for name, there in (
         ("sliders on nets of condensed beams", model.carriers is not None),
         ("supports that let go or take hold", model.released is not None),
-        ("added mass", model.added is not None), ("user forces", model.user_forces), ("controllers", model.controllers),
+        ("added mass", model.added is not None), (", ".join(model.user_forces[:3]), model.user_forces),
+        ("controllers", model.controllers),
         ("air that changes in time", model.dragged is not None and (model.dragged.timed or model.dragged.windy)),
         ("links of other kinds than springs, dampers, bushings and joints", any(
             not isinstance(x, SYMMETRIC) for x in model.links))) if there]

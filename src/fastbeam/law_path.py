@@ -10,6 +10,7 @@ from .load_times import factor_at
 from .model import Model
 from .scene import Beam
 from .scene.follower import FollowerForce
+from .scene.links import label_of
 
 Array = np.ndarray
 # places between two times, where functions of time may vanish, at which laws are evaluated instead; and what counts as nothing
@@ -51,9 +52,9 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
         return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)
     if not model.user_forces:
         return LawPath(0.0, 1.0, 0.0)
-    other = [name for name in model.user_forces if name not in {x.name for x in forces if isinstance(x, FollowerForce)}]
+    other = [label for label in model.user_forces if label not in {label_of(x) for x in forces if isinstance(x, FollowerForce)}]
     if other:
-        raise SceneError(f"{who}: user force {other[0]!r} is a law of its own, of which two times of at_time= tell no path; give "
+        raise SceneError(f"{who}: {other[0]} has a law of its own, of which two times of at_time= tell no path; give "
                          "one time, with which forces on nodes grow from zero, or write it as a load with follower=True")
 
     def values(t: float) -> Array:

@@ -111,7 +111,7 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     SceneError
     """
     compared = method.middle is not None or method.parameters is not None
-    laws = [f"user force {name!r}" for name in model.user_forces]
+    laws = model.user_forces
     absent = [*(["supports that move"] if core.prescribed is not None else []),
               *(["supports that let go or take hold"] if core.released is not None else []), *laws, *core.losses,
               *(["added mass"] if core.added is not None else []),
@@ -119,7 +119,7 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
               *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
     if compared and absent:
         raise SceneError(f"method {method.name!r} does not know {', '.join(absent[:3])}; use the default method")
-    backward = [*core.losses, *(f"user force {name!r}" for name in model.needs_forward_steps)]
+    backward = [*core.losses, *model.needs_forward_steps]
     if core.slider_forces is not None and core.slider_forces.dissipates:
         backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
     if composed and core.released is not None:

@@ -131,7 +131,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
                          "leave it out")
     refuse_added(who, model, "the fluid does not take part in a steady motion; leave it out")
     if model.user_forces:
-        raise SceneError(f"{who}: user force {model.user_forces[0]!r} is not known in a steady motion; leave it out")
+        raise SceneError(f"{who}: {model.user_forces[0]} is not known in a steady motion; leave it out")
     if isinstance(motion, Spin):
         for k, load in enumerate(model.loads):
             of_row = load.reshape(-1, 8)

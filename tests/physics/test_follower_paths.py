@@ -175,5 +175,5 @@ def test_a_law_of_ones_own_grows_along_a_path() -> None:
     model = fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), fb.UserForce("law", rod.end, pull, parameters=(2.0,))))
     path = fb.solve_path(model, at_time=1.5)
     np.testing.assert_allclose(path.state.q, fb.solve_static(model, at_time=1.5).state.q, atol=1e-11)
-    with pytest.raises(fb.SceneError, match="user force 'law' is a law of its own"):
+    with pytest.raises(fb.SceneError, match="user force 'law' has a law of its own"):
         fb.solve_path(model, at_time=(0.0, 1.0))
