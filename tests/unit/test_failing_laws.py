@@ -119,7 +119,7 @@ def wind(t, x, p, velocity):  # type: ignore[no-untyped-def]
 
 
 def drive(t, s, rate):  # type: ignore[no-untyped-def]
-    if t < LATE + 1e-5:
+    if t < LATE:
         return 1.0
 
 
