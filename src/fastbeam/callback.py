@@ -103,5 +103,13 @@ class Callback:
 
     def _values(self, times: tuple[float, float]) -> list[str]:
         """Of all time functions; as texts, so that NaN is equal to itself."""
-        found = (time(t) for _, time in self.timed for t in times)
-        return [repr(x.item() if isinstance(x, np.generic) else x) for x in found]
+        return [_value(time, t) for _, time in self.timed for t in times]
+
+
+def _value(time: Callable[[float], Any], t: float) -> str:
+    """Of one that fails what it raises: steps that ask it tell whose it is."""
+    try:
+        found = time(t)
+    except Exception as failed:
+        return f"{type(failed).__name__}: {failed}"
+    return repr(found.item() if isinstance(found, np.generic) else found)

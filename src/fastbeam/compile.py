@@ -52,6 +52,7 @@ from .prescribed import released_of
 from .report import describe
 from .scene import Beam, Bushing, Damper, ForceElement, LineForce, Path, RigidBody, Scene, Sleeve, Spring, Switch
 from .scene.crossings import Knot
+from .scene.links import label_of
 from .scene.winch import Coil, RopePoint
 from .sleeves import rubbing_sleeves, sleeves_of, with_twist
 from .slider_forces import slider_forces_of
@@ -216,9 +217,9 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), lines=links.lines, dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
-        user_forces=(*(f"{law.kind} {law.name!r}" for law in laws), *(x.label for x in links.of(LineForce, ForceElement)[0])),
+        user_forces=tuple(label_of(force) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
         laws=_laws(scene, nodes, links, unpacked.dragged),
-        needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
+        needs_forward_steps=tuple(label_of(force) for force in laws if force.dissipates), controllers=tuple(scene.controllers))
     if model.catches:
         model = replace(model, **waiting(model))
     model = with_drag(model, blocks.diagonal)

@@ -141,10 +141,14 @@ def law_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
 
 
 def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
-    """Force at time t of one that does not prescribe the motion, where its slider or joint stands at s and moves at this rate."""
+    """Force at time t of one that does not prescribe the motion, where its slider or joint stands at s and moves at this rate;
+    NaN where its law fails."""
     kind = kind_of(drive)
     if kind == LAW:
-        return law_at(drive, who, t, s, rate)
+        try:
+            return law_at(drive, who, t, s, rate)
+        except SceneError:  # the step that asks it there ends the run
+            return np.nan
     given = given_to(drive, who, t, 0.0)
     if kind == FORCE:
         return given[0]

@@ -10,6 +10,7 @@ from .load_times import factor_at
 from .model import Model
 from .scene import Beam, UserForce
 from .scene.follower import FollowerForce
+from .scene.links import label_of
 
 Array = np.ndarray
 # places between two times, where functions of time may vanish, at which laws are evaluated instead; and what counts as nothing
@@ -58,9 +59,9 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
         return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)
     if not model.user_forces:
         return LawPath(0.0, 1.0, 0.0)
-    other = [label for label in model.user_forces if not label.startswith(FollowerForce.kind)]
+    other = [label for label in model.user_forces if label not in {label_of(x) for x in forces if isinstance(x, FollowerForce)}]
     if other:
-        raise SceneError(f"{who}: {other[0]} is a law of its own, of which two times of at_time= tell no path; give one time, or "
+        raise SceneError(f"{who}: {other[0]} has a law of its own, of which two times of at_time= tell no path; give one time, or "
                          "write it as a load with follower=True")
 
     def values(t: float) -> Array:

@@ -215,7 +215,7 @@ class Lines(NamedTuple):
             try:
                 with np.errstate(all="ignore"):
                     first, middle, last, near = (float(force.law(t, x, rate, force.parameters)) for x in lengths)
-            except ArithmeticError:
+            except Exception:  # where steps ask it they tell
                 continue
             off = max(abs(first - 2.0 * middle + last), abs(near - middle) if nearest < min(start, end) else 0.0)
             masses = weight[[a, b]]

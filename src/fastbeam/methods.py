@@ -118,7 +118,7 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
               *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
     if compared and absent:
         raise SceneError(f"method {method.name!r} does not know {', '.join(absent[:3])}; use the default method")
-    backward = [*core.losses, *(f"user force {name!r}" for name in model.needs_forward_steps)]
+    backward = [*core.losses, *model.needs_forward_steps]
     if core.slider_forces is not None and core.slider_forces.dissipates:
         backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
     if composed and core.released is not None:

@@ -124,7 +124,7 @@ class Model(HistoryLayout):
     laws : dict of type -> failed_laws.Lawful
         By the kinds of tables that call them.
     user_forces, needs_forward_steps, controllers : tuple
-        Names of the forces by laws of the user's own, and of those among them that dissipate; controllers.
+        Labels of the forces by laws of the user's own, and of those among them that dissipate; controllers.
     moving : moving_meshes.Moving or None
         Beams whose elements move with contacts.
     find_holding : callable that makes `holding` when it is first asked for

@@ -407,7 +407,8 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
     if model.moving is not None and np.any(model.gravity):
         return out
-    if not len(model.loads) and not held and not model.catches and model.drag is None:
+    acted_on = len(model.loads) or model.accounts_loads or held or model.catches or model.drag is not None
+    if not acted_on:
         out += ["lin_mom", "ang_mom"]
     return out
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arguments import LARGEST, real, shown
+from .arguments import LARGEST, Function, Refusal, real, shown
 from .errors import SceneError
 from .kernels.work import State
 from .model import Model
@@ -63,6 +63,10 @@ def _quantity(model: Model, what: Any, points: Mapping[str, Place], who: str) ->
     """
     if callable(what):
         name = getattr(what, "__name__", "function")
+        try:
+            Function("(state)")(what)
+        except Refusal as refusal:
+            raise SceneError(f"{who}: {name} {refusal}") from None
         return name, lambda state: _number(name, what(state)), None
     sliders = model.names["sliders"]
     if isinstance(what, str):

@@ -29,6 +29,7 @@ from .kernels.work import State
 from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
 from .scene import Bushing, ForceElement
 from .scene.follower import FollowerForce
+from .scene.links import label_of
 from .sleeves import sleeves_in_plane
 from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from .unpacked import Unpacked
@@ -68,7 +69,7 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
 def _plane_of(unpacked: Unpacked) -> Plane:
     for force in unpacked.numbered.links.loaded.forces:
         if not isinstance(force, FollowerForce):
-            raise NotPlanar(f"the law of user force {force.name!r} may lead out of a plane")
+            raise NotPlanar(f"the law of {label_of(force)} may lead out of a plane")
     for element in unpacked.numbered.links.of(ForceElement)[0]:
         raise NotPlanar(f"the law of {element.label} may lead out of a plane")
     for winch in unpacked.numbered.links.ropes.winches:

@@ -146,7 +146,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     SceneError
         A scene that is not compiled, an argument out of range; a time function or the law of a controller that fails on the way.
     ConvergenceError
-        A step failed; the error carries the last good state and the result until then.
+        A step failed, also where a law of the user's own does; the error carries the last good state and the result until then.
     Exception
         What a function of the user's own raises. On the way that, and a SceneError, has the result until then as `.result`, with
         `.state` and `.checkpoint` of the last good state; files are closed, the checkpoint renewed.

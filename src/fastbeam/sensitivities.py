@@ -339,8 +339,8 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
                          "there, at a place that build computes")
     refuse_winches(who, model)
     if model.user_forces:
-        raise SceneError(f"{who}: {model.user_forces[0]} acts by a law whose derivatives by parameters are not known; use loads "
-                         "that do not turn along, or differences of equilibria")
+        raise SceneError(f"{who}: derivatives with {model.user_forces[0]} are not known; use loads that keep their direction, or "
+                         "differences of equilibria")
     check_at_rest(who, model)
     if model.motions is not None and model.motions.holds.given.size:
         raise SceneError(f"{who}: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on them, "

@@ -51,6 +51,30 @@ def test_a_cart_under_forces_that_are_held_is_exact(steps: int, order: int) -> N
     assert abs(result.drift("balance")) < 1e-12
 
 
+@pytest.mark.parametrize("kind", ["itself", "within a function", "as a default"])
+def test_a_controller_comes_into_the_scene_with_what_takes_it(kind: str) -> None:
+    cart = fb.PointMass("cart", mass=MASS, position=(0.3, 0, 0), velocity=(0.0, 1.0, 0.0))
+    hand = fb.Controller("hand", lambda now, memory: 3.0, period=PERIOD, memory=(0.0,), points={"cart": cart})
+    times = {"itself": hand, "within a function": lambda t: 1.0 * hand(t), "as a default": lambda t, one=hand: 1.0 * one(t)}
+    model = fb.compile_scene(fb.Scene(cart, fb.Load("push", cart, force=(1, 0, 0), time=times[kind])))
+    assert model.controllers == (hand,)
+    assert run(model, cart, 1.0, PERIOD).point("cart")[-1][0] == pytest.approx(0.3 + 0.5 * 3.0 / MASS, abs=1e-13)
+
+
+def test_controllers_of_drives_joints_and_winches_come_into_the_scene() -> None:
+    hand = fb.Controller("hand", lambda now, memory: 3.0, period=PERIOD)
+    body = fb.RigidBody("q", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, 0))
+    for part in (fb.RevoluteJoint(fb.GROUND, body, "hinge", axis=(0, 0, 1), torque=hand),
+                 fb.PrismaticJoint(fb.GROUND, body, "rail", axis=(0, 0, 1), drive=fb.Drive(force=hand)),
+                 fb.Winch("winch", fb.GROUND.point((0, 0, 2)), body, stiffness=1e5, mass_per_length=0.1, length=2.0,
+                          tension=hand),
+                 fb.Load("push", body, force=(1, 0, 0), time=hand)):
+        assert fb.Scene(body, part).controllers == [hand] == fb.Scene(body, hand, part).controllers
+    scene = fb.Scene(body, fb.Load("hand", body, force=(1, 0, 0), time=hand))
+    with pytest.raises(fb.SceneError, match="the name 'hand' is used twice, by a load and a controller"):
+        scene.check()
+
+
 def test_a_run_from_a_checkpoint_is_the_same() -> None:
     model, cart = cart_on_control()
     at_once = run(model, cart, 2.0, PERIOD / 2, every=50)

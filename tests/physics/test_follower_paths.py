@@ -201,7 +201,7 @@ def test_a_law_of_ones_own_grows_along_a_path_where_it_is_a_load() -> None:
         fb.Load("push", rod.end, force=(0, 0, 0.1)))) for grows in (True, False))
     path = fb.solve_path(model, at_time=1.5)
     np.testing.assert_allclose(path.state.q, fb.solve_static(model, at_time=1.5).state.q, atol=1e-11)
-    with pytest.raises(fb.SceneError, match="user force 'law' is a law of its own"):
+    with pytest.raises(fb.SceneError, match="user force 'law' has a law of its own"):
         fb.solve_path(model, at_time=(0.0, 1.0))
     # levels of statics: half of what grows, all of what does not
     for one, share in ((model, 0.5), (stays, 1.0)):

@@ -74,7 +74,9 @@ def test_a_path_ends_where_a_slider_is() -> None:
     ({("tip", "z"): np.inf}, "stop: the value of .* must be a finite number"), ({("top", "q"): 0.1}, "'top' has no 'q'"),
     ({("tip", "z"): 0.1}, "'tip' is no name in points="), ({"ring": 1.0}, "has no slider 'ring'"),
     ({("top", "N"): 1.0}, "lies on no beam"), ({3: 1.0}, "3 is no quantity"),
-    ({(lambda state: None): 1.0}, "must return a finite number")])
+    ({(lambda state: None): 1.0}, "must return a finite number"),
+    ({(lambda t, state: 0.0): 1.0}, "stop: <lambda> must be a function of .state., got one of .t, state."),
+    ({(lambda: 0.0): 1.0}, "must be a function of .state., got one of ..")])
 def test_what_cannot_be_wanted_is_refused(stop: Any, message: str) -> None:
     model, top = truss()
     with pytest.raises(fb.SceneError, match=message):

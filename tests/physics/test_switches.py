@@ -282,6 +282,8 @@ def test_what_is_refused() -> None:
     for message, more in (("none of the tracks", {"at": 1.5}), ("one_sided", {"at": 0.5, "one_sided": (0, 0, 1)})):
         with pytest.raises(fb.SceneError, match=message):
             fb.Slider("s", bead, on=on, **more)
+    with pytest.raises(fb.SceneError, match="switch 'points': choose names 'S0', which is no slider on it; its sliders are 's0'"):
+        fb.compile_scene(yard(choose={"S0": "side"})[0])
     with pytest.raises(fb.SceneError, match="nothing joins them"):
         fb.compile_scene(fb.Scene(a, b, c, bead, fb.Slider("s", bead, on=on, at=0.5)))
     with pytest.raises(fb.SceneError, match="not on switch"):

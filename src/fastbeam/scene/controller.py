@@ -26,9 +26,10 @@ class Controller:
 
     It is a function of time for everything that takes one: `Load(time=)`, `Drive(force=)`, `RevoluteJoint(torque=)`,
     `PrismaticJoint(force=)`, `Winch(tension=)`. Between its times nothing changes, so a run keeps its order where the period is a
-    whole number of steps, which it has to be. Value and memory are part of the state: a run that goes on from a checkpoint is the
-    same to the last bit. Controllers that act without delay and have no memory: `Drive` with stiffness and damping, or force laws
-    of (t, s, rate), `UserForce` and `LineForce`.
+    whole number of steps, which it has to be. What takes it brings it into the scene, and so does a function of time that calls
+    it. Value and memory are part of the state: a run that goes on from a checkpoint is the same to the last bit. Controllers that
+    act without delay and have no memory: `Drive` with stiffness and damping, or force laws of (t, s, rate), `UserForce` and
+    `LineForce`.
 
     Parameters
     ----------

@@ -1,10 +1,12 @@
 """What parts of a scene refer to, and how messages call them."""
 from __future__ import annotations
 
+from functools import partial
+from types import FunctionType, MethodType
 from typing import Any
 
-
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.controller import Controller
 from fastbeam.scene.added_mass import AddedMass
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.links import Link
@@ -13,9 +15,14 @@ from fastbeam.scene.parts import (
 )
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.sliding import Drive
 from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch
+
+
+# how deep controllers are looked for, and among how many entries of a list
+DEEPEST, MOST = 4, 100
 
 
 def who(part: Any) -> str:
@@ -51,3 +58,38 @@ def owners(part: Any) -> list[Any]:
     if isinstance(part, (Drag, AddedMass)):
         found.append(part.on)
     return found
+
+
+def controllers_of(part: Any) -> list[Controller]:
+    """The controllers that a part takes as functions of time, or that these call, each once."""
+    found: dict[Controller, None] = {}
+    values = list(vars(part).values())
+    for _ in range(DEEPEST):
+        found |= dict.fromkeys(x for x in values if isinstance(x, Controller))
+        values = [y for x in values for y in _inside(x)]
+    return list(found)
+
+
+def _inside(value: Any) -> list[Any]:
+    """What stands in a drive or a list, or what a function knows besides its arguments."""
+    if isinstance(value, Drive):
+        return [value.position, value.speed, value.force]
+    if isinstance(value, (tuple, list)):
+        return list(value[:MOST]) if not isinstance(value, NodeRef) else []
+    if isinstance(value, partial):
+        return [value.func, *value.args, *value.keywords.values()]
+    if isinstance(value, MethodType):
+        return [value.__self__]
+    if not isinstance(value, FunctionType):
+        return []
+    cells = [x for cell in value.__closure__ or () for x in _contents(cell)]
+    known = [value.__globals__[name] for name in value.__code__.co_names if name in value.__globals__]
+    own = Controller, partial, MethodType, FunctionType
+    return [x for x in (*cells, *known, *(value.__defaults__ or ())) if isinstance(x, own)]
+
+
+def _contents(cell: Any) -> list[Any]:
+    try:
+        return [cell.cell_contents]
+    except ValueError:  # nothing yet
+        return []

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -28,7 +29,7 @@ from fastbeam.scene.parts import (
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.placing import Placing
 from fastbeam.scene.prescribed import PrescribedMotion
-from fastbeam.scene.relations import held_nodes, owners, who
+from fastbeam.scene.relations import controllers_of, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.supports import Clamp, Pin
@@ -213,8 +214,13 @@ class Scene(notebook.Parts):
 
     @property
     def controllers(self) -> list[Controller]:
-        """All controllers."""
-        return self._of(Controller)
+        """All controllers: those that were added, then those that other parts take as functions of time."""
+        added = self._of(Controller)
+        referred = {id(one): one for part in self.parts for one in controllers_of(part)}
+        if self.gravity_time is not None:
+            referred |= {id(one): one for one in controllers_of(SimpleNamespace(time=self.gravity_time))}
+        known = {id(one) for one in added}
+        return [*added, *(one for key, one in referred.items() if key not in known)]
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -303,6 +309,7 @@ class Scene(notebook.Parts):
                     check_path(one, tolerance)
         for slider in self.sliders:
             self._check_slider(slider)
+        self._check_choices()
         self._placing.check(tolerance)
         for slider in self.sliders:
             self._check_contact(slider, tolerance)
@@ -317,7 +324,7 @@ class Scene(notebook.Parts):
         """No part twice and no name twice; the same support twice is allowed, it holds nothing new."""
         known: set[Part] = set()
         named: dict[str, Part] = {}
-        for part in self.parts:
+        for part in [*self.parts, *self.controllers[len(self._of(Controller)):]]:
             if part in known and not isinstance(part, (Clamp, Pin)):
                 raise SceneError(f"{self.label}: {who(part)} was added twice")
             known.add(part)
@@ -360,6 +367,18 @@ class Scene(notebook.Parts):
                              f"{beam.length:.6g} m); leave whole rounds out")
         if not (slider.is_endless or isinstance(beam, Switch)) and not 0.0 <= slider.at <= beam.length:
             raise SceneError(f"{who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
+
+    def _check_choices(self) -> None:
+        """Sliders that a switch chooses tracks for run on it."""
+        on: dict[int, tuple[Switch, list[str]]] = {}
+        for slider in self.sliders:
+            if isinstance(slider.beam, Switch):
+                on.setdefault(id(slider.beam), (slider.beam, []))[1].append(slider.name)
+        for switch, names in on.values():
+            unknown = [name for name in switch.choose if name not in names] if isinstance(switch.choose, dict) else []
+            if unknown:
+                raise SceneError(f"{switch.label}: choose names {unknown[0]!r}, which is no slider on it; its sliders are "
+                                 f"{', '.join(map(repr, names))}")
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
         """A sliding point lies on the curve at t = 0, or on its side of it."""

@@ -47,8 +47,8 @@ class UserForce:
 
     with the time in the middle of a step (s), means of both ends of the step of position [3] (m) and directors [3, 3] (rows d1,
     d2, d3), mean velocity [3] (m/s) and spin [3] (rad/s), and `parameters`. It writes force[:] (N, along a beam N/m) and
-    moment[:] (N m, N m/m), both 0 when it is called. Its work is among the loads of `Result.balance`. Scenes with such forces
-    run in space, with the conserving step.
+    moment[:] (N m, N m/m), both 0 when it is called, and returns nothing. Its work is among the loads of
+    `Result.balance`. Scenes with such forces run in space, with the conserving step.
 
     Parameters
     ----------
