@@ -98,7 +98,7 @@ def drawn(seed: int, most_elements: int = 2048, most_slender: float = 1e5) -> Co
     slenderness = float(np.exp(draw.uniform(np.log(10.0 if kind == "bare" else 300.0), np.log(most_slender))))
     planar = kind != "body" and draw.uniform() < 0.25
     turn = np.linalg.qr(draw.standard_normal((3, 3)))[0]
-    turn *= np.linalg.det(turn)
+    turn = np.eye(3) if planar else turn * np.linalg.det(turn)
     ratio = 1.0 if planar or draw.uniform() < 0.5 else float(draw.uniform(1.2, 4.0))
     degree = int(draw.choice([2, 3, 3, 3, 4]))
     length, stiffness = 10.0**draw.uniform(-2, 2), 10.0**draw.uniform(-4, 6)

@@ -37,8 +37,8 @@ SKEW = 1e-8
 class Nodes(NamedTuple):
     """Which unknowns are those of nodes: the first ones."""
 
-    count: int    # of unknowns
-    size: int     # unknowns a node
+    total: int    # unknowns of all nodes
+    size: int     # those of one
     dim: int      # the first so many of them are positions
 
 
@@ -131,8 +131,8 @@ class Signs:
         Of a matrix that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
         (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
         neither decides, or the eigenvalues cannot be counted."""
-        free = self._free(self._of.by_rows) if self._free is not None else ()
-        if len(free):
+        free = self._free(self._of.by_rows) if self._free is not None else np.zeros(0, np.int64)
+        if free.size:
             found = Signs(Entries(held(self._of.by_rows, free)), self._nodes).count(symmetric)
             return None if found is None else (found[0], found[1] + len(free))
         clear = self.clear()
@@ -211,10 +211,12 @@ def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
         return int(np.sum(pivots < 0.0)), 0
     scale = np.sqrt(1.0 / _sizes(matrix.diagonal()))
     scaled = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
+    low = high = 0
     for k, width in enumerate((CERTAIN, *WIDTHS)):
-        low, high = (_below(scaled, side * width) for side in (-1.0, 1.0))
-        if low is None or high is None:
+        found = [_below(scaled, side * width) for side in (-1.0, 1.0)]
+        if min(found) < 0:
             return None
+        low, high = found
         if high <= low:
             return low, 0
         if k and high - low <= MOST_NEAR:
@@ -371,11 +373,11 @@ def _pivots(matrix: Any) -> Array | None:
     return None if exchanged else factors.U.diagonal()[factors.perm_c]
 
 
-def _below(matrix: Any, shift: float) -> int | None:
-    """Number of eigenvalues of a symmetric matrix below a shift."""
+def _below(matrix: Any, shift: float) -> int:
+    """Number of eigenvalues of a symmetric matrix below a shift; -1 where it is not found."""
     from scipy import sparse
     pivots = _pivots((matrix - shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
-    return None if pivots is None else int(np.sum(pivots < 0.0))
+    return -1 if pivots is None else int(np.sum(pivots < 0.0))
 
 
 def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
