@@ -14,8 +14,9 @@ from .inertia import Nodes, orthonormal_columns, strained
 from .model import Model
 
 Array = np.ndarray
-# what is left of K z, next to the sum of the sizes of its terms, that is round-off
-NOTHING = 3e-14
+# what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, of rigid motions (the
+# weight of a body that hangs on a beam of 5000 nodes resists with 1e-14)
+NOTHING, NOTHING_RIGID = 3e-14, 3e-15
 # what supports feel of a motion that they allow
 HELD = 1e-9
 # components of a combination of motions of size 1 that are none
@@ -243,7 +244,7 @@ def _null(matrix: Any, nodes: Nodes, x: Array) -> Array:
     product = _scaled(matrix, nodes, x)
     turn = _singular(product)[1]
     left = np.max(np.abs(product @ turn.T), axis=0, initial=0.0)
-    c = turn[left <= NOTHING].T
+    c = turn[left <= NOTHING_RIGID].T
     return np.where(np.abs(c) > ROUND_OFF, c, 0.0)
 
 
