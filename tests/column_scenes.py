@@ -16,7 +16,7 @@ PINNED = (4.493409457909064, 7.725251836937707, 10.904121659428899, 14.066193912
 class Column(NamedTuple):
     """A column, what it carries, and how it is meshed."""
 
-    kind: str              # 'bare', 'strut' or 'body'
+    kind: str              # 'bare', 'strut', 'loop' or 'body'
     slenderness: float     # length over radius of gyration about the softer axis
     ratio: float           # EI of the other axis over that of the softer one
     load: float            # P in critical loads of the first mode
@@ -36,10 +36,17 @@ class Column(NamedTuple):
                                   d2=tuple(self.turn[0]))
         parts: list[Any] = [column, fb.Clamp(column.start)]
         gravity = np.zeros(3)
-        if self.kind == "strut":
+        if self.kind in ("strut", "loop"):
             strut = fb.Beam.straight("strut", at(0, 0, 1), at(1, 0, 1), section=self._section(self.stiffness, 1.0), elements=3,
                                      degree=self.degree)
-            parts += [strut, fb.BallJoint(column.end, strut.start), fb.Pin(strut.end)]
+            parts += [strut, fb.BallJoint(column.end, strut.start)]
+            if self.kind == "strut":
+                parts.append(fb.Pin(strut.end))
+            else:
+                # a ball joint that closes a loop, held by multipliers
+                post = fb.Beam.straight("post", at(1, 0, 0.95), at(1, 0, 1), section=self._section(self.stiffness, 1.0),
+                                        elements=2)
+                parts += [post, fb.Clamp(post.start), fb.BallJoint(post.end, strut.end)]
         if self.kind == "body":
             body = fb.RigidBody("body", mass=1.0, inertia=(0.01 * self.length**2, 0.02 * self.length**2, 0.015 * self.length**2),
                                 position=at(0, 0, 0.8))
@@ -75,7 +82,7 @@ class Column(NamedTuple):
 
     def _roots(self) -> tuple[np.ndarray, np.ndarray]:
         """Critical u of bending in direction of the first axis of the section (EI3), and of the other (EI2)."""
-        along = PINNED if self.kind == "strut" else FREE
+        along = PINNED if self.kind in ("strut", "loop") else FREE
         return np.array(along), np.array(FREE) * np.sqrt(self.ratio)
 
     @property
@@ -93,12 +100,12 @@ class Column(NamedTuple):
 def drawn(seed: int, most_elements: int = 2048, most_slender: float = 1e5) -> Column:
     """A random one whose load is 5 % or more from all critical ones."""
     draw = np.random.default_rng(seed)
-    kind = ("bare", "strut", "body")[seed % 3]
+    kind = ("bare", "strut", "body", "loop")[seed % 4]
     elements = int(np.exp(draw.uniform(np.log(8), np.log(most_elements))) + 0.5)
     slenderness = float(np.exp(draw.uniform(np.log(10.0 if kind == "bare" else 300.0), np.log(most_slender))))
     planar = kind != "body" and draw.uniform() < 0.25
     turn = np.linalg.qr(draw.standard_normal((3, 3)))[0]
-    turn *= np.linalg.det(turn)
+    turn = np.eye(3) if planar else turn * np.linalg.det(turn)
     ratio = 1.0 if planar or draw.uniform() < 0.5 else float(draw.uniform(1.2, 4.0))
     degree = int(draw.choice([2, 3, 3, 3, 4]))
     length, stiffness = 10.0**draw.uniform(-2, 2), 10.0**draw.uniform(-4, 6)

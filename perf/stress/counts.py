@@ -13,8 +13,8 @@ from table import Row  # noqa: E402
 
 def rows(quick: bool = False) -> Iterator[Row]:
     """All cases of this part."""
-    for k, kind in enumerate(("bare columns", "columns with a strut", "columns with a body")):
-        seeds, wrong = range(k, 24 if quick else 201, 3), []
+    for k, kind in enumerate(("bare columns", "columns with a strut", "columns with a body", "columns in a loop")):
+        seeds, wrong = range(k, 24 if quick else 200, 4), []
         for seed in seeds:
             column = drawn(seed, 200 if quick else 2048)
             found = counted(column)

@@ -149,7 +149,7 @@ class PathStep:
         behind = counted
         if limit is not None and known:
             # it changes the number, too: what has changed before it are bifurcations
-            size, ahead, behind = self._beside(limit[0])
+            size, ahead, behind = self._around(limit[0])
             if ahead == behind and abs((behind or 0) - (unstable or 0)) == 1:
                 # next to a limit point the number has to differ on both sides: round-off hides on which it changes
                 ahead = unstable
@@ -194,7 +194,7 @@ class PathStep:
         weighed = self.solver.weight * way
         return bool(np.linalg.norm(weighed @ vectors) >= SAME_WAY * np.sqrt(weighed @ way))
 
-    def _beside(self, limit: float) -> tuple[float, int | None, int | None]:
+    def _around(self, limit: float) -> tuple[float, int | None, int | None]:
         """Part of the step that ends shortly before a limit point, and the numbers of negative eigenvalues there and as far
         behind it: so near that one direction changes between, if that is possible."""
         found = []

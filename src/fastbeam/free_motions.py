@@ -14,8 +14,9 @@ from .inertia import Nodes, orthonormal_columns, strained
 from .model import Model
 
 Array = np.ndarray
-# what is left of K z, next to the sum of the sizes of its terms, that is round-off
-NOTHING = 3e-14
+# what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, of rigid motions (the
+# weight of a body that hangs on a beam of 5000 nodes resists with 1e-14)
+NOTHING, NOTHING_RIGID = 3e-14, 3e-15
 # what supports feel of a motion that they allow
 HELD = 1e-9
 # components of a combination of motions of size 1 that are none
@@ -71,7 +72,7 @@ class FreeMotions:
             free[of] &= (held[of][:, None] >> np.arange(6)) & 1 == 0
         self._free = free
         # by supports, and of tied nodes
-        self.held = np.zeros(self.nodes.count, bool)
+        self.held = np.zeros(self.nodes.total, bool)
         if core.held is not None:
             bits = (core.held.mask[:, None] >> np.arange(size)) & 1 != 0
             inside = core.held.row < core.pattern.n
@@ -152,8 +153,8 @@ class FreeMotions:
 
     def _name(self, group: list[_Near], unknowns: Array, x: Array) -> str:
         """Of a motion x of these unknowns: the part that moves most, and how."""
-        motion = np.zeros(self.nodes.count + 1)
-        motion[np.minimum(unknowns, self.nodes.count)] = x
+        motion = np.zeros(self.nodes.total + 1)
+        motion[np.minimum(unknowns, self.nodes.total)] = x
         rows = motion[:-1].reshape(-1, self.nodes.size)[self.model.pattern.row_of]
         if self.axes is None:
             shift, turn = rows[:, :3], rows[:, 3:]
@@ -204,7 +205,7 @@ class _Near:
         self.unknowns = np.concatenate(((rows[:, None] * size + np.arange(size)).reshape(-1), others))
         self.nodes = Nodes(rows.size * size, size, dim)
         self.matrix = whole[self.unknowns][:, self.unknowns]
-        at = np.searchsorted(self.unknowns[:self.nodes.count], own.unknowns)
+        at = np.searchsorted(self.unknowns[:self.nodes.total], own.unknowns)
         self.spin, self.rigid = (np.zeros((self.unknowns.size, x.shape[1])) for x in (own.spin, own.rigid))
         self.spin[at], self.rigid[at] = own.spin, own.rigid
         self.rest = self.rigid
@@ -243,7 +244,7 @@ def _null(matrix: Any, nodes: Nodes, x: Array) -> Array:
     product = _scaled(matrix, nodes, x)
     turn = _singular(product)[1]
     left = np.max(np.abs(product @ turn.T), axis=0, initial=0.0)
-    c = turn[left <= NOTHING].T
+    c = turn[left <= NOTHING_RIGID].T
     return np.where(np.abs(c) > ROUND_OFF, c, 0.0)
 
 

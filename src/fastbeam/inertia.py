@@ -19,7 +19,7 @@ Array = np.ndarray
 # this, pivots count them; else those within one of these widths are computed, the first that has no more than so many
 CERTAIN, WIDTHS, MOST_NEAR = 1e-14, (1e-12, 1e-13, 1e-14), 60
 # inverse iteration for these: shift as a share of the width, vectors more than are wanted, and steps
-BESIDE, MORE, SWEEPS = 0.01, 8, 6
+SHIFT, MORE, SWEEPS = 0.01, 8, 6
 # an eigenvalue is zero up to so many times the round-off of its terms
 NOISE = 8.0
 # sums of a row next to its terms, and skew parts of a block next to its diagonal, that are round-off; entries at once
@@ -37,8 +37,8 @@ SKEW = 1e-8
 class Nodes(NamedTuple):
     """Which unknowns are those of nodes: the first ones."""
 
-    count: int    # of unknowns
-    size: int     # unknowns a node
+    total: int    # unknowns of all nodes
+    size: int     # those of one
     dim: int      # the first so many of them are positions
 
 
@@ -131,8 +131,8 @@ class Signs:
         Of a matrix that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
         (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
         neither decides, or the eigenvalues cannot be counted."""
-        free = self._free(self._of.by_rows) if self._free is not None else ()
-        if len(free):
+        free = self._free(self._of.by_rows) if self._free is not None else np.zeros(0, np.int64)
+        if free.size:
             found = Signs(Entries(held(self._of.by_rows, free)), self._nodes).count(symmetric)
             return None if found is None else (found[0], found[1] + len(free))
         clear = self.clear()
@@ -191,7 +191,7 @@ class Signs:
         return whole
 
     def _diagonal(self) -> Array:
-        return _sizes(self._of.matrix.diagonal() if self._whole is None else self._whole[:, 2 * self._of.width])
+        return sizes_of(self._of.matrix.diagonal() if self._whole is None else self._whole[:, 2 * self._of.width])
 
     def _of_symmetric_part(self) -> tuple[int, int] | None:
         return inertia((0.5 * (self._of.matrix + self._of.matrix.T)).tocsc(), self._nodes)
@@ -209,12 +209,14 @@ def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
     pivots = _pivots(matrix)
     if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
         return int(np.sum(pivots < 0.0)), 0
-    scale = np.sqrt(1.0 / _sizes(matrix.diagonal()))
+    scale = np.sqrt(1.0 / sizes_of(matrix.diagonal()))
     scaled = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
+    low = high = 0
     for k, width in enumerate((CERTAIN, *WIDTHS)):
-        low, high = (_below(scaled, side * width) for side in (-1.0, 1.0))
-        if low is None or high is None:
+        found = [_below(scaled, side * width) for side in (-1.0, 1.0)]
+        if min(found) < 0:
             return None
+        low, high = found
         if high <= low:
             return low, 0
         if k and high - low <= MOST_NEAR:
@@ -263,20 +265,20 @@ class Form:
         count, size, dim = nodes
         of_nodes = (rows < count) & (columns < count)
         from_place, to_place = (of_nodes & (x % size < dim) for x in (rows, columns))
-        apart = rows // size != columns // size
-        plain = ~(from_place | to_place)
-        self._parts.append((data[plain], (rows[plain],), (columns[plain],)))
-        at = from_place & to_place & apart
+        other_node = rows // size != columns // size
+        others = ~(from_place | to_place)
+        self._parts.append((data[others], (rows[others],), (columns[others],)))
+        at = from_place & to_place & other_node
         a, b = rows[at], columns[at]
-        self._parts.append((-0.5 * data[at], (a, _beside(b, a, size)), (_beside(a, b, size), b)))
+        self._parts.append((-0.5 * data[at], (a, _component(b, a, size)), (_component(a, b, size), b)))
         # a block that is not symmetric by itself
-        skew = 0.5 * (data[at] - _at(matrix, _beside(a, b, size), _beside(b, a, size)))
+        skew = 0.5 * (data[at] - _at(matrix, _component(a, b, size), _component(b, a, size)))
         real = np.abs(skew) > SKEW_BLOCK * np.sqrt(np.abs(matrix.diagonal()))[a] * np.sqrt(np.abs(matrix.diagonal()))[b]
         a, b = a[real], b[real]
-        self._parts.append((skew[real], (a,), (b, _beside(a, b, size))))
-        at = ~from_place & to_place & apart
+        self._parts.append((skew[real], (a,), (b, _component(a, b, size))))
+        at = ~from_place & to_place & other_node
         a, b = rows[at], columns[at]
-        self._parts.append((2.0 * data[at], (a,), (b, _beside(a, b, size))))
+        self._parts.append((2.0 * data[at], (a,), (b, _component(a, b, size))))
         row, place, total = _totals(rows[to_place], columns[to_place], data[to_place], nodes)
         self._parts.append((np.where(row % size < dim, 1.0, 2.0) * total, (row,), (place,)))
 
@@ -303,12 +305,12 @@ def strained(matrix: Any, nodes: Nodes, x: Array) -> tuple[Array, Array]:
     count, size, dim = nodes
     place = (rows < count) & (columns < count) & (columns % size < dim)
     row, at, total = _totals(rows[place], columns[place], data[place], nodes)
-    beside = np.where(place, _beside(rows, columns, size), 0)
+    own = np.where(place, _component(rows, columns, size), 0)
     root = np.sqrt(np.abs(matrix.diagonal()))
     most = np.maximum(np.abs(data), root[rows] * root[columns])
     product, sizes = np.zeros(x.shape), np.zeros(x.shape)
     for j, one in enumerate(x.T):
-        change = one[columns] - np.where(place, one[beside], 0.0)
+        change = one[columns] - np.where(place, one[own], 0.0)
         product[:, j] = np.bincount(rows, data * change, len(x)) + np.bincount(row, total * one[at], len(x))
         sizes[:, j] = np.bincount(rows, most * np.abs(change), len(x)) + np.bincount(row, np.abs(total * one[at]), len(x))
     return product, sizes
@@ -319,7 +321,7 @@ def _entries(matrix: Any) -> tuple[Array, Array, Array]:
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices.astype(np.int64), matrix.data
 
 
-def _beside(row: Array, column: Array, size: int) -> Array:
+def _component(row: Array, column: Array, size: int) -> Array:
     """Of the nodes of rows the unknowns that are those of columns of theirs."""
     return row // size * size + column % size
 
@@ -345,10 +347,10 @@ def _totals(rows: Array, columns: Array, data: Array, nodes: Nodes) -> tuple[Arr
     total = np.add.reduceat(data[order].astype(np.longdouble), first).astype(float)
     real = np.abs(total) > LAST_BITS * np.add.reduceat(np.abs(data[order]), first)
     row, column = rows[order[first[real]]], columns[order[first[real]]]
-    return row, _beside(row, column, nodes.size), total[real]
+    return row, _component(row, column, nodes.size), total[real]
 
 
-def _sizes(diagonal: Array) -> Array:
+def sizes_of(diagonal: Array) -> Array:
     """Of its entries, 1 for those that vanish."""
     sizes = np.abs(diagonal)
     return np.where(sizes > 0.0, sizes, 1.0)
@@ -371,11 +373,11 @@ def _pivots(matrix: Any) -> Array | None:
     return None if exchanged else factors.U.diagonal()[factors.perm_c]
 
 
-def _below(matrix: Any, shift: float) -> int | None:
-    """Number of eigenvalues of a symmetric matrix below a shift."""
+def _below(matrix: Any, shift: float) -> int:
+    """Number of eigenvalues of a symmetric matrix below a shift; -1 where it is not found."""
     from scipy import sparse
     pivots = _pivots((matrix - shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
-    return None if pivots is None else int(np.sum(pivots < 0.0))
+    return -1 if pivots is None else int(np.sum(pivots < 0.0))
 
 
 def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
@@ -384,7 +386,7 @@ def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
     from scipy import sparse
     n = matrix.shape[0]
     # about a point beside zero, where the matrix is not singular
-    factors = _factored((matrix + BESIDE * width * sparse.identity(n, format="csc")).tocsc())
+    factors = _factored((matrix + SHIFT * width * sparse.identity(n, format="csc")).tocsc())
     if factors is None:
         return None
     v = np.random.default_rng(0).standard_normal((n, min(n, count + MORE)))

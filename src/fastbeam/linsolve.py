@@ -14,7 +14,7 @@ import numpy as np
 
 from .errors import BackendError, SceneError
 from .halves import Each, Halves, cut
-from .inertia import Blocks, Nodes, Signs, held
+from .inertia import Blocks, Nodes, Signs, held, sizes_of
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
 from .mkl import load_mkl, on_threads, pardiso_tables
@@ -144,18 +144,24 @@ class SuperLU:
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
         """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
+        from scipy import sparse
         from scipy.sparse.linalg import splu
         if not (np.isfinite(blocks).all() and np.isfinite(right).all()):
             return None
         self.solves += 1
-        matrix = self.matrix(blocks)
-        free = np.zeros(0, np.int64) if self.free is None else self.free(self.by_rows(blocks))
-        if free.size:
-            matrix = held(matrix.tocsr(), free).tocsc()
-        # the order that suits a symmetric structure first, then plain partial pivoting; in statics with few exchanges of rows,
-        # which fill the factors of fine meshes
+        matrix, scale = self.matrix(blocks), np.ones(right.shape[1])
+        # the order that suits a symmetric structure first, then plain partial pivoting
         symmetric: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
-        for options in (*([] if self.free is None else [symmetric | {"diag_pivot_thresh": 1e-3}]), symmetric, {}):
+        tried = [symmetric, {}]
+        if self.free is not None:
+            # in statics before that with few exchanges of rows, which fill the factors of fine meshes
+            free = self.free(self.by_rows(blocks))
+            matrix = held(matrix.tocsr(), free)
+            scale = np.sqrt(1.0 / sizes_of(matrix.diagonal()))
+            matrix = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
+            tried.insert(0, symmetric | {"diag_pivot_thresh": 1e-3})
+        right = scale * right
+        for options in tried:
             try:
                 factors = splu(matrix, **options)
             except RuntimeError:
@@ -167,7 +173,7 @@ class SuperLU:
                 worst = self._residual(matrix, x, right)
             if worst <= REFUSE_AT or (worst <= ILL_CONDITIONED and self._backward_error(matrix, x, right) <= REFINE_AT):
                 self.worst_residual = max(self.worst_residual, worst)
-                return np.ascontiguousarray(x)
+                return np.ascontiguousarray(scale * x)
         return None
 
     def signs(self, blocks: Array, symmetric: bool, free: Callable[[Any], Array] | None = None) -> tuple[int, int] | None:

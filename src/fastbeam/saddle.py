@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from .errors import BackendError
-from .inertia import SKEW, Entries, Nodes, Signs, held, inertia, orthonormal_columns
+from .inertia import SKEW, Entries, Nodes, Signs, held, inertia, orthonormal_columns, sizes_of
 from .kernels import sparse as kernels
 from .kernels.scaling import balance
 from .kernels.sparse import PardisoTables
@@ -356,12 +356,13 @@ class Saddle:
             return Signs(Entries(self.matrix), self.nodes, self.free).count(symmetric)
         free = np.zeros(0, np.int64) if self.free is None else self.free(self.matrix)
         matrix = held(self.matrix, free) if free.size else self.matrix
-        # the same factor for a row and its column
+        # the same factor for a row and its column; of coordinates none, between which differences are taken
         row, column = self._measure
         factor = np.sqrt(np.abs(row * column))
+        used = np.where(self.multiplier, factor, 1.0)
         whole = (matrix + matrix.T).tocsr()
-        whole.data *= 0.5 * np.repeat(factor, np.diff(whole.indptr)) * factor[whole.indices]
-        found = signs_between(whole, self.multiplier)
+        whole.data *= 0.5 * np.repeat(used, np.diff(whole.indptr)) * used[whole.indices]
+        found = signs_between(whole, self.multiplier, self.nodes)
         if not symmetric and found != (0, 0) and Signs(Entries(matrix)).skew(factor) > SKEW:
             return (1, free.size) if Saddle(matrix, self.multiplier).determinant_sign() < 0 else None
         return None if found is None else (found[0], found[1] + free.size)
@@ -423,19 +424,21 @@ def _factors(matrix: Any, options: dict[str, Any], least: float = LEAST_PIVOT) -
     return factors if np.min(pivots, initial=np.inf) > least * np.max(pivots, initial=0.0) else None
 
 
-def _signs(a: Any, b: Any) -> tuple[int, int] | None:
+def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
     """Negative and zero directions of a [n, n] where b x = 0, b [m, n]."""
+    from scipy import sparse
     from scipy.sparse.linalg import splu
     found = None
     for penalty in PENALTIES:
         stiff = (a + penalty * (b.T @ b)).tocsc()
-        found = inertia(stiff)
+        found = inertia(stiff, nodes)
         if found is not None and (found[0] == 0 or b.shape[0] == 0):
             return found
         if found is None or found[1] or b.shape[0] > DENSE:
             continue
+        scale = sparse.diags(1.0 / np.sqrt(sizes_of(stiff.diagonal())), format="csc")
         try:
-            inverse = b @ splu(stiff).solve(b.T.toarray())
+            inverse = (b @ scale) @ splu((scale @ stiff @ scale).tocsc()).solve((scale @ b.T).toarray())
         except RuntimeError:
             continue
         values = np.linalg.eigvalsh(0.5 * (inverse + inverse.T))
@@ -444,12 +447,12 @@ def _signs(a: Any, b: Any) -> tuple[int, int] | None:
     return found
 
 
-def signs_between(matrix: Any, multiplier: Array) -> tuple[int, int] | None:
+def signs_between(matrix: Any, multiplier: Array, nodes: Nodes | None = None) -> tuple[int, int] | None:
     """Numbers of negative and of zero directions of a symmetric matrix [n, n] among the motions that its constraints, the rows of
-    multipliers [n], allow; None where they are not found."""
+    multipliers [n], allow; None where they are not found. nodes: which unknowns are theirs."""
     if not multiplier.any():
-        return inertia(matrix.tocsc())
-    return _signs(matrix[~multiplier][:, ~multiplier].tocsc(), matrix[multiplier][:, ~multiplier].tocsc())
+        return inertia(matrix.tocsc(), nodes)
+    return _signs(matrix[~multiplier][:, ~multiplier].tocsc(), matrix[multiplier][:, ~multiplier].tocsc(), nodes)
 
 
 def equilibrated(matrix: Any) -> tuple[Array, Array]:
