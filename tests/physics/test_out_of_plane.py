@@ -46,7 +46,7 @@ def compared(kind: str, seed: int) -> float:
     return abs(found / other - 1.0) if np.isfinite(found) or np.isfinite(other) else 0.0
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("strut", 0), ("portal", 1), ("strip", 12), ("arch", 13), ("corner", 14),
+@pytest.mark.parametrize(("kind", "seed"), [("strut", 1), ("portal", 5), ("strip", 1), ("arch", 5), ("corner", 10),
                                             ("portal", 2)])
 def test_random_scenes_buckle_where_they_do_in_space(kind: str, seed: int) -> None:
     """The last one does not: a small load across it makes it bend aside, next to where it would."""
