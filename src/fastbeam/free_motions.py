@@ -14,9 +14,9 @@ from .inertia import Nodes, orthonormal_columns, strained
 from .model import Model
 
 Array = np.ndarray
-# what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, of rigid motions (the
-# weight of a body that hangs on a beam of 5000 nodes resists with 1e-14)
-NOTHING, NOTHING_RIGID = 3e-14, 3e-15
+# what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, rigid motions of beams,
+# those of bodies alone, whose few terms have less (their weight on a beam of 5000 nodes may resist with 1e-15)
+NOTHING, OF_BEAMS, OF_BODIES = 3e-14, 3e-15, 3e-16
 # what supports feel of a motion that they allow
 HELD = 1e-9
 # components of a combination of motions of size 1 that are none
@@ -148,7 +148,8 @@ class FreeMotions:
             motions = np.zeros((whole.shape[0], ends[-1]))
             for k, near in enumerate(group):
                 motions[near.unknowns, ends[k]:ends[k + 1]] = near.rest
-        found = motions @ _null(matrix, nodes, motions)
+        round_off = OF_BODIES if all(near.part.nodes.size == 1 for near in group) else OF_BEAMS
+        found = motions @ _null(matrix, nodes, motions, round_off)
         return unknowns[_pivots(matrix, found)], [self._name(group, unknowns, x) for x in found.T]
 
     def _name(self, group: list[_Near], unknowns: Array, x: Array) -> str:
@@ -239,12 +240,12 @@ def _is_free(matrix: Any, nodes: Nodes, x: Array) -> bool:
     return bool(np.max(np.abs(_scaled(matrix, nodes, x)), initial=0.0) <= NOTHING)
 
 
-def _null(matrix: Any, nodes: Nodes, x: Array) -> Array:
-    """Combinations [k, m] of motions x [n, k] that nothing resists."""
+def _null(matrix: Any, nodes: Nodes, x: Array, round_off: float) -> Array:
+    """Combinations [k, m] of motions x [n, k] that nothing resists but round-off."""
     product = _scaled(matrix, nodes, x)
     turn = _singular(product)[1]
     left = np.max(np.abs(product @ turn.T), axis=0, initial=0.0)
-    c = turn[left <= NOTHING_RIGID].T
+    c = turn[left <= round_off].T
     return np.where(np.abs(c) > ROUND_OFF, c, 0.0)
 
 
