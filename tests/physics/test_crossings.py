@@ -77,7 +77,8 @@ def test_the_mass_in_the_tangent_does_not_count(monkeypatch: pytest.MonkeyPatch)
 def test_order_of_the_steps() -> None:
     slow = fb.Section(EA=1e3, GA2=1e2, GA3=1e2, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
     model = fb.compile_scene(scene(section=slow))
-    for order, size in ((2, 0.00125), (4, 0.005)):
+    # coarser steps do not resolve the waves of the start
+    for order, size in ((2, 0.00125), (4, 0.000625)):
         ends = [run(model, 0.08, size / k, order=order).state.q for k in (1, 2, 4)]
         rate = np.log2(np.max(np.abs(ends[1] - ends[0])) / np.max(np.abs(ends[2] - ends[1])))
         assert order - 0.4 < rate < order + 0.4, (order, rate)
