@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 Array = np.ndarray
 # skew part of the scaled stiffness that is no round-off
 SKEW = 1e-8
+# diagonal entries below this share of the largest one of their kind, forces or moments, are round-off: of the spin of a body that
+# meets the moments of a sleeve alone
+LEAST_DIAGONAL = 1e-8
 # share of the kinetic energy that displacements across an axis have as round-off
 NOT_ACROSS = 1e-9
 
@@ -145,13 +148,20 @@ class Linearisation:
         multiplier = np.arange(keep.size) >= self.free.size + core.n_sliders
         transposed = matrix.T.tocsr()
         skew = (matrix - transposed).tocoo()
-        size = np.sqrt(np.abs(matrix.diagonal()))
+        size = np.sqrt(self._diagonal(matrix, keep))
         scaled = np.abs(skew.data) / np.maximum(size[skew.row] * size[skew.col], 1e-300)
         within = (size[skew.row] > 0.0) & (size[skew.col] > 0.0)
         symmetric = not np.any(scaled[within] > SKEW)
         if symmetric:
             matrix = 0.5 * (matrix + transposed)
         return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, sparse)), right
+
+    def _diagonal(self, matrix: Any, keep: Array) -> Array:
+        """Sizes of the diagonal entries of a stiffness, by which its entries are scaled; keep: places of its rows."""
+        found = np.abs(matrix.diagonal())
+        turns = (keep < self.size * self.core.pattern.n) & (keep % self.size >= self.core.dim)
+        least = [LEAST_DIAGONAL * np.max(found, where=kind, initial=0.0) for kind in (~turns, turns)]
+        return np.where(found > 0.0, np.maximum(found, np.where(turns, least[1], least[0])), 0.0)
 
     def _idle_spins(self, matrix: Any, sparse: Any) -> Any:
         """Spins of beams of nets about their axes where that changes no stress, sparse [k, j]."""

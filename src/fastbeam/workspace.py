@@ -40,10 +40,10 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     # what only a dense border needs
     dense = 0 if model.by_rows else border
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
-    # zeros mean no rates of a step before, no loads, and nodes that are not tied
+    # zeros mean no rates of a step before, rest, no loads, and nodes that are not tied
     theta = _padded((size - model.dim) * n)
     return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=room(moved), q_end=room(moved),
-                u=room(q * (rates or second)), s_end=room(s), f_ext=aligned(8 * (n + 1)),
+                u=np.zeros(q * (rates or second)), s_end=room(s), f_ext=aligned(8 * (n + 1)),
                 r=aligned_room(8 * (n + 1)),
                 blocks=aligned_room(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
                 panel=aligned_room(panel), border_rows=aligned_room((1 - model.by_rows) * (dense + 1) * model.width),

@@ -175,6 +175,21 @@ def test_equilibria_with_sleeves_are_those_of_every_analysis() -> None:
         np.testing.assert_allclose(frequencies[1], frequencies[0], rtol=1e-9)
 
 
+def test_a_body_centred_in_its_sleeve_has_damped_modes() -> None:
+    """Its spin meets the moments of the sleeve alone, which are round-off: no moment is fixed in space. A wire that is held there
+    by a spring of 30 N/m, and rubs by 0.1 N s/m: m x'' + c x' + k x = 0 along the beam."""
+    rod = bent(0.0).beams[0]
+    body = fb.RigidBody("body", mass=0.2, inertia=(1e-3, 1e-3, 1e-3), position=(0.37, 0, 0))
+    post = fb.PointMass("post", mass=1.0, position=(0.5, 0, 0))
+    ring = fb.Sleeve("ring", body, rod, at=0.37, keyed=False, friction=fb.Friction(viscous=0.1))
+    model = fb.compile_scene(fb.Scene(rod, body, post, ring, fb.Pin(post), fb.Clamp(rod.start),
+                                      fb.Spring(body, post, stiffness=30.0)), planar=False)
+    found = fb.modes(model, n=3, damped=True).rates
+    expected = -0.25 + 1j * np.sqrt(30.0 / 0.2 - 0.25**2)
+    # 9e-8: friction stretches the wire, by c w 0.37 m/EA of the way of the body, times c/(2 m w)
+    assert np.abs(found - expected).min() < 3e-7 * abs(expected)
+
+
 # --- exact motions ------------------------------------------------------------------------------------------------------
 def rigid_rod(begin: float, length: float, mass: float, inertia: float) -> tuple[fb.Beam, fb.RigidConnection]:
     """A straight rod along x of a given moment of inertia about its centre, made rigid by a connection of its two nodes."""
