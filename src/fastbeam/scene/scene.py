@@ -216,11 +216,10 @@ class Scene(notebook.Parts):
     def controllers(self) -> list[Controller]:
         """All controllers: those that were added, then those that other parts take as functions of time."""
         added = self._of(Controller)
-        referred = {id(one): one for part in self.parts for one in controllers_of(part)}
+        referred = dict.fromkeys(one for part in self.parts for one in controllers_of(part))
         if self.gravity_time is not None:
-            referred |= {id(one): one for one in controllers_of(SimpleNamespace(time=self.gravity_time))}
-        known = {id(one) for one in added}
-        return [*added, *(one for key, one in referred.items() if key not in known)]
+            referred |= dict.fromkeys(controllers_of(SimpleNamespace(time=self.gravity_time)))
+        return list(dict.fromkeys([*added, *referred]))
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -370,11 +369,11 @@ class Scene(notebook.Parts):
 
     def _check_choices(self) -> None:
         """Sliders that a switch chooses tracks for run on it."""
-        on: dict[int, tuple[Switch, list[str]]] = {}
+        on: dict[Switch, list[str]] = {}
         for slider in self.sliders:
             if isinstance(slider.beam, Switch):
-                on.setdefault(id(slider.beam), (slider.beam, []))[1].append(slider.name)
-        for switch, names in on.values():
+                on.setdefault(slider.beam, []).append(slider.name)
+        for switch, names in on.items():
             unknown = [name for name in switch.choose if name not in names] if isinstance(switch.choose, dict) else []
             if unknown:
                 raise SceneError(f"{switch.label}: choose names {unknown[0]!r}, which is no slider on it; its sliders are "
