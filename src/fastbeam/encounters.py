@@ -26,6 +26,8 @@ from .ways import Ways
 NEXT_TO_NOTHING = 1e-6
 # a point that is back on its beam after this share of a step has not been away
 SHORT_FLIGHT = 1.0 / 64.0
+# share of the kinetic energy that an impact may take because it is the second within a step
+DULLED = 1e-3
 # status of steps before one in which a condition of a lock or release begins to hold
 CONDITION = 100
 
@@ -246,6 +248,11 @@ class Encounters:
         if self.impacts.number <= MOST_NAMED:
             self.event({"kind": "impact", "time": t, kind: name, "end": end,
                         "text": f"{kind} {name!r} met its stop at the {end} at t = {t:.6g} s"})
+        if self.impacts.dulled > DULLED:
+            self.event({"kind": "unresolved", "time": t, kind: name, "text": (
+                f"{kind} {name!r} met its stop at the {end} a second time within a step, at t = {t:.6g} s, and stays there: "
+                f"that takes {100.0 * self.impacts.dulled:.2g} % of the kinetic energy, which restitution= leaves; take "
+                "smaller steps")})
 
     def count_from(self, t: float) -> None:
         """Count steps from a time within one; forces of rows look ahead there."""

@@ -9,6 +9,7 @@ from .kernels import joint_friction
 from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, STOP_LOSS
 from .kernels.work import State
 from .mapping import contact
+from .maps import mass_map
 from .model import Model
 
 Array = np.ndarray
@@ -37,6 +38,9 @@ class Impacts:
         stick, at the start and the end, s; NEVER where there was none. None where nothing has rigid stops.
     number : int
         Of impacts in this run.
+    dulled : float
+        What the last impact took of the kinetic energy because it came within a step of the one before, so that it did not
+        bounce, as a share of the largest kinetic energy before an impact; `largest`: twice that, J.
     in_a_row : int
         Steps shortened before a stop since the last whole step, or since one that led to a stop.
 
@@ -48,6 +52,7 @@ class Impacts:
 
     def __init__(self, model: Model, times: Array | None = None) -> None:
         self.model, self.number, self.in_a_row = model, 0, 0
+        self.dulled = self.largest = 0.0
         self.times: Array | None = None
         # coordinates of joints that have met stops at this instant, one after the other, and on which side
         self.together: dict[int, float] = {}
@@ -82,7 +87,7 @@ class Impacts:
         """The state after an impact of slider or coordinate k at time t, which is remembered; last: time since the one before, or
         the row. Of two within a step the second does not bounce, one behind a whole step at the stop included."""
         assert self.times is not None
-        restitution = self._restitution(state, k, at_end) or 0.0
+        restitution = given = self._restitution(state, k, at_end) or 0.0
         if t - self.times[k, int(at_end)] < (1.0 + SAME_TIME) * step:
             restitution = 0.0
         self.times[k, int(at_end)] = t
@@ -91,8 +96,16 @@ class Impacts:
             self.together.clear()
         if k >= self.first:
             self.together[k - self.first] = 1.0 if at_end else -1.0
-            return strike_joint(self.model, state, k - self.first, at_end, restitution, self.together)
-        return strike(self.model, state, k, at_end, restitution)
+            after = strike_joint(self.model, state, k - self.first, at_end, restitution, self.together)
+        else:
+            after = strike(self.model, state, k, at_end, restitution)
+        self.dulled = 0.0
+        if given > restitution and self.model.moving is None:
+            before, behind = (float(x.v @ (mass_map(self.model) @ x.v)) for x in (state, after))
+            self.dulled = (before - behind) / max(self.largest, before) if before > 0.0 else 0.0
+        elif given > 0.0 and self.model.moving is None:
+            self.largest = max(self.largest, float(state.v @ (mass_map(self.model) @ state.v)))
+        return after
 
 
 def before_joints(model: Model) -> int:

@@ -15,6 +15,8 @@ SHARED = 1e-8
 # share of what a constraint has of single nodes, below which a rigid motion leaves it as it is
 UNMOVED = 1e-9
 SOLUTIONS = 30
+# share of the kinetic energy that was given, of which rigid motions that leave less are no answer: supports stop the parts
+STOPPED = 0.01
 
 
 def nearest(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> Array:
@@ -52,6 +54,25 @@ def rigid_share(mass: Any, matrix: Any, right: Array, rigid: Any) -> Array:
                       give=SHARED)[0]
 
 
+def rigid_change(mass: Any, matrix: Any, right: Array, given: Array, rigid: Any) -> Array:
+    """Velocities and spins [6 N] by which rigid motions of the parts bring `given` as near as they can to matrix x = right, as of
+    `rigid_share`. None where that would stop what was given a velocity: a load on a rope whose other end is clamped goes on, and
+    the rope bends."""
+    change = rigid @ rigid_share(mass, matrix, right - matrix @ given, rigid)
+    _, piece = pieces(mass, matrix)
+    was_given = abs(rigid) @ (abs(rigid).T @ (given != 0.0)) > 0.0
+    left = np.where(was_given, given + change, 0.0)
+    before, after = (np.bincount(piece, x * (mass @ x)) for x in (given, left))
+    return np.where((after < STOPPED * before)[piece], 0.0, change)
+
+
+def pieces(mass: Any, matrix: Any) -> tuple[int, Array]:
+    """How many groups of unknowns there are that masses and constraints join, and the group of every unknown [n]."""
+    from scipy.sparse.csgraph import connected_components
+    count, piece = connected_components(abs(mass) + abs(matrix).T @ abs(matrix), directed=False)
+    return int(count), piece
+
+
 def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, momentum: Array | None = None,
                hold: float = HOLD, give: float = GIVE) -> tuple[Array, Array]:
     """The x with matrix x = right that is nearest to `given` in the norm of a singular mass matrix, and among these near to it in
@@ -65,12 +86,10 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, 
     are the multipliers l of the constraints, with which mass (x - given) = momentum + matrix^T l.
     """
     from scipy import sparse
-    from scipy.sparse.csgraph import connected_components
     from scipy.sparse.linalg import splu
     n, m = given.size, right.size
     diagonal = mass.diagonal()
-    graph = abs(mass) + abs(matrix).T @ abs(matrix)
-    _, piece = connected_components(graph, directed=False)
+    _, piece = pieces(mass, matrix)
     scale = diagonal.copy()
     for kind in (spin, ~spin):
         heavy = kind & (diagonal > 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from .connections import ARM, POSITION, Connections, held_axes
 from .multipliers import KeptLink
-from .nearest import nearest, rigid_motions, rigid_share
+from .nearest import nearest, rigid_change, rigid_motions
 from .numbering import NodeList
 from .scene import RigidBody, Scene
 from .sections_held import Section
@@ -26,14 +26,15 @@ def project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[E
     """Velocities and spins [N, 3] that all connections, supports and sliders allow, and the kinetic energy before and after, J.
 
     Every beam, body and mass changes its rigid motion, with the least kinetic energy of the change; where connections miss more
-    than that, velocities change in the norm of the masses: a beam begins to bend only where no rigid motions agree. What has no
-    inertia changes as little as it may. moving: velocities and spins of supports.
+    than that, velocities change in the norm of the masses: a beam begins to bend only where no rigid motions agree, or where
+    supports would stop what was given a velocity. What has no inertia changes as little as it may. moving: velocities and spins
+    of supports.
     """
     mass = mass_matrix(scene, nodes, elements)
     matrix, right = _constraints(scene, nodes, joints, lines, kept, held, moving)
     given = np.concatenate((v, omega), axis=1).reshape(-1)
     rigid = rigid_motions(nodes.phi, nodes.part)
-    begin = given + rigid @ rigid_share(mass, matrix, right - matrix @ given, rigid)
+    begin = given + rigid_change(mass, matrix, right, given, rigid)
     x = nearest(mass, matrix, right, begin, np.arange(given.size) % 6 >= 3)
     if np.max(np.abs(x)) < NOTHING * np.max(np.abs(given), initial=0.0):
         x[:] = 0.0

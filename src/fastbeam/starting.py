@@ -18,7 +18,7 @@ from .mapping import contact, curve_at, follow, turned
 from .maps import (free_unknowns, gap_rates, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins, velocity_map)
 from .model import Model
 from .multipliers import KeptLink, gap_matrix
-from .nearest import middles, nearest_by, rigid_motions, rigid_share
+from .nearest import middles, nearest_by, rigid_change, rigid_motions, rigid_share
 from .sections_held import sections
 
 Array = np.ndarray
@@ -490,7 +490,7 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     rows, inertia, begin = sparse_rows(rows, ties), mass_map(model), given.reshape(-1)
     mass = (to_rates.T @ inertia @ to_rates).tocsr()
     rigid = rigid_motions(q[:, 0], model.numbers.part)
-    found = begin + rigid @ rigid_share(mass, rows, right - rows @ begin, rigid)
+    found = begin + rigid_change(mass, rows, right, begin, rigid)
     found = nearest_by(mass, rows, right, found, np.arange(begin.size) % 6 >= 3)[0]
     found[still] = fixed[still]
     out = State(state.q, follow(model, (to_rates @ found).reshape(-1, 4, 3)).reshape(-1), state.s, state.force, state.history)

@@ -1,6 +1,7 @@
 """Supports that move in statics: where they are at a load factor, and the iteration that takes the scene along (theory.md 8)."""
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -28,24 +29,24 @@ AWAY = 1e-6
 OUT_OF_PLANE = 1e-12
 
 
-class _Moving:
+class _Moving(ABC):
     """Supports on their way with a load factor; `ahead`: to first order, so far beyond it, for derivatives by it."""
 
     ahead = 0.0
     _size: float
 
     @property
+    @abstractmethod
     def moves(self) -> Array:
         """Displacements and rotation vectors in space that supports go by with the load factor, [M, 6]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def begin(self, share: float) -> None:
         """Count turns from where supports are at this load factor."""
-        raise NotImplementedError
 
+    @abstractmethod
     def moved(self, q: Array, given: Array) -> Array:
         """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by what is `pending`."""
-        raise NotImplementedError
 
     def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
         """Gaps (a function of coordinates) where the supports have gone on by that, with `ahead` to first order."""

@@ -292,7 +292,8 @@ def test_a_telescope_hangs_from_its_tube() -> None:
                                       fb.Slider("inner", rod.start, tube, at=0.4),
                                       fb.Spring(tube.node(3), rod.start, stiffness=1e3, length=0.2), gravity=(0, 0, -1.0)))
     result = fb.solve_static(model)
-    assert result.events == [] and np.all(np.isfinite(result.series["contact_moment"]))
+    # its bores are as long as elements
+    assert {event["kind"] for event in result.events} <= {"contact"} and np.all(np.isfinite(result.series["contact_moment"]))
     q = result.state.q.reshape(-1, 4, 3)
     assert q[model.numbers.number(rod.end), 0, 2] < -1e-3
     assert result.info["unstable_directions"] == 0

@@ -190,7 +190,7 @@ def test_steps_that_miss_the_wave_of_an_impact_are_told_of(planar: Any, interpol
     # m/sqrt(EA rhoA) = 3.2e-5 s
     for step, told in ((1e-3, 1), (1e-4, 1), (2e-5, 0)):
         result = fb.simulate(model, t_end=0.0085 + step, step=step, progress=False)
-        texts = [x["text"] for x in result.events if x["kind"] == "unresolved"]
+        texts = [x["text"] for x in result.events if x["kind"] == "unresolved" and "wave" in x["text"]]
         assert len(impacts_of(result)) > 0 and len(texts) == told
         assert all("slider 's' meets a rigid stop" in text and "3.2e-05 s" in text for text in texts)
 
@@ -278,7 +278,7 @@ def test_a_blow_on_what_hardly_moves_gives_no_energy(restitution: float) -> None
     assert min(plain) < -1e-9
 
 
-@pytest.mark.parametrize("step", [1e-3, 5e-4])
+@pytest.mark.parametrize("step", [5e-4, 2.5e-4])
 def test_a_stop_gives_no_energy_to_a_body_that_tumbles_on_a_flying_beam(step: float) -> None:
     """Rates of directors at the end of a step are no motion of triads, and have energy of their own."""
     beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0.2), section=SOFT, elements=4)
@@ -291,3 +291,10 @@ def test_a_stop_gives_no_energy_to_a_body_that_tumbles_on_a_flying_beam(step: fl
     losses, size = np.diff(result.slider("s")["stop_loss"]), np.max(result.series["kinetic"])
     # what impulses do on rates across the beam is lost, second order in the step
     assert impacts_of(result) and np.min(losses) > -1e-14 * size and np.max(losses) < 1e-2 * (step / 1e-3)**2 * size
+    assert all(event["kind"] != "unresolved" for event in result.events)
+    # it meets the stop again 0.6 ms later: within one step of 1 ms, where it stays
+    coarse = fb.simulate(model, t_end=0.05, step=1e-3, every=1, progress=False)
+    told, = (event["text"] for event in coarse.events if event["kind"] == "unresolved")
+    lost = coarse.slider("s")["stop_loss"][-1] / np.max(coarse.series["kinetic"])
+    assert lost > 0.3 and "second time within a step" in told
+    assert float(told.split(" % of")[0].split()[-1]) == pytest.approx(100.0 * lost, rel=0.1)

