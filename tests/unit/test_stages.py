@@ -134,7 +134,9 @@ def test_a_run_does_not_go_back_to_the_compiler() -> None:
         sys.setprofile(None)
     assert "newton.py" in entered and "result.py" in entered
     assert entered & STAGES == set()
-    assert not any(name.startswith("scene/") for name in entered)
+    # what there is to say about contacts and tables of time asks parts of the scene
+    told = {"scene/scene.py", "scene/sliders.py", "scene/beams.py", "scene/sections.py"}
+    assert {name for name in entered if name.startswith("scene/")} <= told
 
 
 def test_another_form_of_a_model_is_compiled_once_and_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
