@@ -124,14 +124,22 @@ class PathSolver(SlidingSolver):
     def in_plane(self, way: Direction, number: int, step: float) -> Direction | None:
         """Of the directions in which paths branch off in the plane the one nearest to `way`, a direction of the judge; None where
         that leaves the plane. number, step: as of `branches`."""
-        axes, rows = self.stepper.plane.axes, self.core.pattern.n
         if np.linalg.norm(self.judge.aside(way.x)) > ASIDE:
             return None
-        x = way.x[:6 * rows].reshape(rows, 6)
-        flat = np.concatenate((x[:, :3] @ axes[:2].T, x[:, 3:] @ axes[2:].T), axis=1).reshape(-1)
-        flat = np.concatenate((flat, way.x[6 * rows:6 * rows + self.sliding.size], np.zeros(self.core.n_forces)))
+        flat = Direction(self.within(way.x[:, None])[:, 0], 0.0)
         own = self.branches(number, step)[0]
-        return max(own, key=lambda x: self.product(x, Direction(flat, 0.0)), default=None)
+        return max(own, key=lambda x: self.product(x, flat), default=None)
+
+    def within(self, x: Array) -> Array:
+        """What vectors [n, m] of the judge have in the plane of this solver, without their forces; in space they are its own."""
+        plane, rows, sliding = self.stepper.plane, self.core.pattern.n, self.sliding.size
+        if self.in_space is None:
+            return x
+        parts = x[:6 * rows].reshape(rows, 6, -1)
+        moves = np.einsum("ij,njm->nim", plane.axes[:2], parts[:, :3])
+        turns = np.einsum("ij,njm->nim", plane.axes[2:], parts[:, 3:])
+        flat = np.concatenate((moves, turns), axis=1).reshape(3 * rows, -1)
+        return np.concatenate((flat, x[6 * rows:6 * rows + sliding], np.zeros((self.core.n_forces, x.shape[1]))))
 
     def aside(self, x: Array) -> Array:
         """What vectors [n, ...] of a solver in space have out of the plane that the path runs in, in the metric of the steps."""

@@ -187,9 +187,10 @@ class PathStep:
         self.solver.restore(self.end)
         after = self.solver.direction(self.along)
         self.solver.restore(at)
-        vectors = self.solver.critical_directions(number)
-        if vectors is None or after is None or len(vectors) != after.x.size:
+        found = self.solver.judge.critical_directions(number)
+        if found is None or after is None:
             return False
+        vectors = self.solver.within(found)
         way = self.along.x + size / self.size * (after.x - self.along.x)
         weighed = self.solver.weight * way
         return bool(np.linalg.norm(weighed @ vectors) >= SAME_WAY * np.sqrt(weighed @ way))

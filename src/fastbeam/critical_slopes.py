@@ -61,6 +61,9 @@ class _Critical:
         saddle, right = base.linearised()
         self.loads = plus.unbalanced() - right
         self.matrix, self.multiplier = saddle.matrix, saddle.multiplier
+        # what nothing resists all along is none of the direction
+        base.hold_free(self.matrix)
+        self.free = base.weights[:, None] * base.free_motions.motions(right.size)
         start = np.random.default_rng(0).standard_normal(right.size)
         start[base.nodes:] *= 0.0
         row = saddle.row
@@ -77,13 +80,17 @@ class _Critical:
         skew = self.matrix - self.matrix.T
         self.is_symmetric = float(np.max(np.abs(skew.data), initial=0.0)) <= 1e-7 * float(np.max(np.abs(self.matrix.data)))
 
-    def across(self, right: Array) -> float:
-        """Share of a right-hand side that pushes along the critical direction."""
+    def across(self, right: Array, noise: float = 0.0) -> float:
+        """Share of a right-hand side that pushes along the critical direction; 0 where that is round-off, `noise` times what it
+        may be of forces."""
+        push = abs(float(self.left @ right))
+        if push <= noise * float(np.abs(self.left) @ self.base.noise()):
+            return 0.0
         size = float(np.linalg.norm(self.left / self.row) * np.linalg.norm(self.row * right))
-        return abs(float(self.left @ right)) / max(size, 1e-300)
+        return push / max(size, 1e-300)
 
     def _solve(self, right: Array, last: float, transposed: bool) -> tuple[Array, float]:
-        """Of [K, left; null, 0], with scaled borders, or of its transpose.
+        """Of [K, left, W free; null, 0, 0; (W free)^T, 0, 0], with scaled borders, or of its transpose.
 
         Raises
         ------
@@ -91,16 +98,17 @@ class _Critical:
             There is more than one null vector.
         """
         from scipy import sparse
-        border = sparse.csr_matrix(self.left[:, None]), sparse.csr_matrix(self.null[None])
-        matrix = sparse.bmat([[self.matrix, border[0]], [border[1], None]], format="csr")
+        column, row = (sparse.csr_matrix(np.column_stack((x, self.free))) for x in (self.left, self.null))
+        matrix = sparse.bmat([[self.matrix, column], [row.T, None]], format="csr")
         if transposed:
             matrix = matrix.T.tocsr()
-        saddle = Saddle(matrix, np.append(self.multiplier, True))
-        x = saddle.solve(np.append(right, last))
+        more = column.shape[1]
+        saddle = Saddle(matrix, np.append(self.multiplier, np.ones(more, bool)))
+        x = saddle.solve(np.concatenate((right, [last], np.zeros(more - 1))))
         if x is None or saddle.is_singular:
             raise ConvergenceError("critical_sensitivity: the tangent is singular in several directions at once, whose loads "
                                    "have no derivatives of their own", state=self.base.state)
-        return x[:-1], float(x[-1])
+        return x[:-more], float(x[-more])
 
     def _eigenvalue(self) -> tuple[float, float]:
         """That of the direction, in the metric of (12.1), and what round-off of the stiffness may make of a zero."""
@@ -201,7 +209,7 @@ def _slopes(point: _Critical, family: Family, factors: Callable[..., Array], loa
         if point.is_limit:
             by[name] = -float(point.left @ change) / float(point.left @ point.loads)
             continue
-        if point.across(change) > ACROSS:
+        if point.across(change, 1.0 / family.steps[name]) > ACROSS:
             by[name] = np.nan
             continue
         way = point.solved(change)

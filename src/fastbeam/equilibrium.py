@@ -45,7 +45,7 @@ class StaticSolver:
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
                                symmetric=not self.moments)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
-        self.stepper.core_state.v[:] = 0.0
+        self.core.stop(self.stepper.core_state)
         self.history: list[int] = []
         # iterations of the last equilibrium, or of the hardest part of it
         self.longest = 0

@@ -79,6 +79,8 @@ class FreeMotions:
             self.held[(core.held.row[inside, None] * size + np.arange(size))[bits[inside]]] = True
         self._parts: list[Part] | None = None
         self.names: tuple[str, ...] = ()
+        # unknowns and motions in these of those found last
+        self._found: list[tuple[Array, Array]] = []
 
     @property
     def parts(self) -> list[Part]:
@@ -107,6 +109,7 @@ class FreeMotions:
         unknowns: list[Array] = []
         names: list[str] = []
         loose: list[_Near] = []
+        self._found = []
         for part in self.parts if len(self.parts) <= MOST_PARTS else ():
             own = _Own(self, part, q)
             if not own.is_loose:
@@ -118,6 +121,7 @@ class FreeMotions:
                 names.append(f"{part.name} about {'their axes' if part.several else 'its axis'}")
             near.rest = _without(near.rigid, found)
             unknowns.append(near.unknowns[_pivots(near.matrix, found)])
+            self._found.append((near.unknowns, found))
             if near.rest.shape[1]:
                 loose.append(near)
         count = sum(near.rest.shape[1] for near in loose)
@@ -129,6 +133,14 @@ class FreeMotions:
                 names += how
         self.names = tuple(names)
         return np.concatenate([np.zeros(0, np.int64), *unknowns])
+
+    def motions(self, n: int) -> Array:
+        """Those that were found last, among n unknowns, by columns [n, m]."""
+        ends = np.cumsum([0, *(x.shape[1] for _, x in self._found)])
+        out = np.zeros((n, ends[-1]))
+        for (unknowns, x), first, last in zip(self._found, ends, ends[1:]):
+            out[unknowns, first:last] = x
+        return out
 
     def on_unknowns(self, rows: Array, motion: Array) -> Array:
         """Velocities and spins [k, 6, m] of nodes that have these rows [k] in their unknowns [k, size, m]."""
@@ -150,6 +162,7 @@ class FreeMotions:
                 motions[near.unknowns, ends[k]:ends[k + 1]] = near.rest
         round_off = OF_BODIES if all(near.part.nodes.size == 1 for near in group) else OF_BEAMS
         found = motions @ _null(matrix, nodes, motions, round_off)
+        self._found.append((unknowns, found))
         return unknowns[_pivots(matrix, found)], [self._name(group, unknowns, x) for x in found.T]
 
     def _name(self, group: list[_Near], unknowns: Array, x: Array) -> str:

@@ -50,6 +50,11 @@ class HistoryLayout:
             own = self.added.momenta(q.reshape(self.n_nodes, -1), v.reshape(self.n_nodes, -1))
             history[self.added_place:self.added_place + own.size] = own
 
+    def stop(self, state: State) -> None:
+        """Take the velocities of a state away, and the momenta that stand in its history."""
+        state.v[:] = 0.0
+        self.start_momenta(state.history, state.q, state.v)
+
     def momenta_misfit(self, state: State) -> float:
         """The largest difference between velocities of a state and those of the momenta in its history, m/s."""
         out = 0.0 if self.moving is None else self.moving.misfit(state.history, state.q, state.v)

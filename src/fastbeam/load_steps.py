@@ -123,7 +123,7 @@ class StaticTask:
 def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space: bool,
               is_counted: bool = True) -> tuple[dict[str, Any], list[tuple[str, str]]]:
     """What a result says of the stability of the last equilibrium of a solver, that of load factors [K], and its events (kind,
-    text). held_in_space: whether supports prevent all rigid motions; is_counted: whether it is to be said at all."""
+    text). held_in_space: what `check_supports` returns; is_counted: whether it is to be said at all."""
     flat = solver.stepper.plane is not None
     where = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
     counted = solver.signs(factors, where == "plane") if is_counted else None

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from .added import refuse_added
 from .arguments import Anything, Count, Flag, Number, Word, checked
 from .doubts import warns
 from .dynamics import failure
@@ -119,7 +118,6 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     if model.slider_forces is not None:
         model.slider_forces.check_times("relax", np.ones(model.n_sliders, bool), at_time)
     refuse_winches("relax", model)
-    refuse_added("relax", model, "no equilibrium depends on it; leave it out")
     check_backend(backend)
     check_at_rest("relax", model)
     if model.released is not None:
@@ -255,7 +253,7 @@ class _Motion:
         if start is not None:
             own = State(start.q, 0.0 * start.v, start.s, start.force, start.history)
         self.stepper = Stepper(at_rest, np.ones(1), own, max_iterations, backend)
-        self.stepper.core_state.v[:] = 0.0
+        self.stepper.core.stop(self.stepper.core_state)
         self.interrupts = Interrupts()
         Observer(model, observe, points)
         kinds = ("slider", "joint", "energy", *(kind for kind in observe if kind in ("section", "spring", "orientation")))
@@ -280,6 +278,7 @@ class _Motion:
         now, history = self.stepper.state, self.model.state().history
         found = State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
         self.model.keep_turns(history, now.history)
+        self.model.stop(found)
         if self.model.motions is not None:
             self.model.motions.settle(found, found, self.model.motion_place, None)
         return found
@@ -402,7 +401,7 @@ class _Motion:
     def _stop(self) -> None:
         """Take the velocities away."""
         state = self.stepper.copy_state()
-        state.v[:] = 0.0
+        self.model.stop(state)
         self.stepper.set_state(state)
 
     # --- the end ------------------------------------------------------------------------------------------------------

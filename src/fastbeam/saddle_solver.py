@@ -262,9 +262,12 @@ class SaddleSolver(StaticSolver):
 
     def move(self, x: Increment) -> float:
         """Add an increment. Returns its size."""
-        state, core = self.stepper.core_state, self.core
+        state, core, work = self.stepper.core_state, self.core, self.work
+        # arms of tied nodes are those of the present shape, which need not be that of the last equations
+        if work.q_end.size:
+            work.q_mid[:] = work.q_end[:] = state.q
         # the kernels take half of what solves the equations of half the tangent, and subtract it
-        self.work.panel.reshape(-1, core.width)[:x.nodes.size, 0] = -2.0 * x.nodes
+        work.panel.reshape(-1, core.width)[:x.nodes.size, 0] = -2.0 * x.nodes
         moved = self.stepper.parts.update()
         state.s[:] += x.s
         state.force[:] += x.force

@@ -128,8 +128,7 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
     """
     state = own_state(model, state)
     if at_rest:
-        state.v[:] = 0.0
-        model.start_momenta(state.history, state.q, state.v)
+        model.stop(state)
     notes: list[Any] = _displaced_supports(model, state)
     if t is not None:
         notes += moved_supports(model, state, t)

@@ -22,14 +22,15 @@ Array = np.ndarray
 
 def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> bool:
     """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene;
-    may_turn: one held point will do, about which it may turn. Returns whether all six are prevented. Sliders and joints connect.
+    may_turn: one held point will do, about which it may turn. Returns whether motions out of the plane count: whether all six are
+    prevented, or a straight part can but turn about its own line. Sliders and joints connect.
 
     Raises
     ------
     SceneError
         Names the part and the motion that nothing prevents.
     """
-    return _known(model, flat, may_turn) is None
+    return not _known(model, flat, may_turn)
 
 
 def free_aside(model: Model) -> str:
@@ -126,14 +127,15 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
         if values[5] > 1e-9:
             continue
         aside = aside or ""
-        if may_turn and np.any(mask[nodes] & 7 != 0):
-            continue
         what = model.labels[nodes[0]].split(" node ")[0]
         if flat:
             for motion in motions[values <= 1e-9]:
                 moved = motion[:3] + np.cross(motion[3:], (phi[nodes] - center) / size)
                 if not aside and np.max(np.linalg.norm(moved, axis=1)) > 1e-9:
                     aside = f"{what} can {_how(motion)}"
+        if may_turn and np.any(mask[nodes] & 7 != 0):
+            continue
+        if flat:
             values, motions = _free_motions(matrix, within)
             if values[2] > 1e-9:
                 continue

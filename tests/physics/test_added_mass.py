@@ -172,7 +172,6 @@ def test_what_it_does_not_go_with() -> None:
             (lambda: fb.simulate(model, t_end=0.1, step=0.01, order=4, progress=False), "order=4: added mass 'water'"),
             (lambda: fb.simulate(model, t_end=0.1, step=0.01, method="midpoint", progress=False), "added mass"),
             (lambda: fb.adjoint_run(model, t_end=0.1, step=0.01), "added mass"),
-            (lambda: fb.relax(model), "leave it out"),
             (lambda: fb.modes(model, steady=fb.Spin(axis=(1, 0, 0), rate=1.0)), "leave it out")):
         with pytest.raises(fb.SceneError, match=words):
             run()
@@ -180,6 +179,26 @@ def test_what_it_does_not_go_with() -> None:
     stops = fb.Slider("s", ball, beam, at=1.0, stops=fb.Stops(start=0.5, end=1.5))
     with pytest.raises(fb.SceneError, match="blows"):
         fb.compile_scene(fb.Scene(beam, water, clamp, ball, stops))
+
+
+@pytest.mark.parametrize("planar", [True, False], ids=["plane", "space"])
+def test_no_equilibrium_depends_on_it(planar: bool) -> None:
+    """A body between two springs in a scene with velocities: where it rests by motion, whose energy balance closes, and by load
+    steps; a run from there stays."""
+    body = fb.RigidBody("body", mass=MASS, inertia=INERTIA, position=(0.6, 0, 0), velocity=(0.5, 0, 0.3))
+    springs = [fb.Spring(fb.GROUND.point((x, 0, 0)), body, stiffness=k, length=length)
+               for x, k, length in ((0.0, 100.0, 0.5), (2.0, 10.0, 1.4))]
+    model = fb.compile_scene(fb.Scene(body, *springs, fb.AddedMass("water", body, normal=0.4, tangential=1.9),
+                                      fb.Load("push", body, force=(11, 0, 0))), planar=planar)
+    exact = np.array([(11.0 + 50.0 + 6.0) / 110.0, 0.0, 0.0])
+    rested, stepped = (find(model, points={"body": body}) for find in (fb.relax, fb.solve_static))
+    strain, way = rested.series["strain"], rested.point("body")[:, 0]
+    lost = strain[0] - strain[-2] + 11.0 * (way[-2] - way[0])
+    assert rested.info["energy_loss"] == pytest.approx(lost, rel=1e-10) and lost == pytest.approx(0.5 / 110.0, rel=1e-2)
+    for found in (rested, stepped):
+        np.testing.assert_allclose(found.point("body")[-1], exact, rtol=0, atol=1e-12)
+        run = fb.simulate(model, start=found.state, t_end=0.1, step=0.01, progress=False)
+        assert np.max(run.series["kinetic"]) < 1e-20 * lost
 
 
 def test_response_and_step_control() -> None:

@@ -345,6 +345,32 @@ def test_buckling_load_of_a_column() -> None:
         fb.sensitivity(lambda EI: build(**{**v, "EI": EI}), {"EI": 100.0}, state=path.state, load_factor=factor)
 
 
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (1.0, 2.0, -0.7)])
+def test_a_strut_on_pins_that_may_spin_about_its_line(way: tuple[float, ...]) -> None:
+    """Euler: pi^2 EI/(L^2 F) of the weak axis, EA and GA alike; in any direction, also across the plane of a scene."""
+    along = np.array(way) / np.linalg.norm(way)
+    one = np.array([0, 0, 1.0]) if along[0] == 1.0 else np.cross(along, (0, 0, 1)) / np.linalg.norm(along[:2])
+    two = np.cross(along, one)
+
+    def build(EI: float, L: float) -> Any:  # noqa: N803
+        strip = section(1e6, EI, 1e6, GJ=1.0, EI3=1e4)
+        strut = fb.Beam.straight("strut", (0, 0, 0), L * along, d2=one, section=strip, elements=6)
+        rails = ([fb.Pin(strut.end, axes="yz")] if along[0] == 1.0 else
+                 [fb.Spring(fb.GROUND.point(L * along + 1e3 * x), strut.end, stiffness=1e9) for x in (one, two)])
+        return fb.Scene(strut, fb.Pin(strut.start), *rails, fb.Load("press", strut.end, force=-12.0 * along))
+
+    v = dict(EI=1.0, L=1.0)
+    model = fb.compile_scene(build(**v))
+    path = fb.solve_path(model, stop_at="bifurcation")
+    factor = float(path.series["load_factor"][-1])
+    assert factor == pytest.approx(np.pi**2 / 12.0, rel=2e-6) and (model.plane is None) == (along[0] < 1.0)
+    found = fb.critical_sensitivity(build, v, state=path.state, load_factor=factor)
+    assert found.kind == "bifurcation"
+    assert found.by["EI"] == pytest.approx(factor, rel=1e-6) and found.by["L"] == pytest.approx(-2.0 * factor, rel=2e-6)
+    # nothing of the spin
+    assert np.max(np.abs(found.spins @ along)) < 1e-6 * np.max(np.abs(found.spins))
+
+
 @pytest.mark.slow
 def test_a_strip_that_buckles_out_of_its_plane() -> None:
     """P = 4.0126 sqrt(EI3 GJ)/L^2 where it is much stiffer in its plane: the exponents are 1/2, 1/2 and -2."""

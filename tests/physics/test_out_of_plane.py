@@ -8,6 +8,7 @@ import pytest
 
 import fastbeam as fb
 from buckling_scenes import KINDS, buckling_scene
+from fastbeam.critical_points import CriticalPoint, PathStep
 
 LATERAL = 4.0126
 STRIP = dict(EA=1e6, GA2=1e6, GA3=1e6, GJ=1.0, EI2=1e4, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.2)
@@ -119,6 +120,38 @@ def test_what_stays_in_its_plane() -> None:
     assert model.plane is not None and path.info["counted_in"] == "plane" and "'left' can turn about (1, 0, 0)" in told
 
 
+@pytest.mark.parametrize("kind", ["limit", "bifurcation"])
+@pytest.mark.parametrize("planar", ["auto", True, False])
+def test_a_path_goes_along_what_vanishes_at_a_limit_point_alone(kind: str, planar: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where its vectors are in space and the path is in a plane: an arch of EA R^2/EI = 5e9, stiff across its plane, that snaps
+    through at 8.97 EI/R^2 (D. A. DaDeppo, R. Schmidt, J. Appl. Mech. 42, 1975), and the strip."""
+    first, told = PathStep.first, []
+
+    def looked_at(self: PathStep, *counts: Any) -> CriticalPoint | None:
+        point = first(self, *counts)
+        if point is not None:
+            told.append(self._turns(point.size, point.number, self.solver.saved()))
+        return point
+
+    monkeypatch.setattr(PathStep, "first", looked_at)
+    model = strip(8.0, planar=planar)
+    if kind == "limit":
+        sin, cos = np.sin(np.radians(107.5)), np.cos(np.radians(107.5))
+        section = fb.Section(**STRIP | dict(EA=5e9, GA2=5e9, GA3=5e9, GJ=1e5, EI2=1e5, EI3=1.0))
+        arch = fb.Beam.arc("arch", (-sin, cos, 0), (cos, sin, 0), (sin, -cos, 0), radius=1.0, angle=np.radians(215.0),
+                           section=section, elements=12)
+        model = fb.compile_scene(fb.Scene(arch, fb.Pin(arch.start), fb.Clamp(arch.end),
+                                          fb.Load("crown", arch.at(0.5 * arch.length), force=(0, -8.97, 0))),
+                                 planar=planar)
+    path = fb.solve_path(model, to=1.8, stop_at=kind)
+    if kind == "bifurcation" and planar is True:
+        assert told == critical(path) == []
+        return
+    assert [point["kind"] for point in path.info["critical_points"]] == [kind]
+    assert told == [kind == "limit"] and path.info["counted_in"] == ("plane" if planar is True else "space")
+    assert critical(path)[0] == pytest.approx(1.0 if kind == "limit" else LATERAL / 8.0, rel=2e-3)
+
+
 @pytest.mark.parametrize("weak", ["across", "within", "both"])
 def test_a_strut_on_pins_that_may_spin_about_its_line(weak: str) -> None:
     """Euler: pi^2 EI/L^2 of the weaker axis, with shortening and shear P (1 - P/EA + P/GA)."""
@@ -135,6 +168,10 @@ def test_a_strut_on_pins_that_may_spin_about_its_line(weak: str) -> None:
     assert P * (1.0 - P / EA + P / GA) == pytest.approx(np.pi**2, rel=2e-6)
     beyond = fb.solve_path(model, start=at.state, load_factor=found, to=1.2 * found)
     assert beyond.series["unstable_directions"][-1] == (2.0 if weak == "both" else 1.0)
+    # the same at the full load, 1.2 times the critical one
+    rest = fb.solve_static(model).info
+    assert rest["counted_in"] == "space" and rest["unstable_directions"] == beyond.series["unstable_directions"][-1]
+    assert rest["free_motions"] == ["beam 'strut' about its axis"] and rest["free_directions"] == 1
     bent = fb.solve_path(model, start=at.state, load_factor=found, side=1, to=1.001 * found)
     assert np.max(np.linalg.norm(bent.state.q.reshape(-1, 12)[:, 1:3], axis=1)) > 0.02
 

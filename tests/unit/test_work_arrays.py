@@ -95,13 +95,15 @@ def fences(monkeypatch: pytest.MonkeyPatch) -> Fences:
     return made
 
 
-def assert_fences_hold(scene: fb.Scene, fences: Fences, monkeypatch: pytest.MonkeyPatch, static: bool = False,
+def assert_fences_hold(scene: fb.Scene, fences: Fences, monkeypatch: pytest.MonkeyPatch, static: bool = False, path: bool = False,
                        compiled: dict[str, Any] | None = None, **run: Any) -> fb.Model:
     model = fb.compile_scene(scene, **(compiled or {}))
 
     def state() -> State:
         if static:
             return fb.solve_static(model, at_time=0.1).state
+        if path:
+            return fb.solve_path(model, at_time=0.1, step=0.01, to=0.02, observe=("energy",)).state
         return fb.simulate(model, **{"t_end": 3 * H, "step": H, **run}).state
 
     fenced = state()
@@ -134,9 +136,9 @@ def test_beams_of_every_family(family: str, elements: int, planar: bool, fences:
 
 
 @pytest.mark.parametrize("planar", [True, False], ids=["plane", "space"])
-@pytest.mark.parametrize("run", [{}, {"order": 4}, {"tolerance": 1e-5}, {"static": True}], ids=str)
+@pytest.mark.parametrize("run", [{}, {"order": 4}, {"tolerance": 1e-5}, {"static": True}, {"path": True}], ids=str)
 def test_mechanism(run: dict[str, Any], planar: bool, fences: Fences, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = mechanism(plane(), sliding="static" not in run)
+    scene = mechanism(plane(), sliding=not {"static", "path"} & set(run))
     assert_fences_hold(scene, fences, monkeypatch, compiled={"planar": planar}, **run)
 
 
