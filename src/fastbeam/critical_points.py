@@ -203,9 +203,9 @@ class PathStep:
             size = limit - near * self.size
             found.append((size, self._count(size), self._count(limit + near * self.size)))
             _, ahead, behind = found[-1]
-            if ahead is None or behind is None or abs(behind - ahead) == 1:
+            if ahead is not None and behind is not None and abs(behind - ahead) == 1:
                 return found[-1]
-        return found[0]
+        return next((x for x in found if x[1] is not None and x[2] is not None), found[0])
 
     def _count(self, size: float) -> int | None:
         return self.solver.judge.unstable() if self.to(size) else None

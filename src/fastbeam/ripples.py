@@ -44,6 +44,8 @@ ROUNDED = 5e-4
 # blows at kinks next to the usual force; how much a force changes from one step to the next; rows in which they are looked for
 # behind one; distance of the tangents on both sides, of the length; kinks of a track at most
 BLOW, JUMP, ROWS_BEHIND, SMALL_WAY, MOST_KINKS = 2.0, 0.5, 3, 1e-6, 1000
+# that of a kink of so many rad, below which there is none
+LEAST_BLOW = 1e-6
 
 
 class Contact(NamedTuple):
@@ -298,7 +300,7 @@ class Contacts:
                 else:
                     speed = abs(float(s[k] - before[k])) / span
                     blow = self.masses[k] * speed * self._angle(k, place, state) / h if passed else 0.0
-                if blow > BLOW * usual:
+                if blow > max(BLOW * usual, LEAST_BLOW * self.masses[k] * float(self.speed[k]) / h):
                     self._blow(t, k, place, h, blow, usual)
             if not left:
                 # of quiet rows

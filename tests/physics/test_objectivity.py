@@ -166,7 +166,8 @@ def test_strains_of_a_motion_do_not_know_where_it_is_nor_how_fast_it_goes(place:
         scene = SCENES[place](frame)
         model = fb.compile_scene(scene)
         result = fb.simulate(model, t_end=STEPS[name] * H, step=H, progress=False, **METHODS[name])
-        assert result.events == []
+        # long elements of a helix
+        assert {event["kind"] for event in result.events} <= {"contact"}
         found.append(strains(scene, model, result.state.q))
         slid.append(result.slider("run")["s"][-1])
         force.append(frame.turn.T @ result.slider("run")["force"][-1])
