@@ -295,8 +295,11 @@ class Contacts:
                 place, left = passed[-1], ROWS_BEHIND
             if left and rows:
                 if span < 1.5 * h:
-                    blow = max(size, float(np.linalg.norm(last)))
-                    blow *= float(np.linalg.norm(force - last)) > JUMP * blow
+                    # across what it runs on: stops and drives act along
+                    way = self._tangent(k, float(s[k]), state)
+                    now, then = (x - (x @ way) * way for x in (force, last))
+                    blow = max(float(np.linalg.norm(now)), float(np.linalg.norm(then)))
+                    blow *= float(np.linalg.norm(now - then)) > JUMP * blow
                 else:
                     speed = abs(float(s[k] - before[k])) / span
                     blow = self.masses[k] * speed * self._angle(k, place, state) / h if passed else 0.0
@@ -307,13 +310,16 @@ class Contacts:
                 usual, rows = (usual * rows + size) / (rows + 1), rows + 1
             self._passing[k] = force, usual, rows, place, max(left - 1, 0)
 
+    def _tangent(self, k: int, s: float, state: Any) -> Array:
+        """Unit tangent [3] of what slider k runs on."""
+        nodes, values = shapes_at(self.model, k, s)
+        tangent = values[1] @ state.q.reshape(-1, 4, 3)[nodes, 0]
+        return np.asarray(tangent / np.linalg.norm(tangent))
+
     def _angle(self, k: int, place: float, state: Any) -> float:
         """Of the kink, rad, that what slider k runs on has there."""
-        track, positions, way = self.sliders[k].beam, state.q.reshape(-1, 4, 3)[:, 0], []
-        for s in (place - SMALL_WAY * track.length, place + SMALL_WAY * track.length):
-            nodes, values = shapes_at(self.model, k, s)
-            tangent = values[1] @ positions[nodes]
-            way.append(tangent / np.linalg.norm(tangent))
+        track = self.sliders[k].beam
+        way = [self._tangent(k, s, state) for s in (place - SMALL_WAY * track.length, place + SMALL_WAY * track.length)]
         return float(2.0 * np.arcsin(min(1.0, 0.5 * np.linalg.norm(way[1] - way[0]))))
 
     def _blow(self, t: float, k: int, place: float, h: float, blow: float, usual: float) -> None:

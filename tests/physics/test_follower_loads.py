@@ -104,7 +104,7 @@ def test_the_factor_of_a_load_that_follows_may_be_a_table() -> None:
     # 1.25 x 30 N
     assert np.linalg.norm(tips[0][:2] - exact_tip(37.5)[:2]) < 1e-4
     model, rod = cantilever(30.0, elements=4, time=fb.Signal([0.0, 0.02], [0.0, 1.0], rest=False))
-    with pytest.raises(fb.ConvergenceError, match="'push': its law fails, SceneError: Signal: t = 0.021 s lies outside"):
+    with pytest.raises(fb.ConvergenceError, match="'push': its time function fails, SceneError: Signal: t = 0.021 s lies"):
         fb.simulate(model, t_end=0.04, step=2e-3, progress=False)
 
 
