@@ -107,9 +107,12 @@ def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
         force = float(np.linalg.norm(across))
         share, C = (across / force)**2, beam.section.C
         # a force along d2 bends about d3
-        EI, GA = 1.0 / float(share @ (1.0 / np.diag(C)[[5, 4]])), 1.0 / float(share @ (1.0 / np.diag(C)[[1, 2]]))
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            EI, GA = 1.0 / (share @ (1.0 / np.diag(C)[[5, 4]])), 1.0 / (share @ (1.0 / np.diag(C)[[1, 2]]))
+        if not (0.0 < EI < np.inf and 0.0 < GA < np.inf):
+            continue  # a section without stiffness against the force
         weight = np.abs(values[0]) * known
-        yield Contact(k, slider.name, beam, s, slider.curve, force, float(np.linalg.norm(total[key])), EI, GA,
+        yield Contact(k, slider.name, beam, s, slider.curve, force, float(np.linalg.norm(total[key])), float(EI), float(GA),
                       float(weight @ np.where(known, axial, 0.0) / weight.sum()))
 
 
