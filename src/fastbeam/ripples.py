@@ -97,7 +97,7 @@ def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
         nodes, values = shapes_at(model, k, float(state.s[k]))
         beam, s = place_of(slider, float(state.s[k]))
         across = np.einsum("a,aic,c->i", values[0], triads[nodes], push)[1:]
-        if np.isfinite(tension[nodes]).any() and across.any():
+        if np.isfinite(tension[nodes]).any() and np.linalg.norm(across) > 0.0:
             key = beam, element_at(beam, s)
             found.append((k, slider, beam, s, nodes, values, across, key))
             total[key] = total.get(key, 0.0) + across
@@ -107,12 +107,9 @@ def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
         force = float(np.linalg.norm(across))
         share, C = (across / force)**2, beam.section.C
         # a force along d2 bends about d3
-        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            EI, GA = 1.0 / (share @ (1.0 / np.diag(C)[[5, 4]])), 1.0 / (share @ (1.0 / np.diag(C)[[1, 2]]))
-        if not (0.0 < EI < np.inf and 0.0 < GA < np.inf):
-            continue  # a section without stiffness against the force
+        EI, GA = 1.0 / float(share @ (1.0 / np.diag(C)[[5, 4]])), 1.0 / float(share @ (1.0 / np.diag(C)[[1, 2]]))
         weight = np.abs(values[0]) * known
-        yield Contact(k, slider.name, beam, s, slider.curve, force, float(np.linalg.norm(total[key])), float(EI), float(GA),
+        yield Contact(k, slider.name, beam, s, slider.curve, force, float(np.linalg.norm(total[key])), EI, GA,
                       float(weight @ np.where(known, axial, 0.0) / weight.sum()))
 
 
