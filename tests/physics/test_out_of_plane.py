@@ -123,7 +123,7 @@ def test_what_stays_in_its_plane() -> None:
 @pytest.mark.parametrize("kind", ["limit", "bifurcation"])
 @pytest.mark.parametrize("planar", ["auto", True, False])
 def test_a_path_goes_along_what_vanishes_at_a_limit_point_alone(kind: str, planar: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where its vectors are in space and the path is in a plane: an arch of EA R^2/EI = 5e9, stiff across its plane, that snaps
+    """Also where its vectors are in space and the path is in a plane: an arch of EA R^2/EI = 5e9, stiff across its plane, snaps
     through at 8.97 EI/R^2 (D. A. DaDeppo, R. Schmidt, J. Appl. Mech. 42, 1975), and the strip."""
     first, told = PathStep.first, []
 
