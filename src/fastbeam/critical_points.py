@@ -150,6 +150,8 @@ class PathStep:
         if limit is not None and known:
             # it changes the number, too: what has changed before it are bifurcations
             size, ahead, behind = self._around(limit[0])
+            # where another path crosses there, no equilibrium of this one may be found so near
+            behind = counted if behind is None else behind
             if ahead == behind and abs((behind or 0) - (unstable or 0)) == 1:
                 # next to a limit point the number has to differ on both sides: round-off hides on which it changes
                 ahead = unstable

@@ -48,7 +48,7 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
     """The error of a step of size h that failed, with the last good state."""
     model = stepper.model
     node, size = stepper.worst_node()
-    worst = f"{model.node_label(node)} (residual {size:.3g})"
+    worst = f"{stepper.label_of(node)} (residual {size:.3g})"
     if stepper.contact is not None:
         k, gap, slide = stepper.worst_constraint()
         sliding = f", sliding {slide:.3g} N" if k < model.n_sliders else ""

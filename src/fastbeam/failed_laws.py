@@ -51,6 +51,8 @@ NOTHING = Failure("")
 LET_IT = ". Let it give finite numbers there."
 # of what a function finds
 WORDS = {"law": "force", "wind": "velocity"}
+# names of laws that act at a node
+SHOWN = 2
 UNSEEN = "fails where it is compiled, though not in Python, as by a division by zero,"
 
 
@@ -83,14 +85,43 @@ def failure_in(model: Any, terms: Iterable[Any], work: Array) -> Failure:
             for i in np.flatnonzero(term.asked[:, ASKED_FAILED])[:1].tolist():
                 part = model.motions.holds.pushed(i)
                 return _of_drive(part.label, part.drive, term.asked[i])
-        table = term.wind if isinstance(term, Drag) and isinstance(term.wind, Wind) else term
-        kind = UserForces if isinstance(table, PlanarFollowers) else type(table)
+        kind, table = _table(term)
         if address == 0 or kind not in model.laws:
             continue
         rows = np.flatnonzero(table.first == (address - table.parameters.ctypes.data) // 8)
         if rows.size:
             return failure_of(model.laws[kind], table, rows, float(work[FAILED + 1]), work[FAILED + 2:])
     return NOTHING
+
+
+def _table(term: Any) -> tuple[type, Any]:
+    """The table of laws of a term, and under which kind a model knows its parts."""
+    table = term.wind if isinstance(term, Drag) and isinstance(term.wind, Wind) else term
+    return UserForces if isinstance(table, PlanarFollowers) else type(table), table
+
+
+def acting_at(model: Any, terms: Iterable[Any], node: int) -> str:
+    """Whose laws act on the equations of a node, for a message that names it; empty where there are none."""
+    row, ties = model.pattern.row_of[node], model.ties
+    there = model.pattern.row_of == row
+    if ties is not None:
+        # what acts on a tied node stands in the equations of those that it follows
+        there[np.repeat(np.arange(there.size), np.diff(ties.start))[ties.target_row == row]] = True
+    names = {}
+    for term in terms:
+        kind, table = _table(term)
+        laws = model.laws.get(kind)
+        if laws is None:
+            continue
+        for k in np.flatnonzero(there[term.node].reshape(len(term.node), -1).any(axis=1)).tolist():
+            asked = laws.asked(laws.parts[laws.of[k]], 0.0, np.zeros(18), table.parameters[table.first[k]:])
+            # time functions of loads that follow are no laws
+            if asked.calls[0][0] in WORDS:
+                names[asked.label] = None
+    if not names:
+        return ""
+    several = len(names) > 1
+    return f", where the law{'s' * several} of {' and '.join(list(names)[:SHOWN])} act{'s' * (not several)}"
 
 
 def _of_drive(who: str, drive: Any, asked: Array) -> Failure:

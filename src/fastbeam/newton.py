@@ -14,7 +14,7 @@ from .assembly import Corner, Growing, put_limits, system_of, terms_of
 from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
 from .errors import ConvergenceError, SceneError
-from .failed_laws import LET_IT, Failure, failure_in, forget, has_failed
+from .failed_laws import LET_IT, Failure, acting_at, failure_in, forget, has_failed
 from .iteration import LEFT, Iteration
 from .joint_motion import check_motions
 from .kernels import step as kernels
@@ -337,6 +337,10 @@ class Stepper:
     def failed_law(self) -> Failure:
         """Which law of the user's own has failed in the last attempt, and how."""
         return failure_in(self.core, self.terms, self.law_work)
+
+    def label_of(self, node: int) -> str:
+        """A node for messages about what fails, with whose laws act there."""
+        return self.model.node_label(node) + acting_at(self.core, self.terms, node)
 
     def blamed(self, error: ConvergenceError, text: str, rest: str) -> ConvergenceError:
         """The error of an attempt in which a law of the user's own has failed says so; any other one is as it is.

@@ -323,7 +323,7 @@ class PathWalk:
         if self.step <= self.smallest:
             bar.close()
             solver, result = self.solver, self.finish()
-            where = self.model.node_label(solver.stepper.worst_node()[0])
+            where = solver.stepper.label_of(solver.stepper.worst_node()[0])
             to_end = np.min(np.abs(solver.stepper.core_state.s - solver.ends.T), axis=0) / solver.lengths
             if self.rows == 1 and solver.sliding.any():
                 where += ("; a slider whose contact carries no force yet has no place of its own: hold it (held=True), or begin "

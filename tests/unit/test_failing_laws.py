@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.newton import Stepper
 
 SECTION = fb.Section.circle(radius=0.02, E=1e9, rho=1000.0)
 H = 1e-3
@@ -80,6 +81,44 @@ def test_which_load_a_time_function_belongs_to_is_said() -> None:
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("push", beam.end, force=(0, 0, 1), time=broken)))
     with pytest.raises(fb.SceneError, match="time function of load 'push': must return a finite number, got nan at t = 1 s"):
         fb.solve_static(model, at_time=1.0)
+
+
+def jumps(t, x, d, v, w, p, force, moment):  # type: ignore[no-untyped-def]
+    force[2] = -1e9 if v[2] > 0.0 else 1e9
+
+
+def breeze(t, x, p, velocity):  # type: ignore[no-untyped-def]
+    velocity[0] = 1.0
+
+
+def snaps(t, length, rate, p):  # type: ignore[no-untyped-def]
+    return 1e9 if length > 5.0 else -1e9
+
+
+def test_a_law_that_jumps_is_named_where_the_residual_is_largest() -> None:
+    """Not where it does not act."""
+    says = failing(lambda b: fb.UserForce("wind", b.end, fine), lambda b: fb.UserForce("kick", b.end, jumps))
+    assert "node 6, where the laws of user force 'wind' and user force 'kick' act (residual" in says
+    says = failing(lambda b: fb.UserForce("wind", b.start, fine),
+                   lambda b: fb.LineForce(b.end, fb.GROUND.point((2, 0, 5)), "rope", law=snaps))
+    assert "node 6, where the law of line force 'rope' acts (residual" in says
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_whose_laws_act_on_a_node(planar: bool) -> None:
+    """On one that is welded to a body they enter the equations of the body. Loads that follow are no laws."""
+    beam = rod()
+    body = fb.RigidBody("head", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
+    pad = fb.Drag("pad", body, linear=1.0, wind=breeze) if not planar else fb.Drag("pad", body, linear=1.0)
+    kick = fb.LineForce(beam.end, fb.GROUND.point((2, 0, 5)), "rope", law=snaps)
+    push = fb.Load("push", beam.end, force=(0, 0, 1), follower=True)
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), body, fb.RigidConnection(beam.end, body), kick, pad, push),
+                             planar=planar)
+    stepper = Stepper(model, np.ones(1))
+    acts = "the law of line force 'rope' acts" if planar else "the laws of drag 'pad' and line force 'rope' act"
+    head = int(model.numbers.number(body.center))
+    assert stepper.label_of(head) == f"body 'head', where {acts}"
+    assert stepper.label_of(1) == "beam 'rod' node 1"
 
 
 def test_a_collapse_is_still_one() -> None:
