@@ -125,7 +125,7 @@ def test_friction_on_each_side() -> None:
     assert balanced(result)
     for name, mu in ((A, 0.3), (B, 0.1)):
         x = result.slider(name)
-        assert x["friction_loss"][-1] > 0.1
+        assert x["friction_loss"][-1] > 0.02
         across = np.sqrt(np.sum(x["force"]**2, axis=1) - x["force_along"]**2)
         slides = np.abs(x["slide_rate"]) > 0.1
         # forces of rows are means of two steps

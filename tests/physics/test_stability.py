@@ -50,7 +50,7 @@ def test_cantilever_of_beck() -> None:
     exact = float(fsolve(both, [20.0, 11.0], xtol=1e-13)[0])
     assert exact == pytest.approx(20.0509, abs=1e-3)
     beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=section(1e8, 100.0, 100.0), elements=16)
-    law = fb.UserForce("thrust", beam.end, follows, parameters=(20.0,), dissipates=False)
+    law = fb.UserForce("thrust", beam.end, follows, parameters=(20.0,), dissipates=False, grows=True)
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), law))
 
     def apart(factor: float) -> float:
