@@ -29,7 +29,7 @@ from .observe import POINTS, Observer
 from .parameters import Build, which_build
 from .plane import TOLERANCE
 from .resolution import mesh_events
-from .room import room
+from .empty_arrays import empty
 from .run_parameters import RunFamily
 from .scene.checks import Place
 from .scene.switches import Switch
@@ -170,7 +170,7 @@ class AdjointRun(Doubts):
         self.outside = 0
         self.events: list[dict[str, Any]] = []
         self._points = Observer(model, (), points).points.places
-        self._rows = {name: room((2, n + 1, 3)) for name in self._points}
+        self._rows = {name: empty((2, n + 1, 3)) for name in self._points}
         self._saved: list[Any] = []
         # step and slider whose friction no branch was found for
         self._in_doubt: tuple[int, str] | None = None
@@ -190,10 +190,10 @@ class AdjointRun(Doubts):
         nodes, dim = self.model.n_nodes, stepper.core.dim
         values = np.zeros(0, np.int64) if self.model.motions is None else self.model.motions.every.place + VALUE
         slides = 0 if stepper.along is None else state.s.size
-        out = Stretch(first, room((n + 1, state.q.size)), room((n + 1, state.q.size)), room((n, dim * nodes)),
-                      room((n, (len(stepper.core.dofs) - dim) * nodes)), room((n + 1, state.s.size)),
-                      room((n, state.force.size)), np.zeros((n, slides), np.int64), np.zeros((n, slides)),
-                      room((n + 1, values.size)))
+        out = Stretch(first, empty((n + 1, state.q.size)), empty((n + 1, state.q.size)), empty((n, dim * nodes)),
+                      empty((n, (len(stepper.core.dofs) - dim) * nodes)), empty((n + 1, state.s.size)),
+                      empty((n, state.force.size)), np.zeros((n, slides), np.int64), np.zeros((n, slides)),
+                      empty((n + 1, values.size)))
         for k in range(n + 1):
             out.q[k], out.v[k], out.s[k], out.values[k] = state.q, state.v, state.s, state.history[values]
             if k < n:

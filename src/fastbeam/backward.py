@@ -24,7 +24,7 @@ from .maps import vector_masses
 from .model import Model
 from .newton import AUGMENTATION, Stepper
 from .planar import strain_maps
-from .room import aligned_room, room
+from .empty_arrays import aligned_empty, empty
 from .section_gradient import beam_numbers, moduli_of
 from .transposed import TransposedSolver
 from .workspace import contact_of, entries_of
@@ -184,16 +184,16 @@ class Backward:
                        mass.indices.astype(np.int64), mass.data, core.gravity_weight,
                        core.pattern.row_of[core.spin_root].astype(np.int64), core.loads, pattern.rows.astype(np.int64),
                        pattern.columns.astype(np.int64),
-                       aligned_room(8 * len(core.dofs) * (core.n_blocks + 1) * (pattern.plan is not None)),
-                       aligned(rows), np.zeros(size), *(aligned(rows) for _ in range(4)), *(room(size) for _ in range(4)))
+                       aligned_empty(8 * len(core.dofs) * (core.n_blocks + 1) * (pattern.plan is not None)),
+                       aligned(rows), np.zeros(size), *(aligned(rows) for _ in range(4)), *(empty(size) for _ in range(4)))
 
     def _border(self) -> Border | NoBorder:
         core = self.core
         if not core.n_constraints:
             return NoBorder()
         m = core.border * core.n_constraints
-        return Border(np.zeros(core.n_sliders), *(room(m) for _ in range(3)), room((m, 8 * (core.n_nodes + 1))),
-                      *(room((m, m)) for _ in range(2)), room(m), core.softness / AUGMENTATION)
+        return Border(np.zeros(core.n_sliders), *(empty(m) for _ in range(3)), empty((m, 8 * (core.n_nodes + 1))),
+                      *(empty((m, m)) for _ in range(2)), empty(m), core.softness / AUGMENTATION)
 
     def _found(self, n: int, observed: Sequence[tuple[Array, Array]]) -> Found:
         core, d = self.core, self.core.dim

@@ -25,7 +25,7 @@ from .kernels.slider import NoSleeves, Sliders, Sliding
 from .kernels.terms import Equilibrium, NoTies, System
 from .model import Model
 from .pattern import Pattern, ascending
-from .room import aligned_room, room
+from .empty_arrays import aligned_empty, empty
 
 Array = np.ndarray
 # fields of `Along` that the start of a step and the end of an iteration set, and those that an iteration sets, besides its doubts
@@ -136,7 +136,7 @@ class Workspace:
         """An array of this shape with any numbers."""
         n = int(np.prod(shape))
         if name not in self._arrays or self._arrays[name].size < n:
-            self._arrays[name] = aligned_room(n).view(kind)
+            self._arrays[name] = aligned_empty(n).view(kind)
         return self._arrays[name][:n].reshape(shape)
 
 
@@ -221,12 +221,12 @@ class Group:
         s = self.constraints.size
         # where their forces stand in the state
         self.places = np.concatenate([k + np.arange(m) for k, m in zip(model.first_force[self.constraints], forces)])
-        self.s, self.s_end, self.force = room(beam_of.size), room(beam_of.size), room(self.places.size)
+        self.s, self.s_end, self.force = empty(beam_of.size), empty(beam_of.size), empty(self.places.size)
         integers = {name: np.zeros(s, np.int64) for name in ("entries", "element")}
         self.own: dict[str, Array] = dict(
-            integers, residual=room((s, 8)), forces=forces, first=self.couplings.first,
-            first_force=self.couplings.first_force, compliance=room(s), softness=np.ones(s), remaining=room(s),
-            full=np.zeros(1, np.int64), augmented=room(4), pair=pairs, cross=room((on.size, 2, 8)))
+            integers, residual=empty((s, 8)), forces=forces, first=self.couplings.first,
+            first_force=self.couplings.first_force, compliance=empty(s), softness=np.ones(s), remaining=empty(s),
+            full=np.zeros(1, np.int64), augmented=empty(4), pair=pairs, cross=empty((on.size, 2, 8)))
         known, along = model.sliders, sliding.along
         self.along = AlongGroup(along, self.sliders) if isinstance(along, Along) else None
         limits = model.put_limits(np.zeros((model.n_sliders, 3)), model.s0)[self.sliders]
@@ -297,7 +297,7 @@ class Group:
                     self.along.give()
                 return good
             if self.group_rows.end[0] > self.group_rows.kept.size:
-                self.group_rows = self.group_rows._replace(kept=aligned_room(int(self.group_rows.end[0])))
+                self.group_rows = self.group_rows._replace(kept=aligned_empty(int(self.group_rows.end[0])))
                 continue
             if own["full"][0]:
                 self.entries += max(2, self.entries // 4)

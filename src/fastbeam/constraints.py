@@ -17,7 +17,7 @@ from .kernels.terms import NoTies
 from .mapping import nodes_of_curve
 from .model import Model
 from .pattern import Pattern
-from .room import aligned_room, room
+from .empty_arrays import aligned_empty, empty
 
 Array = np.ndarray
 # of models that still exist
@@ -95,9 +95,9 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
     some = 1.1 * min(max(entries, 4), 6)
     total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 256 + fill
-    factors = Factors(aligned_room(total), room(8 * rows), np.zeros(8 * rows, np.int8), room(7 * s), room(8),
+    factors = Factors(aligned_empty(total), empty(8 * rows), np.zeros(8 * rows, np.int8), empty(7 * s), empty(8),
                       np.zeros(2, np.int64))
-    return Constraints(couplings, touching, order, factors, aligned_room(int(scale * 64 * size)), *others)
+    return Constraints(couplings, touching, order, factors, aligned_empty(int(scale * 64 * size)), *others)
 
 
 def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float, targets: int = 0) -> Constraints:

@@ -21,7 +21,7 @@ from .kernels.user_force import UserForces
 from .mapping import nodes_of_curve, nodes_passed
 from .model import Model
 from .resultants import Sections
-from .room import aligned_room
+from .empty_arrays import aligned_empty
 from .scene import DistributedLoad
 from .unpacked import of_elements, points_of
 
@@ -150,7 +150,7 @@ class FreeBodies:
             for node in (first + nodes).tolist():
                 self.row_of.setdefault(node, len(self.row_of))
         rows = len(self.row_of)
-        self._r = aligned_room(8 * (rows + 1))
+        self._r = aligned_empty(8 * (rows + 1))
         self.beams = Record(tuple(x for x in (self._elements(term, wanted, rows) for term in terms if isinstance(term, Beams))
                                   if x is not None))
         node_row = np.full(model.n_nodes, rows)

@@ -34,7 +34,7 @@ from .methods import Method, check_forces, empty_rates, start_rates
 from .model import Model
 from .outcome import Outcome
 from .released import own_supports
-from .room import aligned_room, room
+from .empty_arrays import aligned_empty, empty
 from .starting import own_state
 from .twisting import start_twisting
 from .workspace import (Capacity, capacity_of, check_border, contact_of, factored_contact_of, inner_of, larger_capacity, law_work,
@@ -192,8 +192,8 @@ class Stepper:
         """Signs of the velocities of sliders with Coulomb friction. What a run before left at rest, held by friction or against a
         stop, stays there: its velocity is what the step left in which it came to rest, of second order."""
         model, state = self.model, self.state
-        rates, contact = room(model.n_sliders), contact_of(model)
-        slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, room(3 * model.n_sliders), rates)
+        rates, contact = empty(model.n_sliders), contact_of(model)
+        slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, empty(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
         own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
         moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
@@ -277,7 +277,7 @@ class Stepper:
         self.capacity = capacity
         self.rows = rows = constraints_of(self.core, self.inner, capacity.entries, capacity.scale, capacity.targets)
         if capacity.buffer > rows.buffer.size:
-            self.rows = rows._replace(buffer=aligned_room(capacity.buffer))
+            self.rows = rows._replace(buffer=aligned_empty(capacity.buffer))
         self.work = self.work._replace(blocks=rows.factors.store[:rows.couplings.end[0]])
         if self.contact.row.shape[1] != capacity.entries:
             old, self.contact = self.contact, self._contact_of(capacity.entries)
@@ -412,8 +412,8 @@ class Stepper:
         model = self.core
         self._augment(h)
         self.forget_failures()
-        counts, sizes = np.zeros(5, np.int64), room(MORE_ITERATIONS * self.max_iterations)
-        force = room((2, self.core_state.force.size))
+        counts, sizes = np.zeros(5, np.int64), empty(MORE_ITERATIONS * self.max_iterations)
+        force = empty((2, self.core_state.force.size))
         loads, factors = None, self._factors
         if self._timed:
             starts, lengths = self._substeps(t, h, n, done)

@@ -22,7 +22,7 @@ from .moving_rows import MeshRows, add_moving, moving_weight, place_rows
 from .point_rows import PointRows
 from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
 from .result import ResultHeader
-from .room import room
+from .empty_arrays import empty
 from .sections_held import Section, sections
 from .starting import own_state
 from .twisting import angles, push_of_twist
@@ -75,7 +75,7 @@ class Observer:
         self.reactions = model.reaction_names if "reaction" in kinds else []
         # points whose section is balanced with them
         self.cut = [k for k, x in enumerate(self.points.sections) if x is not None] if "reaction" in kinds else []
-        self._p, self._out, self._work, self._gap = room(12 * model.n_nodes), room(9), room(6), room(model.n_sliders)
+        self._p, self._out, self._work, self._gap = empty(12 * model.n_nodes), empty(9), empty(6), empty(model.n_sliders)
         self._contact = contact_of(model) if self.slider else None
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
@@ -183,7 +183,7 @@ class Observer:
                 out["twist"] = np.zeros(model.n_sliders)
                 out["twist"][model.sleeve_pairs[:, 0]] = self._angles
         if self.forces is not None:
-            tangent, rate = room((model.n_sliders, 3)), room(model.n_sliders)
+            tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
                                   rate)
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()

@@ -27,7 +27,7 @@ from .observe import Observer
 from .outcome import Outcome
 from .released import OwnSupports
 from .resultants import Sections
-from .room import aligned_room
+from .empty_arrays import aligned_empty
 from .twisting import with_known_twist
 
 Array = np.ndarray
@@ -137,7 +137,7 @@ class Reactions:
         n = len(self.rows)
         first = np.full_like(system.contact.first, -1)
         first[k] = self.own.contact.first[k]
-        work = system.work._replace(r=aligned_room(8 * (n + 1)))
+        work = system.work._replace(r=aligned_empty(8 * (n + 1)))
         one = Record(system._replace(contact=system.contact._replace(first=first), work=work, row_of=np.arange(n)))
         kernels.assemble_some(self._sliding, one, 0.0)
         return -work.r[:8 * n].reshape(-1, 8)

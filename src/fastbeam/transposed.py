@@ -10,7 +10,7 @@ from .kernels import adjoint as kernels
 from .linsolve import SMALL
 from .mkl import load_mkl
 from .newton import Stepper
-from .room import aligned_room
+from .empty_arrays import aligned_empty
 from .saddle import Factors
 
 Array = np.ndarray
@@ -76,7 +76,7 @@ class TransposedSolver:
         rows = {int(row) for c in contact.pair[:, 1] for row in contact.row[c, :contact.entries[c]]}
         for row in rows:
             for i in range(d, len(core.dofs)):
-                x, out = aligned_room(8 * (core.n_nodes + 1)), aligned_room(8 * (core.n_nodes + 1))
+                x, out = aligned_empty(8 * (core.n_nodes + 1)), aligned_empty(8 * (core.n_nodes + 1))
                 x[8 * row + i] = free[row, i]
                 kernels.turn_rows(terms, system, x, out)
                 found[len(core.dofs) * row + i] = -(free * out.reshape(-1, 8)[:n, :len(core.dofs)]).reshape(-1)

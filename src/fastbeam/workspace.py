@@ -21,7 +21,7 @@ from .kernels.terms import NoTies
 from .kernels.user_force import FACTOR, SIZE
 from .kernels.work import LastIncrement, Work, aligned
 from .model import Model
-from .room import aligned_room, room
+from .empty_arrays import aligned_empty, empty
 
 Array = np.ndarray
 
@@ -42,19 +42,19 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
     # zeros mean no rates of a step before, rest, no loads, and nodes that are not tied
     theta = _padded((size - model.dim) * n)
-    return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=room(moved), q_end=room(moved),
-                u=np.zeros(q * (rates or second)), s_end=room(s), f_ext=aligned(8 * (n + 1)),
-                r=aligned_room(8 * (n + 1)),
-                blocks=aligned_room(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
-                panel=aligned_room(panel), border_rows=aligned_room((1 - model.by_rows) * (dense + 1) * model.width),
-                schur=room((dense, dense)), y=room(border),
-                scratch=scratch_of(model), keep_q=room(kept * q), keep_v=room(kept * q), keep_s=room(kept * s),
-                keep_force=room(kept * model.n_forces),
-                keep_history=room(kept * model.history_size), keep_dphi=room(kept * model.dim * n),
-                keep_theta=room(kept * theta.size),
+    return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=empty(moved), q_end=empty(moved),
+                u=np.zeros(q * (rates or second)), s_end=empty(s), f_ext=aligned(8 * (n + 1)),
+                r=aligned_empty(8 * (n + 1)),
+                blocks=aligned_empty(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
+                panel=aligned_empty(panel), border_rows=aligned_empty((1 - model.by_rows) * (dense + 1) * model.width),
+                schur=empty((dense, dense)), y=empty(border),
+                scratch=scratch_of(model), keep_q=empty(kept * q), keep_v=empty(kept * q), keep_s=empty(kept * s),
+                keep_force=empty(kept * model.n_forces),
+                keep_history=empty(kept * model.history_size), keep_dphi=empty(kept * model.dim * n),
+                keep_theta=empty(kept * theta.size),
                 past=np.zeros(model.past_size),
-                keep_past=room(kept * model.past_size),
-                increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned_room(8 * (n + 1)),
+                keep_past=empty(kept * model.past_size),
+                increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned_empty(8 * (n + 1)),
                                NoTies() if model.ties is None else _padded(model.dim * n)))
 
 
@@ -94,7 +94,7 @@ def scratch_of(model: Model) -> Array:
     kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
     sizes = [layout_of(model.dofs, nn, nq).doubles for nn, nq in kinds]
     most = max([*sizes, NODES_SCRATCH])
-    return aligned_room(most if model.substructures is None else most + front_size(len(model.dofs)))
+    return aligned_empty(most if model.substructures is None else most + front_size(len(model.dofs)))
 
 
 def entries_of(model: Model, bounded: bool = True) -> int:
@@ -164,13 +164,13 @@ def factored_contact_of(model: Model, entries: int) -> FactoredContact:
     """Work arrays of constraints that are all sliders as rows of the block matrix, without sleeves, for the conserving step."""
     n, shape = model.n_sliders, model.curves.shape
     numbers = 8 if model.ties is None else 16
-    return FactoredContact(basis=room((5, shape[:, 2].max())), legendre=room((3, shape[:, 1].max())),
+    return FactoredContact(basis=empty((5, shape[:, 2].max())), legendre=empty((3, shape[:, 1].max())),
                            entries=np.zeros(n, np.int32), row=np.zeros((n, entries), np.int32),
-                           share=aligned_room(n * entries * numbers).reshape(n, entries, numbers),
-                           frame=aligned_room(n * FRAME).reshape(n, FRAME), residual=aligned_room(8 * n).reshape(n, 8),
+                           share=aligned_empty(n * entries * numbers).reshape(n, entries, numbers),
+                           frame=aligned_empty(n * FRAME).reshape(n, FRAME), residual=aligned_empty(8 * n).reshape(n, 8),
                            element=np.zeros(n, np.int64), forces=model.forces, first=np.cumsum(model.unknowns) - model.unknowns,
-                           first_force=model.first_force, compliance=room(n), softness=model.softness,
-                           remaining=room(n), full=np.zeros(1, np.int64), augmented=room(4),
+                           first_force=model.first_force, compliance=empty(n), softness=model.softness,
+                           remaining=empty(n), full=np.zeros(1, np.int64), augmented=empty(4),
                            pair=np.zeros((0, 2), np.int64))
 
 
@@ -184,18 +184,18 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
     first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else np.where(
         model.carried, -1, model.border * (np.cumsum(~model.carried) - 1))
     kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
-    columns, lines = (aligned_room(n * row * entries).reshape(n, row * entries) for _ in range(2))
+    columns, lines = (aligned_empty(n * row * entries).reshape(n, row * entries) for _ in range(2))
     # behind the forces of joints those of the identity, and zeros on the right
     corner = aligned(64 * n).reshape(n, 64)
     corner[:, ::9] = model.forces[:, None] <= np.arange(8)
-    return kind(basis=room((5, shape[:, 2].max())), legendre=room((3, shape[:, 1].max())),
+    return kind(basis=empty((5, shape[:, 2].max())), legendre=empty((3, shape[:, 1].max())),
                 entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
                 corner=corner, residual=np.zeros((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
-                first_force=model.first_force, compliance=room(n), softness=model.softness,
-                remaining=room(n),
-                full=np.zeros(1, np.int64), augmented=room(4), pair=model.sleeve_pairs,
-                cross=room((len(model.sleeve_pairs), 2, 8)), before=room(n))
+                first_force=model.first_force, compliance=empty(n), softness=model.softness,
+                remaining=empty(n),
+                full=np.zeros(1, np.int64), augmented=empty(4), pair=model.sleeve_pairs,
+                cross=empty((len(model.sleeve_pairs), 2, 8)), before=empty(n))
 
 
 def inner_of(model: Model) -> Inner | None:
@@ -203,8 +203,8 @@ def inner_of(model: Model) -> Inner | None:
     if model.inner is None:
         return None
     inner = model.inner
-    rhs = aligned_room(inner.rhs.size) if isinstance(inner.rhs, np.ndarray) else inner.rhs
-    return inner._replace(store=aligned_room(inner.store.size), rhs=rhs,
+    rhs = aligned_empty(inner.rhs.size) if isinstance(inner.rhs, np.ndarray) else inner.rhs
+    return inner._replace(store=aligned_empty(inner.store.size), rhs=rhs,
                           mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
 
 
@@ -213,7 +213,7 @@ def condensed_of(model: Model) -> Substructures | None:
     if model.substructures is None:
         return None
     placed = place_stores(model.substructures, len(model.dofs))
-    return placed._replace(store=aligned_room(placed.store.size), ends=aligned_room(placed.ends.size))
+    return placed._replace(store=aligned_empty(placed.store.size), ends=aligned_empty(placed.ends.size))
 
 
 def _padded(n: int) -> Array:
@@ -231,10 +231,10 @@ def law_work() -> Array:
 def scratch_of_moving(n: int) -> Scratch:
     """Work arrays of beams whose elements move, for elements of n nodes."""
     size = 12 * n
-    return Scratch(room((4 * n, 4 * n)), room(size + 2), room(2 * size), room(2 * size), room((2, 2)),
-                   room(7 * size), room(7 * size), room(42 * n), room(42 * n),
-                   room((7, 7)), room((2, 6, 7)), room((2, 7)), room((5, 7)), room((3, 6)), room(7),
-                   room((6 * n + 2, 6 * n + 2)))
+    return Scratch(empty((4 * n, 4 * n)), empty(size + 2), empty(2 * size), empty(2 * size), empty((2, 2)),
+                   empty(7 * size), empty(7 * size), empty(42 * n), empty(42 * n),
+                   empty((7, 7)), empty((2, 6, 7)), empty((2, 7)), empty((5, 7)), empty((3, 6)), empty(7),
+                   empty((6 * n + 2, 6 * n + 2)))
 
 
 def moving_of_run(table: MovingBeam) -> MovingBeam:

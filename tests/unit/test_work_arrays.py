@@ -1,6 +1,6 @@
 """Compiled code writes inside the arrays that it is given and reads nothing from room for work that it has not written before.
 
-Work arrays get a fence of NaN on both sides, room for work (room.py) begins as NaN: fences stay as they are, and the run has the
+Work arrays get a fence of NaN on both sides, empty ones (empty_arrays.py) begin as NaN: fences stay as they are, and the run has the
 bits of one with ordinary arrays.
 """
 from __future__ import annotations
@@ -57,14 +57,14 @@ class Fences:
         raw[start:start + n] = 0
         return raw[start:start + n].view(float)
 
-    def room(self, shape: Any) -> Array:
-        """As room.room."""
+    def empty(self, shape: Any) -> Array:
+        """As empty_arrays.empty."""
         out = self.zeros(shape)
         out.fill(np.nan)
         return out
 
-    def aligned_room(self, n: int) -> Array:
-        """As room.aligned_room."""
+    def aligned_empty(self, n: int) -> Array:
+        """As empty_arrays.aligned_empty."""
         out = self.aligned(n)
         out.fill(np.nan)
         return out
@@ -87,8 +87,8 @@ def fences(monkeypatch: pytest.MonkeyPatch) -> Fences:
     state = Model.state
     for module in ALLOCATING:
         monkeypatch.setattr(module, "np", made)
-        for name, own in (("aligned", made.aligned), ("aligned_room", made.aligned_room), ("_padded", made.zeros),
-                          ("room", made.room)):
+        for name, own in (("aligned", made.aligned), ("aligned_empty", made.aligned_empty), ("_padded", made.zeros),
+                          ("empty", made.empty)):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, own)
     monkeypatch.setattr(Model, "state", lambda self: State(*(made.copy(x) for x in state(self))))

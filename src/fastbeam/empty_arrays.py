@@ -16,12 +16,12 @@ Array = np.ndarray
 FILL = float(os.environ.get("FASTBEAM_FILL", "0"))
 
 
-def room(shape: Any) -> Array:
+def empty(shape: Any) -> Array:
     """An array of this shape, float64."""
     return filled(np.zeros(shape))
 
 
-def aligned_room(n: int) -> Array:
+def aligned_empty(n: int) -> Array:
     """n numbers that begin on a cache line, see `kernels.work.aligned`."""
     return filled(work.aligned(n))
 
