@@ -1,6 +1,6 @@
 """Compiled code writes inside the arrays that it is given and reads nothing from room for work that it has not written before.
 
-Work arrays get a fence of NaN on both sides, empty ones (empty_arrays.py) begin as NaN: fences stay as they are, and the run has the
+Work arrays get a fence of NaN on both sides, those of empty_arrays.py begin as NaN: fences stay as they are, and the run has the
 bits of one with ordinary arrays.
 """
 from __future__ import annotations
