@@ -123,7 +123,7 @@ def test_velocities_that_a_sleeve_does_not_allow_are_refused_or_projected() -> N
         fb.compile_scene(fb.Scene(rod, body, sleeve, turning))
     model = fb.compile_scene(fb.Scene(rod, body, sleeve, turning, project_velocities=True))
     result = fb.simulate(model, t_end=0.05, step=0.01, progress=False)
-    assert [event["kind"] for event in result.events] == ["projected"]
+    assert [event["kind"] for event in result.events if event["kind"] != "contact"] == ["projected"]
     # free of them where the rod may twist
     rod, body, sleeve = parts(keyed=False)
     fb.compile_scene(fb.Scene(rod, body, sleeve, fb.RigidMotion(body, spin=(1.0, 0, 0), about=(1, 0, 0))))
@@ -139,7 +139,8 @@ def test_a_start_with_another_direction_is_refused_or_mended() -> None:
     with pytest.raises(fb.SceneError, match=r"sleeve 'guide': its direction is 0.002 rad off.*mend_start"):
         fb.simulate(model, t_end=0.05, step=0.01, start=state, progress=False)
     result = fb.simulate(model, t_end=0.05, step=0.01, start=state, mend_start=True, progress=False)
-    assert result.events[0]["kind"] == "mended" and result.drift("total") < 1e-12
+    # bodies turn, the rod is not bent: next to the energy of a bend by that angle
+    assert result.events[0]["kind"] == "mended" and np.ptp(result.series["total"]) < 1e-12 * 250.0 * 2e-3**2
 
 
 def test_compared_methods_refuse_sleeves() -> None:
@@ -173,7 +174,7 @@ def test_on_a_curved_beam_the_bore_lies_around_its_mean() -> None:
     assert np.linalg.norm(sleeve.point.offset) == pytest.approx(np.linalg.norm(sleeve.place - body.position))
     model = fb.compile_scene(fb.Scene(ring, body, sleeve))
     result = fb.simulate(model, t_end=0.1, step=0.01, progress=False)
-    assert result.events == [] and np.abs(result.state.q - model.q0).max() < 1e-11
+    assert all(event["kind"] == "contact" for event in result.events) and np.abs(result.state.q - model.q0).max() < 1e-11
     # made again from its own fields it is the same
     from dataclasses import replace
     again = replace(sleeve, keyed=False)
