@@ -77,9 +77,9 @@ def write_page(folder: Path) -> None:
 def python(folder: Path, *arguments: str, **environment: str) -> Any:
     """Run Python in a fresh process, with the modules of a folder; what it prints last, from JSON."""
     paths = os.pathsep.join((str(ROOT / "src"), str(folder)))
-    done = subprocess.run([sys.executable, "-W", "error", "-W", "ignore::UserWarning", *arguments], capture_output=True, text=True,
-                          env={**os.environ, "PYTHONPATH": paths, "FASTBEAM_PROGRESS": "0", **environment}, check=False,
-                          timeout=400)
+    done = subprocess.run([sys.executable, "-W", "error", "-W", "ignore::UserWarning", *arguments], capture_output=True,
+                          text=True, check=False, timeout=400,
+                          env={**os.environ, "PYTHONPATH": paths, "FASTBEAM_PROGRESS": "0", **environment})
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1]) if done.stdout else None
 
