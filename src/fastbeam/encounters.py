@@ -27,7 +27,7 @@ NEXT_TO_NOTHING = 1e-6
 # a point that is back on its beam after this share of a step has not been away
 SHORT_FLIGHT = 1.0 / 64.0
 # share of the kinetic energy that an impact may take because it is the second within a step
-DULLED = 1e-3
+DULLED = 0.05
 # status of steps before one in which a condition of a lock or release begins to hold
 CONDITION = 100
 
