@@ -1,6 +1,9 @@
 """Impacts of sliders and joints on rigid stops, theory.md 5.6."""
 from __future__ import annotations
 
+from functools import cached_property
+from typing import Any
+
 import numpy as np
 
 from .errors import SceneError
@@ -101,11 +104,15 @@ class Impacts:
             after = strike(self.model, state, k, at_end, restitution)
         self.dulled = 0.0
         if given > restitution and self.model.moving is None:
-            before, behind = (float(x.v @ (mass_map(self.model) @ x.v)) for x in (state, after))
+            before, behind = (float(x.v @ (self._mass @ x.v)) for x in (state, after))
             self.dulled = (before - behind) / max(self.largest, before) if before > 0.0 else 0.0
         elif given > 0.0 and self.model.moving is None:
-            self.largest = max(self.largest, float(state.v @ (mass_map(self.model) @ state.v)))
+            self.largest = max(self.largest, float(state.v @ (self._mass @ state.v)))
         return after
+
+    @cached_property
+    def _mass(self) -> Any:
+        return mass_map(self.model)
 
 
 def before_joints(model: Model) -> int:
