@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from places import private
 
-from fastbeam._jit import kernel
-from fastbeam.kernels.algebra import total, vld, vst
-
+kernel = private("_jit", "kernel")
+total, vld, vst = private("kernels.algebra", "total", "vld", "vst")
 # bytes of the three arrays of a triad that no cache holds
 MEMORY = 600_000_000
 

@@ -15,18 +15,22 @@ from typing import Any
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
+from places import module, private
 
-from fastbeam._generic import GenericFunction
-from fastbeam.kernels import beam, blocks, nodes, substructures
-from fastbeam.kernels.inner import NoInner, Short, eliminate_inner
-from fastbeam.kernels.layout import layout_of
-from fastbeam.kernels.motions import OverStep
-from fastbeam.kernels.strain_sets import SIMO_REISSNER
-from fastbeam.kernels.terms import Conserving
-from fastbeam.kernels.work import Work
-from fastbeam.model import Model
-from fastbeam.newton import Stepper
-from fastbeam.workspace import condensed_of, inner_of, work_of  # noqa: E402
+GenericFunction = private("_generic", "GenericFunction")
+beam = module("kernels.beam")
+blocks = module("kernels.blocks")
+nodes = module("kernels.nodes")
+substructures = module("kernels.substructures")
+NoInner, Short, eliminate_inner = private("kernels.inner", "NoInner", "Short", "eliminate_inner")
+layout_of = private("kernels.layout", "layout_of")
+OverStep = private("kernels.motions", "OverStep")
+SIMO_REISSNER = private("kernels.strain_sets", "SIMO_REISSNER")
+Conserving = private("kernels.terms", "Conserving")
+Work = private("kernels.work", "Work")
+Stepper = private("newton", "Stepper")
+condensed_of, inner_of, work_of = private("workspace", "condensed_of", "inner_of", "work_of")
+
 
 PADDED = 8  # columns of a block and of the panel of right-hand sides as they are stored
 
@@ -216,12 +220,12 @@ def count(kernel: Dispatcher, *arguments: Any, without: Sequence[str] = ()) -> i
     return tally.operations
 
 
-def _motion(model: Model, work: Work, mixed: bool) -> OverStep:
+def _motion(model: Any, work: Work, mixed: bool) -> OverStep:
     increment = work.increment._replace(control=np.array([float(mixed), 0.0, 0.0]))
     return OverStep(Conserving(), model.q0, work.dphi, model.v0, increment, 1.0, 1.0)
 
 
-def _elements(model: Model, mixed: bool, assembled: bool) -> int:
+def _elements(model: Any, mixed: bool, assembled: bool) -> int:
     """Of an element of the first group of a model in space, with its inner nodes where they are eliminated and `assembled`."""
     work, tables = work_of(model), model.simo
     motion = _motion(model, work, mixed)
@@ -232,19 +236,19 @@ def _elements(model: Model, mixed: bool, assembled: bool) -> int:
     return count(beam.element_groups, tables, 0, 1, inner, SIMO_REISSNER, motion, work.r, work.blocks, work.scratch, model.dofs)
 
 
-def element_kernel(model: Model, mixed: float) -> float:
+def element_kernel(model: Any, mixed: float) -> float:
     """Of residual and tangent of an element before anything is eliminated or added up; `mixed`: share of the iterations in which
     the tangent takes other stresses than the present ones (theory.md (4.6))."""
     plain, more = (_elements(model, use, False) for use in (False, True))
     return plain + mixed * (more - plain)
 
 
-def after_kernel(model: Model) -> int:
+def after_kernel(model: Any) -> int:
     """Of an element: elimination of inner nodes, and adding up what is left."""
     return _elements(model, False, True) - _elements(model, False, False)
 
 
-def inner_elimination(model: Model) -> int:
+def inner_elimination(model: Any) -> int:
     """The first part of `after_kernel`."""
     work, tables = work_of(model), model.simo
     nn = int(tables.meta[0, 0])
@@ -281,7 +285,7 @@ def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -
     return factor + pairs * columns * product(n) + upper * right * product(n)
 
 
-def node_loops(model: Model) -> int:
+def node_loops(model: Any) -> int:
     """Of a node of a model in space in every iteration: the increments."""
     return count(nodes.update_nodes, np.zeros(1, np.int64), slice(8), 0, 1, slice(3), slice(3), slice(8))
 

@@ -14,11 +14,13 @@ import time
 
 import numpy as np
 import fastbeam as fb
-from fastbeam.filtering import FilteringStepper
-from fastbeam.kernels import step as kernels
-from fastbeam.methods import Method
-from fastbeam.newton import AUGMENTATION, Stepper
 from printing import table
+from places import module, private
+
+FilteringStepper = private("filtering", "FilteringStepper")
+kernels = module("kernels.step")
+Method = private("methods", "Method")
+AUGMENTATION, Stepper = private("newton", "AUGMENTATION", "Stepper")
 
 BAR, ROUNDS, STEP = 1.03, 40, 1e-3
 KINDS = {"none": 0.0, "a time": 1e-4, "a matrix": 1e-4, "rho_inf": 0.0}

@@ -16,9 +16,11 @@ from typing import Any
 import sliders as plain
 import numpy as np
 import fastbeam as fb
-from fastbeam.newton import Stepper
 from printing import table
 from processes import in_turn, smallest
+from places import private
+
+Stepper = private("newton", "Stepper")
 
 BAR, ROUNDS, STEPS = 1.2, 12, 30
 FORCES: dict[str, dict[str, Any]] = {

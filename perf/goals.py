@@ -34,10 +34,6 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 import fastbeam as fb  # noqa: E402
-from fastbeam.linsolve import Pardiso  # noqa: E402
-from fastbeam.mkl import load_mkl  # noqa: E402
-from fastbeam.kernels.sparse import FACTOR, SOLVE  # noqa: E402
-from fastbeam.newton import Stepper  # noqa: E402
 
 import counting  # noqa: E402
 import traffic  # noqa: E402
@@ -45,6 +41,12 @@ from ceilings import Ceilings, best  # noqa: E402
 from parts import ChainParts, iteration, shortest  # noqa: E402
 from scaling import chain_scene, number_of_elements  # noqa: E402
 from printing import table  # noqa: E402
+from places import private  # noqa: E402
+
+Pardiso = private("linsolve", "Pardiso")
+load_mkl = private("mkl", "load_mkl")
+FACTOR, SOLVE, call_pardiso = private("kernels.sparse", "FACTOR", "SOLVE", "call_pardiso")
+Stepper = private("newton", "Stepper")
 
 Array = np.ndarray
 STEP = 1e-3
@@ -114,7 +116,6 @@ def pardiso_time(parts: ChainParts, seconds: float) -> float | None:
     mkl = load_mkl()
     if mkl is None:
         return None
-    from fastbeam.kernels.sparse import call_pardiso
     pattern = parts.model.pattern
     solver = Pardiso(mkl, np.searchsorted(pattern.rows, np.arange(pattern.n + 1)), pattern.columns, 1, parts.n, 1)
     t = solver.tables

@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 
 import fastbeam as fb
-from fastbeam.newton import Stepper
 from printing import Bar, judged, table
 from processes import in_turn, smallest
+from places import private
+
+Stepper = private("newton", "Stepper")
 
 BAR, ROUNDS, STEPS, STEP = 1.3, 7, 30, 1e-3
 K = 0.4

@@ -12,7 +12,10 @@ import time
 import numpy as np
 
 import fastbeam as fb
-from fastbeam import eigen, vibration
+from places import module
+
+eigen = module("eigen")
+vibration = module("vibration")
 
 
 def grid(side: int) -> fb.Net:

@@ -28,9 +28,13 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "src"))
 
 import fastbeam as fb  # noqa: E402
-from fastbeam import numbered, ordering, unpacked  # noqa: E402
-from fastbeam.newton import Stepper  # noqa: E402
-from fastbeam.tables import ElementPacker  # noqa: E402
+from places import module, private  # noqa: E402
+
+numbered = module("numbered")
+ordering = module("ordering")
+unpacked = module("unpacked")
+Stepper = private("newton", "Stepper")
+ElementPacker = private("tables", "ElementPacker")
 
 Array = np.ndarray
 SECTION = fb.Section.circle(radius=0.02, E=1e8, rho=1000.0)

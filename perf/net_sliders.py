@@ -34,7 +34,9 @@ from net_step import STEP, square_net  # noqa: E402
 from sliders import BYTES, judged  # noqa: E402
 
 import fastbeam as fb  # noqa: E402
-from fastbeam.newton import Stepper  # noqa: E402
+from places import private  # noqa: E402
+
+Stepper = private("newton", "Stepper")
 
 
 def sliding(scene: fb.Scene, count: int, a_beam: int, options: argparse.Namespace) -> list[Any]:

@@ -26,8 +26,10 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "src"))
 
 import fastbeam as fb  # noqa: E402
-from fastbeam.kernels.sparse import FACTOR, SOLVE, block_residual, call_pardiso  # noqa: E402
-from fastbeam.newton import Stepper  # noqa: E402
+from places import private  # noqa: E402
+
+FACTOR, SOLVE, block_residual, call_pardiso = private("kernels.sparse", "FACTOR", "SOLVE", "block_residual", "call_pardiso")
+Stepper = private("newton", "Stepper")
 
 SECTION = fb.Section.circle(radius=0.02, E=1e8, rho=1000.0)
 STEP = 1e-3

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fastbeam.result import Result
+import fastbeam as fb
 
 
-def net_of(elements: int, frames: int) -> Result:
+def net_of(elements: int, frames: int) -> fb.Result:
     """A result with shapes of a net, ten elements of degree 2 a beam."""
     beams = elements // 10
     count = 21 * beams
@@ -24,7 +24,7 @@ def net_of(elements: int, frames: int) -> Result:
     names = {"nets": [{"name": "net", "first": 0, "count": count, "starts": (21 * np.arange(beams)).tolist(),
                        "junctions": [], "outlines": [0.01, 0.01, True]}]}
     t = np.arange(frames, dtype=float)
-    return Result(t=t, names=names, t_snap=t, phi=phi, directors=np.tile(np.eye(3), (frames, count, 1, 1)))
+    return fb.Result(t=t, names=names, t_snap=t, phi=phi, directors=np.tile(np.eye(3), (frames, count, 1, 1)))
 
 
 def main() -> None:

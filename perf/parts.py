@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.kernels.beam import element_groups, evaluate_groups
-from fastbeam.kernels.chain import OneSide, back_substitute, factor
-from fastbeam.kernels.inner import NoInner
-from fastbeam.kernels.motions import OverStep
-from fastbeam.kernels.nodes import apply_held
-from fastbeam.kernels.strain_sets import SIMO_REISSNER
-from fastbeam.kernels.terms import Conserving
-from fastbeam.model import Model
-from fastbeam.newton import Stepper
-
 from ceilings import clock
+from places import private
+
+element_groups, evaluate_groups = private("kernels.beam", "element_groups", "evaluate_groups")
+OneSide, back_substitute, factor = private("kernels.chain", "OneSide", "back_substitute", "factor")
+NoInner = private("kernels.inner", "NoInner")
+OverStep = private("kernels.motions", "OverStep")
+apply_held = private("kernels.nodes", "apply_held")
+SIMO_REISSNER = private("kernels.strain_sets", "SIMO_REISSNER")
+Conserving = private("kernels.terms", "Conserving")
+Stepper = private("newton", "Stepper")
 
 Array = np.ndarray
 
@@ -85,7 +85,7 @@ class ChainParts:
         Whether the tangent takes other stresses than the present ones (theory.md (4.6)).
     """
 
-    def __init__(self, model: Model, step: float, mixed: bool = True) -> None:
+    def __init__(self, model: Any, step: float, mixed: bool = True) -> None:
         self.model, self.stepper = model, Stepper(model, np.ones(1))
         self.stepper.advance(0.0, step, 3)
         self.work, self.step, self.rate = self.stepper.work, step, 2.0 / step**2

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_matrix
 
-from fastbeam.scene import Beam
+import fastbeam as fb
 
 try:
     from pypardiso import spsolve
@@ -61,7 +61,7 @@ def strain_changes(q: Array, r: Array) -> Array:
 class PlainBeam:
     """Steps of one free beam; `q`, `v` [N, 4, 3] are the coordinates and their rates."""
 
-    def __init__(self, beam: Beam, q: Array, v: Array) -> None:
+    def __init__(self, beam: fb.Beam, q: Array, v: Array) -> None:
         basis = beam.basis
         self.q, self.v = q.copy(), v.copy()
         self.length = beam.length

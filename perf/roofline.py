@@ -34,10 +34,6 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 import fastbeam as fb  # noqa: E402
-from fastbeam.kernels.sparse import ANALYSE, call_pardiso  # noqa: E402
-from fastbeam.linsolve import Pardiso  # noqa: E402
-from fastbeam.mkl import load_mkl  # noqa: E402
-from fastbeam.newton import Stepper  # noqa: E402
 
 import counting  # noqa: E402
 import traffic  # noqa: E402
@@ -46,6 +42,12 @@ from net_step import square_net  # noqa: E402
 from parts import ChainParts, iteration  # noqa: E402
 from scaling import chain_scene, number_of_elements  # noqa: E402
 from printing import table  # noqa: E402
+from places import private  # noqa: E402
+
+ANALYSE, call_pardiso = private("kernels.sparse", "ANALYSE", "call_pardiso")
+Pardiso = private("linsolve", "Pardiso")
+load_mkl = private("mkl", "load_mkl")
+Stepper = private("newton", "Stepper")
 
 STEP = 1e-3
 FREE = 0.5  # a part that reaches less than this share of its limit is not bound by it

@@ -77,9 +77,10 @@ def run_case(kind: str, elements: int, degree: int, threads: int, seconds: float
     """One size in this process; seconds: how long to measure."""
     import fastbeam as fb
     import traffic
-    from fastbeam.newton import Stepper
-    from fastbeam.substructuring import WORTH_IN_BEAMS, WORTH_IN_NETS
     from parts import iteration
+    from places import private
+    Stepper = private("newton", "Stepper")
+    WORTH_IN_BEAMS, WORTH_IN_NETS = private("substructuring", "WORTH_IN_BEAMS", "WORTH_IN_NETS")
     # loads the compiled code that the large scene runs
     worth = WORTH_IN_BEAMS if kind == "chain" else WORTH_IN_NETS
     small = fb.compile_scene(scene(kind, 32, degree), planar=False, condense=elements >= worth)

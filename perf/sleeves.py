@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 import fastbeam as fb
-from fastbeam.newton import Stepper
 from printing import table
 from processes import in_turn, smallest
 from sliders import Bar, judged
+from places import private
+
+Stepper = private("newton", "Stepper")
 
 BAR, ROUNDS, STEPS, STEP = 2.0, 7, 30, 1e-3
 KINDS: dict[str, dict[str, Any] | None] = {"slider": None, "sleeve, bore of an element": {}, "sleeve, a point": {"length": 0.0},

@@ -29,8 +29,10 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 import fastbeam as fb  # noqa: E402
-from fastbeam.newton import Stepper  # noqa: E402
 from printing import Bar, judged, table  # noqa: E402
+from places import private  # noqa: E402
+
+Stepper = private("newton", "Stepper")
 
 COUNTS = (1, 4, 16, 64, 256, 1024, 4096)
 ELEMENTS = 4  # a slider

@@ -24,8 +24,10 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "src"), str(Path(__file__).parent)]
 
 import fastbeam as fb  # noqa: E402
-from fastbeam.newton import Stepper  # noqa: E402
 from plain_step import PlainBeam, spsolve  # noqa: E402
+from places import private  # noqa: E402
+
+Stepper = private("newton", "Stepper")
 
 BAR = 20.0  # compiled iteration over plain iteration, at least
 SAME = 1e-9  # of the length, after COMPARED steps

@@ -54,7 +54,8 @@ def section() -> Any:
 
 def a_step(model: Any, step: float, steps: int, repeats: int = 9) -> float:
     """Thread time of a step of a run without observers, all its Newton iterations, us: fewer of them count, too."""
-    from fastbeam.newton import Stepper
+    from places import private
+    Stepper = private("newton", "Stepper")
     stepper = Stepper(model, np.ones(1))
     start = stepper.copy_state()
     stepper.advance(0.0, step, 2)

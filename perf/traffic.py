@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from places import private
 
-from fastbeam.newton import Stepper
-from fastbeam.outcome import Outcome
-
+Stepper = private("newton", "Stepper")
+Outcome = private("outcome", "Outcome")
 NUMBER = 8  # bytes
 
 
