@@ -118,8 +118,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--backward", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if not options.here and sum(map(bool, (options.base and not options.keep, options.kept, options.twice, options.keep))) != 1:
-        parser.error("name one thing to compare with: a revision, as in python perf/same_bits.py main~5, --with FILE or --twice; or "
-                     "say where to --keep hashes")
+        parser.error("name one thing to compare with, a revision as in python perf/same_bits.py main~5, --with FILE or --twice; "
+                     "or say where to --keep hashes")
     return options
 
 

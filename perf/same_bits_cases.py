@@ -86,6 +86,8 @@ class Arch:
         Options of its beams.
     at_time : float or None
         When an equilibrium is sought.
+    push, side : float
+        Horizontal forces on the apex, N.
     """
 
     k: float = 1.0
@@ -93,6 +95,7 @@ class Arch:
     beams: dict[str, Any] = field(default_factory=dict)
     options: dict[str, Any] = field(default_factory=dict)
     at_time: float | None = None
+    push: float = 0.3
     side: float = 0.05
 
     def __post_init__(self) -> None:
@@ -111,7 +114,7 @@ class Arch:
         self.apex = self.left.end
         self.parts: list[Any] = [self.left, self.right, fb.RigidConnection(self.left.end, self.right.start),
                                  fb.Clamp(self.left.start, "foot"), fb.Clamp(self.right.end, "abutment"),
-                                 fb.Load("weight", self.apex, force=(0.3, self.side, -1.5))]
+                                 fb.Load("weight", self.apex, force=(self.push, self.side, -1.5))]
 
     def add(self, *parts: Any) -> None:
         """Add parts to its scene."""
@@ -280,7 +283,7 @@ feature("revolute joint, friction", hinge(friction=3e-4))
 feature("revolute joint, load friction", hinge(coefficient=0.1, radius=0.02))
 feature("revolute joint, rigid stops", lambda a: hinge(stops=fb.Stops(-0.001, 0.001, restitution=0.5))(a))
 feature("revolute joint, elastic stops", lambda a: hinge(stops=fb.Stops(-0.001, 0.001, stiffness=50.0))(a))
-feature("revolute joint, drive", lambda a: hinge(drive=fb.Drive(position=0.02, stiffness=2.0, damping=0.05, limit=0.02))(a))
+feature("revolute joint, drive", lambda a: hinge(drive=fb.Drive(position=0.02, stiffness=0.5, damping=0.01))(a))
 feature("universal joint", joined(lambda a, b: fb.UniversalJoint(a, b, "j", axis_a=(0, 1, 0), axis_b=(1, 0, 0))))
 feature("cylindrical joint", joined(lambda a, b: fb.CylindricalJoint(a, b, "j", axis=(1, 0, 0), friction=(1e-3, 0.05))))
 feature("prismatic joint", joined(lambda a, b: fb.PrismaticJoint(a, b, "j", axis=(1, 0, 1), stiffness=3.0)))
@@ -483,7 +486,8 @@ def family(act: Feature | None, side: float = 0.05) -> Callable[..., Any]:
 
 @analysis
 def methods_compared() -> dict[str, Any]:
-    return {method: run(arch(sliding()), method=method) for method in ("midpoint", "generalized_alpha")}
+    return {method: run(arch(sliding()), method=method, observe=("energy", "slider"))
+            for method in ("midpoint", "generalized_alpha")}
 
 
 @analysis
@@ -499,7 +503,7 @@ def step_control() -> dict[str, Any]:
 
 @analysis
 def dissipation() -> Any:
-    return run(arch(), rho_inf=0.8)
+    return run(arch(), rho_inf=0.8, observe=("energy", "momentum"))
 
 
 @analysis
@@ -549,7 +553,7 @@ def bifurcation() -> Any:
 
 @analysis
 def dynamic_relaxation() -> dict[str, Any]:
-    return of_each(lambda made, model, state: fb.relax(model, points=made.points()), "arch", "rubbed")
+    return of_each(lambda made, model, state: fb.relax(model, points=made.points()), "arch", "slider")
 
 
 @analysis
@@ -568,7 +572,7 @@ def damped_vibrations() -> dict[str, Any]:
 
 @analysis
 def steady_motion() -> dict[str, Any]:
-    made = arch(side=0.0)
+    made = arch(push=0.0, side=0.0)
     model, spin = model_of(made), fb.Spin(3.0, axis=(0, 0, 1))
     still = fb.solve_static(model, points=made.points(), steady=spin)
     return {"static": still, "modes": fb.modes(model, state=still.state, steady=spin, n=6)}
@@ -585,7 +589,7 @@ def response_to_frequencies() -> dict[str, Any]:
 def derivatives_of_equilibria() -> dict[str, Any]:
     out = {}
     for name, act in {"arch": None, "slider": sliding()}.items():
-        found = fb.sensitivity(family(act), {"k": 1.0, "h": 1.0})
+        found = fb.sensitivity(family(act), {"k": 1.0, "h": 1.0}, observe=("energy", "section"))
         out[name] = {"point": found.point("apex"), "energy": found.energy(), "section": found.section("root"),
                      "frequencies": found.frequencies(n=3), "gradient": found.gradient(points={"apex": (0.5, 0, 1.0)})}
     return out
