@@ -27,9 +27,11 @@ def test_hashes_see_the_last_bit_and_no_clock() -> None:
 
 @pytest.mark.parametrize(("base", "here", "verdict", "why"), [
     ({"a": "1"}, {"a": "1"}, "same", "1 numbers"), ({"a": "1", "b": "2"}, {"a": "1", "b": "3"}, "DIFFERENT", "b"),
-    ({"a": "1"}, {"a": "1", "c": "2"}, "same", "1 numbers; in one of both only: c"), ({"a": "1"}, {"b": "1"}, "DIFFERENT", "common"),
+    ({"a": "1"}, {"a": "1", "c": "2"}, "same", "1 numbers; in one of both only: c"),
+    ({"a": "1"}, {"b": "1"}, "DIFFERENT", "common"),
     (None, {"a": "1"}, "not there", "no such case"), ("not there: no attribute", {"a": "1"}, "not there", "no attribute"),
-    ("SceneError: x", "SceneError: x", "same", "SceneError"), ("SceneError: x", {"a": "1"}, "DIFFERENT", "SceneError: x / 1 numbers")])
+    ("SceneError: x", "SceneError: x", "same", "SceneError"),
+    ("SceneError: x", {"a": "1"}, "DIFFERENT", "SceneError: x / 1 numbers")])
 def test_verdicts(base: same_bits.Found | None, here: same_bits.Found, verdict: str, why: str) -> None:
     found, told = same_bits.judge(base, here)
     assert found == verdict and why in told
