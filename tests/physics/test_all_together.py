@@ -102,8 +102,8 @@ ANALYSES: dict[str, Callable[[], Any]] = {
     "filters": lambda: everything(fb.simulate(test_filters.flight(), t_end=0.5, step=0.05, rho_inf=0.5, every=1, progress=False)),
     "joints that rub": lambda: everything(test_joint_drives.run(test_joint_drives.arm(friction=2.0), 0.1, 1e-2, every=1,
                                                                 observe=("energy", "joint"))),
-    "given joints": lambda: everything(test_joint_drives.run(test_joint_drives.arm(angle=lambda t: 3.0 * t * t), 0.1, 1e-2, every=1,
-                                                             observe=("energy", "joint"))),
+    "given joints": lambda: everything(test_joint_drives.run(test_joint_drives.arm(angle=lambda t: 3.0 * t * t), 0.1, 1e-2,
+                                                             every=1, observe=("energy", "joint"))),
     "twist": lambda: everything(test_twist_friction.go(0.1, 4e-3, 20.0)),
     "gradient": gradient}
 
