@@ -192,7 +192,7 @@ class AdjointRun(Doubts):
         slides = 0 if stepper.along is None else state.s.size
         out = Stretch(first, empty((n + 1, state.q.size)), empty((n + 1, state.q.size)), empty((n, dim * nodes)),
                       empty((n, (len(stepper.core.dofs) - dim) * nodes)), empty((n + 1, state.s.size)),
-                      empty((n, state.force.size)), np.zeros((n, slides), np.int64), np.zeros((n, slides)),
+                      empty((n, state.force.size)), np.zeros((n, slides), np.int64), empty((n, slides)),
                       empty((n + 1, values.size)))
         for k in range(n + 1):
             out.q[k], out.v[k], out.s[k], out.values[k] = state.q, state.v, state.s, state.history[values]

@@ -185,7 +185,7 @@ class Backward:
                        core.pattern.row_of[core.spin_root].astype(np.int64), core.loads, pattern.rows.astype(np.int64),
                        pattern.columns.astype(np.int64),
                        aligned_empty(8 * len(core.dofs) * (core.n_blocks + 1) * (pattern.plan is not None)),
-                       aligned(rows), np.zeros(size), *(aligned(rows) for _ in range(4)), *(empty(size) for _ in range(4)))
+                       aligned(rows), np.zeros(size), *(aligned_empty(rows) for _ in range(4)), *(empty(size) for _ in range(4)))
 
     def _border(self) -> Border | NoBorder:
         core = self.core
@@ -271,7 +271,7 @@ class Backward:
     def keep_solutions(self) -> None:
         """From now on keep the adjoint solutions of all steps: of rows [n, 8 (rows + 1)], of equations of constraints [n, m]."""
         border, n = self.adjoint.border, self.times.size
-        self.solutions = np.zeros((n, self.adjoint.x.size)), np.zeros((n, border.y.size if isinstance(border, Border) else 0))
+        self.solutions = empty((n, self.adjoint.x.size)), empty((n, border.y.size if isinstance(border, Border) else 0))
 
     def _keep(self, k: int) -> None:
         """The solution of step k."""

@@ -32,6 +32,8 @@ NEAR, LEAST = 0.3, 0.1
 # differences of fourth order by the places of element ends: step as a share of the element; steps and their weights
 STEP = 6e-4
 STENCIL = ((-2, 1.0 / 12.0), (-1, -2.0 / 3.0), (1, 2.0 / 3.0), (2, -1.0 / 12.0))
+# the same to one side alone, beside the end of a beam
+ONE_SIDED = ((0, -25.0 / 12.0), (1, 4.0), (2, -3.0), (3, 4.0 / 3.0), (4, -1.0 / 4.0))
 
 
 class Slot(NamedTuple):
@@ -317,6 +319,15 @@ class Element(NamedTuple):
         ends[side] += way
         return self._replace(ends=(ends[0], ends[1]))
 
+    def stencil(self, side: int) -> list[tuple[float, float]]:
+        """Ways of one end, m, and their weights in its derivative, 1/m: beside the end of the beam into the element alone."""
+        step = STEP * (self.ends[1] - self.ends[0])
+        to_end = self.ends[0] if side == 0 else self.beam.length - self.ends[1]
+        if to_end < 2.0 * step:
+            step *= 1 - 2 * side
+            return [(way * step, weight / step) for way, weight in ONE_SIDED]
+        return [(way * step, weight / step) for way, weight in STENCIL]
+
     def reference(self) -> Array:
         """Strains of the reference [g, 6] at the points of the strain energy, less those of a prestrain."""
         beam, unit, h = self.beam, _unit(self.beam.degree), self.ends[1] - self.ends[0]
@@ -358,10 +369,10 @@ class Element(NamedTuple):
         out = np.array([-longer, longer])
         place = q[:, 0]
         for side in sides:
-            for way, share in STENCIL:
-                there = self.moved(side, way * STEP * h)
-                out[side] -= share / (STEP * h) * (float(np.einsum("g,gi,gi->", weight, stress, there.reference()))
-                                                   + float(np.sum(there.forces() * place)))
+            for way, share in self.stencil(side):
+                there = self.moved(side, way)
+                out[side] -= share * (float(np.einsum("g,gi,gi->", weight, stress, there.reference()))
+                                      + float(np.sum(there.forces() * place)))
         return out, gradient
 
 
@@ -420,8 +431,7 @@ def _way(p: int, sides: list[tuple[float, Array]]) -> Array:
 
 def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, element: Element, second: bool) -> None:
     """ends: contacts at both ends that move, or -1; second: whether with second derivatives."""
-    h = element.ends[1] - element.ends[0]
-    step, degree = STEP * h, element.beam.degree
+    h, degree = element.ends[1] - element.ends[0], element.beam.degree
     sides = tuple(side for side in (0, 1) if ends[side] >= 0)
     slopes, gradient = element.slopes(sides)
     along = _slopes_at_nodes(degree, h, element.q)
@@ -437,10 +447,10 @@ def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, elem
         if not second:
             continue
         bend, change = np.zeros(2), np.zeros_like(element.q)
-        for way, weight in STENCIL:
-            found = element.moved(side, way * step).slopes(sides)
-            bend += weight / step * found[0]
-            change += weight / step * found[1]
+        for way, weight in element.stencil(side):
+            found = element.moved(side, way).slopes(sides)
+            bend += weight * found[0]
+            change += weight * found[1]
         out.bend[k, k] += bend[side]
         other = ends[1 - side]
         if other >= 0:

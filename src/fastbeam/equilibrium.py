@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .empty_arrays import empty
 from .free_motions import FreeMotions
 from .interrupt import Interrupts
 from .kernels import step as kernels
@@ -121,7 +122,7 @@ class StaticSolver:
             state.q[:] = before
             return status, []
         if self.linear.is_compiled and model.substructures is None:
-            buffer = np.zeros(MORE_ITERATIONS * self.max_iterations)
+            buffer = empty(MORE_ITERATIONS * self.max_iterations)
             with self.linear.threads():
                 status, n = kernels.solve_equilibrium(*self.stepper.records, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .empty_arrays import empty
 from .errors import SceneError
 from .kernels.beam import ElementTables
 from .kernels.beams import Beams
@@ -70,8 +71,7 @@ def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], l
     n = int(first[-1]) - begin
     return StrainFilter(beams.strains._replace(law=Filtered(2.0 * factors[0] + 4.0 * factors[1])), own, np.array([begin]),
                         live.astype(float).reshape(-1), np.array(factors), tab[begin:].copy(),
-                        np.zeros(n), np.zeros(n), np.zeros(2 * n + 2), np.zeros(n),
-                        np.zeros(n), lost)
+                        np.zeros(n), np.zeros(n), empty(2 * n + 2), empty(n), empty(n), lost)
 
 
 class FilteringStepper(Stepper):

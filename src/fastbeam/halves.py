@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .empty_arrays import empty
 from .kernels import sparse as kernels
 from .kernels.sparse import PardisoTables
 from .mkl import on_threads, pardiso_tables
@@ -85,7 +86,7 @@ class Half:
         self.tables = tables._replace(block=block, mirror=block)
         # the Schur complement is of these rows
         self.tables.perm[self.own:] = 1
-        self.schur = np.zeros((size * between.size,) * 2)
+        self.schur = empty((size * between.size,) * 2)
         if self._call(kernels.ANALYSE, self.schur):
             raise ArithmeticError(f"PARDISO error {self.tables.numbers[7]} in the analysis of a half")
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_of
+from .empty_arrays import empty
 from .errors import SceneError
 from .kernels.along import ASKED, CONTROL, LAW
 from .kernels.doubt import no_doubt
@@ -200,7 +201,7 @@ class Holds:
         drives = friction = stops = control = None
         if m:
             kind = np.array([TO if self.parts[k].speed is None else BY for k in self.given[mine]])
-            drives = JointDrives(motion, at_drive, kind, np.array([self.first]), np.zeros(m), np.zeros(m), ties)
+            drives = JointDrives(motion, at_drive, kind, np.array([self.first]), empty(m), empty(m), ties)
         if n:
             press = np.array([self._press(k, kept, n_sliders) for k in self.rubs[rubs]])
             # a point that runs along a line is held by the force of another joint, across an axis of its own
@@ -209,15 +210,15 @@ class Holds:
             friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, across,
                                      np.array([self.parts[k].smoothing for k in self.rubs[rubs]]),
                                      np.isin(self.rubs[rubs], self.given).astype(np.int64), self.ends[rubs],
-                                     self.place + RUB * rubs, np.array([self.first + m]), *np.zeros((5, n)),
-                                     *np.zeros((3, n), np.int64), no_doubt(n), np.zeros(n, np.int64), np.zeros(1), ties)
+                                     self.place + RUB * rubs, np.array([self.first + m]), *empty((5, n)),
+                                     *np.zeros((3, n), np.int64), no_doubt(n), np.zeros(n, np.int64), empty(1), ties)
         if at_stop.size:
             stops = JointStops(motion, at_stop, self.stops[stopped])
         if at_control.size:
             gains, d = self.gains[driven], at_control.size
             law = np.array([self.laws.get(k, 0) for k in self.driven[driven].tolist()], np.int64)
             control = JointControl(motion, at_control, gains[:, 0].astype(np.int64), np.ascontiguousarray(gains[:, 1:]), law,
-                                   np.zeros((d, ASKED)), np.zeros((d, 2)), np.zeros(2), np.zeros(d), np.ones(1), np.zeros(d))
+                                   np.zeros((d, ASKED)), empty((d, 2)), empty(2), empty(d), np.ones(1), np.zeros(d))
         return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction, control)
 
     def _press(self, k: int, kept: list[KeptLink], n_sliders: int) -> tuple[int, int]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .coordinates import KINDS, Coordinate
+from .empty_arrays import empty
 from .errors import SceneError
 from .joint_drives import Holds, JointsOfRun, holds_of
 from .joint_tables import bearing_nodes
@@ -95,7 +96,7 @@ class Motions:
 
     def work(self, model: Any) -> JointsOfRun:
         """The tables with arrays of one run of a model."""
-        table = self.table._replace(given=self.table.given.copy(), hold=np.zeros(64))
+        table = self.table._replace(given=self.table.given.copy(), hold=empty(64))
         return self.holds.tables(table, self.acts, model.ties, model.kept, model.n_sliders)
 
     def schedules(self, tables: JointsOfRun, starts: Array, lengths: Array, end: float) -> list[Any]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import number
+from .empty_arrays import empty
 from .errors import ConvergenceError, SceneError
 from .kernels import alpha as kernels
 from .kernels.alpha import Alpha
@@ -140,7 +141,7 @@ def empty_rates(method: Method, n_nodes: int) -> Alpha | None:
     """Work arrays of a method, None where it needs none."""
     if method.parameters is None:
         return None
-    return Alpha(method.parameters, np.zeros(54 * n_nodes), np.zeros(18 * n_nodes), np.zeros(2), np.eye(3).reshape(-1))
+    return Alpha(method.parameters, empty(54 * n_nodes), empty(18 * n_nodes), empty(2), np.eye(3).reshape(-1))
 
 
 def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ._jit import link_library
+from .empty_arrays import empty
 from .kernels import sparse as kernels
 from .kernels.sparse import PardisoTables
 
@@ -92,8 +93,8 @@ def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int
     indptr, indices = indptr.astype(np.int32), indices.astype(np.int32)
     return PardisoTables(
         np.zeros(64, np.int64), settings(more), np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32),
-        np.zeros(max(n, 1), np.int32), indptr, indices, every, every, np.zeros(size**2 * indices.size),
-        *(np.zeros((m, rows)) for m in (columns, columns, *(columns * refined,) * 2)), np.zeros(5, np.int64), np.zeros(2))
+        np.zeros(max(n, 1), np.int32), indptr, indices, every, every, empty(size**2 * indices.size),
+        *(empty((m, rows)) for m in (columns, columns, *(columns * refined,) * 2)), np.zeros(5, np.int64), np.zeros(2))
 
 
 def nested_dissection(matrix: Any) -> Array | None:

@@ -382,7 +382,7 @@ def books_of_start(model: Model, given: Any, state: State, t: float, notes: list
 
 def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
     """Energy stored in all beams and springs, J."""
-    work = np.zeros(6) if work is None else work
+    work = empty(6) if work is None else work
     total = 0.0
     if model.simo is not None:
         total += kernels.strain_energy(model.simo, model.n_nodes, q, SIMO_REISSNER, work, np.zeros(0))

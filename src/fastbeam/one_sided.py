@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .empty_arrays import empty
 from .jumps import blow, jump
 from .kernels.along import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
 from .kernels.nearest_place import Sides, nearest_place_of
@@ -51,7 +52,7 @@ class Finder:
         self._sides = Sides(np.cumsum([0, *map(len, sides)]), np.concatenate(sides).reshape(-1))
         # between which arc lengths there is a contact: the ends of the beam, or the places where stops begin
         self.ends = model.slider_forces.free_way(model.limits_at(model.s0))
-        self._out = np.zeros(7)
+        self._out = empty(7)
 
     def place(self, state: State, k: int, search: int = SEARCH) -> Place:
         """Where the point of slider k is, from the s of the state on; search: steps of it, 0 for the place at s itself."""

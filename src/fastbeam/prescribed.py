@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .connections import Connections, held_axes, held_in_plane
+from .empty_arrays import empty
 from .errors import SceneError
 from .kernels.prescribed import Prescribed
 from .mapping import HALF_TURN
@@ -72,7 +73,7 @@ class PrescribedMotions:
         masks = np.where([motion.since is None for motion in self.motions], self.masks, 0)
         masks = masks if plane is None else held_in_plane(masks, plane.axes)
         return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
-                          np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64), np.zeros(4))
+                          empty((m, size)), empty((m, size)), np.zeros(1, np.int64), empty(4))
 
     def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
         """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; tables:

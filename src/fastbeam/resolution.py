@@ -20,6 +20,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from .basis import build_basis
+from .empty_arrays import empty
 from .kernels.layout import CONSTANTS, LIST, NODES
 from .kernels.observe import strain_energy
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
@@ -64,14 +65,14 @@ class Resolution:
     def __init__(self, model: Model) -> None:
         self.model = model
         self._sets: list[tuple[Any, Any, Array, list[_Elements]]] = []
-        self._work = np.zeros(6)
+        self._work = empty(6)
         self.contacts = Contacts(model)
         self._worst: dict[tuple[str, str], tuple[float, float, str]] = {}
         known = _KNOWN.get(model)
         if known is None:
             known = _KNOWN[model] = _element_sets(model)
         for tables, strains, sets in known:
-            self._sets.append((tables, strains, np.zeros(24 * len(tables.meta)), sets))
+            self._sets.append((tables, strains, empty(24 * len(tables.meta)), sets))
         count = sum(len(e.at) for *_, sets in known for e in sets)
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
 
@@ -265,8 +266,8 @@ def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
     out = []
     for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
         if tables is not None:
-            of_elements = np.zeros(24 * len(tables.meta))
-            strain_energy(tables, model.n_nodes, model.q0, strains, np.zeros(6), of_elements)
+            of_elements = empty(24 * len(tables.meta))
+            strain_energy(tables, model.n_nodes, model.q0, strains, empty(6), of_elements)
             sets = list(_elements(model, tables))
             for e in sets:
                 e.turn = _turn(model.q0, e.nodes)

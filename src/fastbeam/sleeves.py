@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .connections import Connections
+from .empty_arrays import empty
 from .errors import SceneError
 from .kernels.doubt import no_doubt
 from .kernels.sleeve import NoTwist, Sleeves
@@ -61,7 +62,7 @@ def with_twist(scene: Scene, model: Model) -> Sleeves | None:
     arm = np.array([x.friction.coefficient * x.radius if x.radius is not None else 0.0 for x in every])
     place = np.full(n, -1, np.int64)
     place[model.twisting] = model.twist_place + TWIST * np.arange(model.twisting.size)
-    work = *np.zeros((5, n)), np.zeros(2 * n), *np.zeros((3, n), np.int64), no_doubt(n), np.zeros(1)
+    work = *empty((5, n)), empty(2 * n), *np.zeros((3, n), np.int64), no_doubt(n), empty(1)
     return table._replace(twist=Twist(arm, place, table.axes.copy(), *work))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .drive_laws import force_at, gains_of, given_over, given_to, kind_of, law_at, law_of, slope_at_rest, value_at
+from .empty_arrays import empty
 from .errors import SceneError
 from .kernels.along import (AGAINST, ASKED, BY_RATE, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, MOST_KEPT,
                             NO_DRIVE, OFF, OFFSET, POSITION, SIGN, STIFFNESS, TURNS, Along)
@@ -194,8 +195,8 @@ class SliderForces:
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(doubt=no_doubt(len(self.sliders)), **{
             name: getattr(self.tables, name).copy() for name in (
-                "stops", "asked", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held", "offset",
-                "under", "taken", "shapes")})
+                "stops", "asked", "given", "clock", "sign", "rest", "flips", "judged", "against", "held", "offset", "under")},
+            **{name: empty(getattr(self.tables, name).shape) for name in ("needed", "taken", "shapes")})
 
     @cached_property
     def sides(self) -> list[Array]:

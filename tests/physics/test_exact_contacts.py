@@ -177,6 +177,33 @@ def test_a_bead_rests_at_the_lowest_point_of_a_soft_arc_on_any_mesh() -> None:
     assert min(off["mesh"]) > 1e-3 and max(off["exact"]) < 2e-6
 
 
+def pushed_bead(joint: float | None) -> fb.Result:
+    """A heavy bead with a push to the side on an arc of 2.4 m, in one piece or as a path of two that meet at s = joint."""
+    section = fb.Section(EA=1e4, GA2=4e3, GA3=4e3, GJ=2, EI2=20, EI3=20, rhoA=0.1, rhoI2=1e-5, rhoI3=1e-5)
+    ends = np.array([0.0, 2.4] if joint is None else [0.0, joint, 2.4])
+    angle = ends / 3.0 - 0.4
+    pieces = [fb.Beam.arc(f"piece {k}", (3 * np.sin(a), 0, -3 * np.cos(a)), (np.cos(a), 0, np.sin(a)), (-np.sin(a), 0, np.cos(a)),
+                          radius=3.0, angle=b - a, section=section, elements=6 // (ends.size - 1))
+              for k, (a, b) in enumerate(zip(angle, angle[1:]))]
+    bead = fb.PointMass("bead", mass=2.0)
+    scene = fb.Scene(*pieces, bead, fb.Clamp(pieces[0].start), fb.Clamp(pieces[-1].end),
+                     *(fb.RigidConnection(a.end, b.start) for a, b in zip(pieces, pieces[1:])),
+                     fb.Slider("run", bead, on=fb.Path("way", pieces) if joint else pieces[0], at=0.9),
+                     fb.Load("push", bead, force=(1.5, 0, 0)), gravity=(0, 0, -9.81))
+    return fb.solve_static(fb.compile_scene(scene), contacts="exact", load_step=1.0)
+
+
+def test_a_bead_rests_beside_a_joint_of_its_path_as_on_a_beam_in_one_piece() -> None:
+    """At the end of one beam, or at the start of the next, nearer than steps of differences in the elements there."""
+    whole = pushed_bead(None)
+    off = []
+    for gap in (1e-3, 3e-4, -3e-4):
+        found = pushed_bead(float(whole.state.s[0]) + gap)
+        off.append((abs(found.state.s[0] - whole.state.s[0]), abs(found.series["potential"][-1] - whole.series["potential"][-1])))
+    print("off by", off)
+    assert np.max(off) < 2e-6
+
+
 def test_a_cable_slides_through_a_ring_to_its_exact_place() -> None:
     """10.4 m of cable between pins 10 m apart under 1 N/m, through a ring 4 m from the first: place, force and energy by
     shooting, 14 digits; sixth order in the mesh."""

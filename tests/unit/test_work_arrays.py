@@ -16,7 +16,8 @@ from test_sliders_on_nets import CASES as NETS
 from test_sliders_on_nets import scene as net
 
 import fastbeam as fb
-from fastbeam import carrying, constraints, linsolve, methods, newton, observe, reactions, slider_forces, workspace
+from fastbeam import (carrying, constraints, equilibrium, filtering, joint_drives, linsolve, methods, newton, observe, prescribed,
+                      reactions, resolution, sleeves, slider_forces, workspace)
 from fastbeam.kernels import substructures
 from fastbeam.kernels.layout import NODES, POINTS
 from fastbeam.kernels.work import State
@@ -26,7 +27,8 @@ Array = np.ndarray
 H = 0.01
 WIDTH = 128                                      # of a fence on one side, doubles
 MARK = np.int64(0x7FF8_DEAD_BEEF_0BAD)           # a NaN
-ALLOCATING = (carrying, constraints, linsolve, methods, newton, observe, reactions, slider_forces, substructures, workspace)
+ALLOCATING = (carrying, constraints, equilibrium, filtering, joint_drives, linsolve, methods, newton, observe, prescribed,
+              reactions, resolution, sleeves, slider_forces, substructures, workspace)
 
 
 class Fences:
