@@ -99,7 +99,7 @@ def test_jumps_are_refused_where_steps_do_not_integrate_them() -> None:
             (lambda: fb.Drive(position=step), "drive: position must not jump"),
             (lambda: fb.Drive(speed=step), "drive: speed must not"),
             (lambda: fb.RevoluteJoint(fb.GROUND, beam.start, axis=(0, 1, 0), angle=step), "angle must not jump"),
-            (lambda: fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), follower)), "load 'thrust': time .*must not jump.* 0.5 s"),
+            (lambda: fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), follower)), "load 'thrust': time .*not jump.* 0.5 s"),
             (lambda: fb.Signal([0, 1, 1], [0, 0, 1], interpolation="pchip"), "takes interpolation='linear'"),
             (lambda: fb.Signal([0, 1, 1, 1], [0, 0, 1, 2]), "two rows at one time, .* t = 1 s stands there more often"),
             (lambda: fb.Signal([1, 1], [0, 1]), "times must increase"),
