@@ -115,7 +115,7 @@ def in_a_sleeve(elements: int, length: float | None, free: float = 0.4, force: f
 def test_a_sleeve_on_a_coarse_mesh_is_told_of_with_its_error(elements: int, length: float | None, more: dict[str, Any]) -> None:
     """Between 2 and 26 %: of the mesh, the bore, both."""
     error, (text,) = in_a_sleeve(elements, length, **more)
-    # told 20 for 22 %, 26 for 26 of splines, 11 for 12.3 of linear elements, which make the free part stiffer, too; else within 4 %
+    # told 20 for 22 %, 26 for 26 of splines, 11 for 12.3 of linear elements, which are stiffer all along; else within 4 %
     assert abs(number(text, "too stiff by about ") / 100 - error) < 0.12 * error
     assert ("its bore is one element long: give length=" in text) == (length is None)
 

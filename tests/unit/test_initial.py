@@ -256,6 +256,20 @@ def test_a_projection_says_which_beam_it_bends() -> None:
     np.testing.assert_allclose(free.v0.reshape(-1, 4, 3)[:, 0], np.broadcast_to((1.0, 0, 0), (rod.n_nodes, 3)), atol=1e-12)
 
 
+@pytest.mark.parametrize("turned", [0.0, 0.6, 2.2])
+def test_what_supports_stop_does_not_depend_on_the_directions_of_space(turned: float) -> None:
+    """A load on a rope whose other end is pinned: thrown along it, or nearly so, it goes on and the rope bends; thrown aside it
+    keeps what is across the rope, sin(x) of it, but for the inertia of the rope, m/3."""
+    along, across = np.array([np.sin(turned), 0, -np.cos(turned)]), np.array([np.cos(turned), 0, np.sin(turned)])
+    for x, wanted in ((0.0, (1.0, 0.0)), (0.09, (np.cos(0.09), np.sin(0.09))), (0.11, (0.0, np.sin(0.11))), (1.0, (0.0, np.sin(1.0)))):
+        section = fb.Section.circle(radius=0.005, E=1e9, rho=1000.0)
+        rope = fb.Beam.straight("rope", (0, 0, 0), along, section=section, elements=3)
+        load = fb.PointMass("load", mass=100.0, position=along, velocity=np.cos(x) * along + np.sin(x) * across)
+        model = fb.compile_scene(fb.Scene(rope, load, fb.Pin(rope.start), fb.BallJoint(rope.end, load), project_velocities=True))
+        v = model.v0.reshape(-1, 4, 3)[model.numbers.number(load.center), 0]
+        np.testing.assert_allclose((v @ along, v @ across), wanted, rtol=0, atol=4e-4)
+
+
 def struck(mass: float = 0.0, far: float = 50.0) -> fb.Scene:
     """A bead that hits a wire sideways, both free; a body of `mass` that nothing touches."""
     wire = fb.Beam.straight("wire", (0, 0, 0), (1, 0, 0), section=fb.Section.circle(radius=0.002, E=2e11, rho=7850.0), elements=4,
