@@ -15,7 +15,7 @@ SHARED = 1e-8
 # share of what a constraint has of single nodes, below which a rigid motion leaves it as it is
 UNMOVED = 1e-9
 SOLUTIONS = 30
-# share of the kinetic energy that was given, of which rigid motions that leave less are no answer: supports stop the parts. A load
+# share of the kinetic energy that was given: rigid motions that leave less are no answer, supports stop the parts. A load
 # thrown along a rope whose far end stands keeps sin(x)^2 of it, x the angle between both: 6 degrees, as of directions from typed
 # coordinates and nets that sag, are none of a load that swings. Either way the event `projected` tells energies before and after
 STOPPED = 0.01
