@@ -437,9 +437,9 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
         advice = f"keep a state of every {least} steps by keep_every={least}" if every == n else "run in parts"
         raise SceneError(f"adjoint_run: {n} steps of {model.n_nodes} nodes take {size / 1e9:.3g} GB of memory, more than "
                          f"{MOST / 1e9:g}; {advice}")
-    notes: list[tuple[str, str]] = []
+    notes = list(model.notes)
     if start is not None:
-        start, notes = check_start(model, start, step)
+        start, notes = check_start(model, start, step, t=0.0)
     run = AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every,
                      start is None)
     run.events = [{"kind": kind, "time": 0.0, "text": text} for kind, text in notes] + mesh_events(model, run.state)

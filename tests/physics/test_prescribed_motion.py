@@ -325,6 +325,8 @@ def test_a_support_that_begins_with_a_velocity_alone_is_told_of() -> None:
     with pytest.warns(fb.ResultWarning, match=r"'push' begins with 0.4 m/s .* strains of about 8e-05 .*project_velocities"):
         alone = run(lambda t: 0.4 * t)
     assert [event["kind"] for event in alone.events] == ["shock"]
+    again = fb.adjoint_run(model(lambda t: 0.4 * t)[0], t_end=2e-6, step=1e-6)
+    assert [event["text"] for event in again.events] == [event["text"] for event in alone.events]
     behind = alone.section("near")["N"][alone.t > 6e-5] / (210e9 * 1e-4)
     np.testing.assert_allclose(np.mean(behind), -strain, rtol=0.02)
     # at rest, with the velocity of the beam, or along with it

@@ -261,7 +261,8 @@ def test_what_supports_stop_does_not_depend_on_the_directions_of_space(turned: f
     """A load on a rope whose other end is pinned: thrown along it, or nearly so, it goes on and the rope bends; thrown aside it
     keeps what is across the rope, sin(x) of it, but for the inertia of the rope, m/3."""
     along, across = np.array([np.sin(turned), 0, -np.cos(turned)]), np.array([np.cos(turned), 0, np.sin(turned)])
-    for x, wanted in ((0.0, (1.0, 0.0)), (0.09, (np.cos(0.09), np.sin(0.09))), (0.11, (0.0, np.sin(0.11))), (1.0, (0.0, np.sin(1.0)))):
+    for x, wanted in ((0.0, (1.0, 0.0)), (0.09, (np.cos(0.09), np.sin(0.09))), (0.11, (0.0, np.sin(0.11))),
+                      (1.0, (0.0, np.sin(1.0)))):
         section = fb.Section.circle(radius=0.005, E=1e9, rho=1000.0)
         rope = fb.Beam.straight("rope", (0, 0, 0), along, section=section, elements=3)
         load = fb.PointMass("load", mass=100.0, position=along, velocity=np.cos(x) * along + np.sin(x) * across)
