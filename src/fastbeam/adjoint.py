@@ -36,6 +36,7 @@ from .scene.switches import Switch
 from .section_gradient import beam_numbers
 from .starting import check_start
 from .statics import START
+from .synonyms import known
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -231,8 +232,7 @@ class AdjointRun(Doubts):
 
     def _read(self, name: str, kind: int) -> Array:
         if name not in self._points:
-            there = ", ".join(map(repr, self._points)) or "none"
-            raise SceneError(f"adjoint_run: there is no point {shown(name)}; there are {there}")
+            raise SceneError(f"adjoint_run: there is no point {shown(name)}; there are {known(self._points, name)}")
         return self._rows[name][kind].copy()
 
     @checked(name=Word())
@@ -368,8 +368,7 @@ class AdjointRun(Doubts):
         out = {}
         for name, value in given.items():
             if name not in self._points:
-                there = ", ".join(map(repr, self._points)) or "none"
-                raise SceneError(f"gradient: there is no point {name!r}; there are {there}")
+                raise SceneError(f"gradient: there is no point {name!r}; there are {known(self._points, name)}")
             found = numbers(value)
             if found is None or found.shape not in ((3,), (self.t.size, 3)) or not np.all(np.abs(found) <= LARGEST):
                 raise SceneError(f"gradient, point {name!r}: needs weights (3,) of the last row, or ({self.t.size}, 3) of all, "
@@ -438,9 +437,9 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
         advice = f"keep a state of every {least} steps by keep_every={least}" if every == n else "run in parts"
         raise SceneError(f"adjoint_run: {n} steps of {model.n_nodes} nodes take {size / 1e9:.3g} GB of memory, more than "
                          f"{MOST / 1e9:g}; {advice}")
-    notes: list[tuple[str, str]] = []
+    notes = list(model.notes)
     if start is not None:
-        start, notes = check_start(model, start, step)
+        start, notes = check_start(model, start, step, t=0.0)
     run = AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every,
                      start is None)
     run.events = [{"kind": kind, "time": 0.0, "text": text} for kind, text in notes] + mesh_events(model, run.state)

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .errors import SceneError
-from .synonyms import instead, listed
+from .synonyms import instead, listed, nearest
 
 Array = np.ndarray
 T = TypeVar("T")
@@ -207,7 +207,8 @@ class Word:
         if not isinstance(value, str):
             raise Refusal(f"must be {_either(self.options) or 'a text'}, got {shown(value)}")
         if self.options and value not in self.options:
-            raise Refusal(f"{value!r:.60} does not exist: choose {_either(self.options)}")
+            close = nearest(value, self.options)
+            raise Refusal(f"{value!r:.60} does not exist: choose {_either(self.options)}{close and f'; did you mean {close!r}?'}")
         return str(value)
 
 

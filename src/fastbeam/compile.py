@@ -209,7 +209,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), spans=_spans(scene), corners=corners,
         length=length,
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
+        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, notes=unpacked.notes,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
         slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), twisting=rubbing_sleeves(scene),

@@ -11,7 +11,8 @@ from .errors import ResultWarning
 
 T = TypeVar("T", bound=Callable[..., Any])
 # kinds of events that say so; the others tell what happened, or what was done at the start
-KINDS = ("coarse", "contact", "reversed", "unresolved", "drift", "massless", "order", "extrapolation", "leap", "lagging load")
+KINDS = ("coarse", "contact", "reversed", "unresolved", "drift", "massless", "order", "extrapolation", "leap", "lagging load",
+         "shock")
 # events that a text shows
 MOST = 6
 

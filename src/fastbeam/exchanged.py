@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .errors import SceneError
+from .synonyms import known
 
 if TYPE_CHECKING:
     from .result import Result
@@ -53,14 +54,14 @@ def balance_of(result: Result) -> dict[str, Array]:
 
 def power_of(result: Result, name: str) -> Array:
     """`Result.power`, from a result that has energies."""
-    known = balance_of(result)
-    if name not in known:
-        raise SceneError(f"power: the balance has no {name!r}; it has {', '.join(map(repr, known))}. A part that took "
-                         "and gave nothing has no entry")
+    parts = balance_of(result)
+    if name not in parts:
+        raise SceneError(f"power: the balance has no {name!r}; it has {known(parts, name)}. A part that took and "
+                         "gave nothing has no entry")
     t = result.t
     if len(t) < 3 or not np.all(np.diff(t) > 0.0):
         raise SceneError(f"power: needs three rows at times that grow, here {len(t)}; record more with every=1")
-    return np.asarray(np.gradient(known[name], t, edge_order=2))
+    return np.asarray(np.gradient(parts[name], t, edge_order=2))
 
 
 # of a coordinate: what its rate and its force are called

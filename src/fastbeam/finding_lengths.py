@@ -25,6 +25,7 @@ from .scene import Beam
 from .scene.checks import Place
 from .static_strains import check_beam
 from .statics import SHARE, START, check_slider_forces, held_sliders, solve_static, which_sliders
+from .synonyms import known
 from .unknown_lengths import DEPENDENT, UNMOVED, Condition, LengthSolver, LengthTables, conditions_of
 from .winches import refuse_winches
 
@@ -258,7 +259,7 @@ def _beams_of(model: Model, lengths: Any) -> list[Beam]:
         if isinstance(one, str):
             if one not in named:
                 raise SceneError(f"find_lengths, lengths: scene {model.scene_name!r} has no beam {one!r}; its beams are "
-                                 f"{', '.join(map(repr, list(named)[:12])) or 'none'}; of a net name net.beam(k)")
+                                 f"{known(named, one)}; of a net name net.beam(k)")
             one = named[one]
         check_beam("find_lengths, lengths", model, one)
         if any(one is other for other in out):

@@ -21,6 +21,7 @@ from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, Prescr
 from .scene.checks import Place
 from .statics import START, which_sliders
 from .supports import check_turned, standing_supports, supported
+from .synonyms import known
 from .unpacked import distributed
 from .vibration import LEAST, equilibrium_of, events_about, linearised_at
 
@@ -357,8 +358,8 @@ def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLo
     for load, factor in pairs:
         if isinstance(load, str):
             if load not in model.load_parts:
-                there = ", ".join(repr(name) for name in list(model.load_parts)[:12]) or "none"
-                raise SceneError(f"frequency_response: scene {model.scene_name!r} has no load {load!r}; its loads: {there}")
+                raise SceneError(f"frequency_response: scene {model.scene_name!r} has no load {load!r}; its loads: "
+                                 f"{known(model.load_parts, load)}")
             load = model.load_parts[load]
         if not isinstance(load, (Load, DistributedLoad)):
             raise SceneError(f"frequency_response, loads: must be {need}, got {shown(load)}")

@@ -13,7 +13,7 @@ from .multipliers import KeptLink
 from .numbering import NodeList
 from .prescribed import support_rates
 from .projection import along_curve, project, strain_rates
-from .scene import PointMass, RigidBody, Scene
+from .scene import PointMass, PrescribedMotion, RigidBody, Scene
 from .sections_held import Section
 from .sleeves import held_at_start
 from .tables import Elements
@@ -24,6 +24,8 @@ Array = np.ndarray
 NO_VELOCITY = 1e-100
 # rate of a strain by which parts are not rigid, relative to the largest velocity over the size of the scene
 BENDS = 1e-6
+# strains of waves from a support that begins with a velocity which are nothing
+LEAST_SHOCK = 1e-9
 # what to do about velocities that do not agree
 TOGETHER = "give parts that hang together one RigidMotion, or velocities that agree"
 FROM_REST = "let its function begin with rate zero, give the parts that it moves their velocities (RigidMotion)"
@@ -44,8 +46,8 @@ def _speed_of(wrong: Mismatch) -> float:
 
 
 def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
-                  kept: list[KeptLink]) -> tuple[State, str]:
-    """State at t = 0, and what a projection of the velocities changed, in words. kept: joints that multipliers hold.
+                  kept: list[KeptLink]) -> tuple[State, tuple[tuple[str, str], ...]]:
+    """State at t = 0, and kinds and texts of what there is to say about it. kept: joints that multipliers hold.
 
     Raises
     ------
@@ -57,9 +59,11 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     lines = _contact_lines(scene, nodes)
     v, omega = _given_velocities(scene, nodes)
     moving = support_rates(scene, nodes, joints)
+    notes = []
     # a projection takes along what hangs on supports that move
     for motion in (x for x in scene.prescribed if x.since is None and not scene.project_velocities):
         at = nodes.number(motion.at)
+        notes += _shock(nodes, elements, motion, at, [of[at] - x[at] for of, x in zip(moving, (v, omega))])
         v[at] = np.where(held_axes(np.array([motion.mask]))[0], moving[0][at], v[at])
         omega[at] = moving[1][at] if motion.mask & 56 else omega[at]
     _follow_sliders(scene, nodes, v, lines)
@@ -69,7 +73,6 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     tied = joints.tied
     masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
     v[masses], omega[masses] = (x[masses] for x in tied_velocities(nodes, joints, v, omega))
-    changed = ""
     held = held_at_start(scene, nodes, joints, lines)
     wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving)
     if wrong:
@@ -94,6 +97,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                 changed += (f"; no rigid motions of the parts agree, so {nodes.labels[where]} begins with a rate of strain of "
                             f"{rate:.3g} 1/s, which sends waves through it: give its velocities as a field (InitialVelocity), or "
                             "let motions of supports and drives begin at rest")
+            notes.append(("projected", changed))
     # what is held stands still exactly, or moves as prescribed, also after a projection: no step would correct it
     for x, of, which in ((v, moving[0], held_axes(joints.held) & ~tied[:, None]),
                          (omega, moving[1], (joints.held & 56 != 0) & (joints.spin_root == np.arange(n)))):
@@ -110,7 +114,30 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
         rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
     forces = 3 * s.size + sum(link.forces(3) for link in kept) + 3 * len(scene.sleeves)
-    return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(forces)), changed
+    return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(forces)), tuple(notes)
+
+
+def _shock(nodes: NodeList, elements: list[Elements], motion: PrescribedMotion, at: int,
+           jumps: list[Array]) -> list[tuple[str, str]]:
+    """What there is to say of a support that begins with a velocity and a spin which the scene does not give its beam there;
+    jumps: by how much they differ, m/s and rad/s."""
+    mask = np.array([motion.mask])
+    velocity, spin = (float(np.linalg.norm(x)) for x in (jumps[0] * held_axes(mask)[0], jumps[1] * bool(motion.mask & 56)))
+    strain = 0.0
+    for part in elements:
+        section = np.unique(part.section[np.any(part.nodes == at, axis=1)])
+        stiff, mass = part.stiffness[section][:, np.arange(6), np.arange(6)], part.inertia[section][:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slowness, radius = np.sqrt(mass / stiff[:, 0]), np.sqrt(np.max(stiff[:, 3:], axis=1) / stiff[:, 0])
+            strain = max(strain, float(np.max(np.nan_to_num(slowness * (velocity + spin * radius)), initial=0.0)))
+    if strain <= LEAST_SHOCK:
+        return []
+    much = " and ".join([f"{velocity:.3g} m/s"] * (velocity > 0.0) + [f"{spin:.3g} rad/s"] * (spin > 0.0))
+    return [("shock", f"{motion.label} begins with {much} that the scene gives neither {nodes.labels[at]} nor "
+                      f"the nodes next to it: waves go out from there, with strains of about {strain:.1g} (velocity over speed "
+                      "of waves), whose fronts no mesh resolves; let its function begin with rate zero, give its beam the "
+                      "velocity (RigidMotion, InitialVelocity), or let Scene(..., project_velocities=True) find rigid motions "
+                      "that agree")]
 
 
 def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Array], energies: tuple[float, float]) -> str:

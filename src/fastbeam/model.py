@@ -89,8 +89,8 @@ class Model(HistoryLayout):
         Makes the model of the same scene in space, whose beams are not condensed.
     massless : tuple of str
         Beams without rotary inertia whose triads nothing holds.
-    projected : str
-        What a projection of the initial velocities changed; empty where there was none.
+    notes : tuple of (str, str)
+        Kinds and texts of events of a run that begins with the initial velocities.
     joints : dict
         Names of the joints at a node.
     load_names : list of str
@@ -175,7 +175,7 @@ class Model(HistoryLayout):
     uneliminated: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
-    projected: str = ""
+    notes: tuple[tuple[str, str], ...] = ()
     joints: dict[int, list[str]] = field(default_factory=dict)
     load_names: list[str] = field(default_factory=list)
     load_parts: dict[str, Any] = field(default_factory=dict)

@@ -11,6 +11,7 @@ from .errors import SceneError
 from .observe import Observer
 from .response import Response
 from .scene.checks import Place
+from .synonyms import known
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -106,7 +107,7 @@ def _weights(noun: str, names: list[str], given: Mapping[str, ArrayLike] | None,
     out = np.zeros((len(names), *shape))
     for name, value in (given or {}).items():
         if name not in names:
-            raise SceneError(f"gradient: there is no {noun} {name!r}; there are {', '.join(map(repr, names[:12])) or 'none'}")
+            raise SceneError(f"gradient: there is no {noun} {name!r}; there are {known(names, name)}")
         weight = real(value) if shape == () else numbers(value)
         if weight is None or np.shape(weight) != shape or not np.all(np.abs(weight) <= LARGEST):
             need = "a number" if shape == () else "weights (3,)"

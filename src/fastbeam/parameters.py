@@ -13,6 +13,7 @@ from .errors import SceneError
 from .model import Model
 from .scene import Scene
 from .scene.checks import Place
+from .synonyms import known
 
 Array = np.ndarray
 # a function of parameters that returns a scene, or a scene and points to observe
@@ -64,7 +65,7 @@ class Family:
         self._build, self.values, self._who = build, dict(values), who
         for name in scale:
             if name not in values:
-                raise SceneError(f"{self._who}, scale: there is no parameter {name!r}; values has {_listed(values)}")
+                raise SceneError(f"{self._who}, scale: there is no parameter {name!r}; values has {known(values, name)}")
         self.steps = {}
         for name, value in values.items():
             size = abs(scale.get(name, value))
@@ -92,7 +93,7 @@ class Family:
         except SceneError:
             raise
         except TypeError as error:
-            raise SceneError(f"{self._who}, build: could not be called with {_listed(self.values)}: {error}") from error
+            raise SceneError(f"{self._who}, build: could not be called with {known(self.values)}: {error}") from error
         scene, points = out if isinstance(out, tuple) and len(out) == 2 else (out, {})
         if not isinstance(scene, Scene) or not isinstance(points, Mapping):
             raise SceneError(f"{self._who}, build: must return a Scene, or a Scene and a mapping of names to points, got "
@@ -207,7 +208,3 @@ def check_values(values: Mapping[str, Any], who: str) -> None:
     for name, value in values.items():
         if not abs(value) <= LARGEST:
             raise SceneError(f"{who}, values: parameter {name!r} must be a finite number, got {shown(value)}")
-
-
-def _listed(values: Mapping[str, Any]) -> str:
-    return ", ".join(repr(name) for name in list(values)[:12]) or "no parameters"

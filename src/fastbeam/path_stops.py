@@ -13,6 +13,7 @@ from .kernels.work import State
 from .model import Model
 from .observe import Observer
 from .scene.checks import Place
+from .synonyms import its_sliders, known
 
 AXES, FORCES, MOMENTS = ("x", "y", "z"), ("N", "Q2", "Q3"), ("T", "M2", "M3")
 WHAT = ("('tip', 'z') for a coordinate of one of points= or ('tip', 'N') for N, Q2, Q3, T, M2, M3 of a beam there, the name of a "
@@ -71,16 +72,16 @@ def _quantity(model: Model, what: Any, points: Mapping[str, Place], who: str) ->
     sliders = model.names["sliders"]
     if isinstance(what, str):
         if what not in sliders:
-            there = f"its sliders are {', '.join(map(repr, sliders[:12]))}" if sliders else "it has no sliders"
-            raise SceneError(f"{who}: scene {model.scene_name!r} has no slider {what!r}; {there}. Quantities are "
-                             f"{WHAT}")
+            raise SceneError(f"{who}: scene {model.scene_name!r} has no slider {what!r}; {its_sliders(sliders, what)}. "
+                             f"Quantities are {WHAT}")
         number = sliders.index(what)
         return f"s of slider {what!r}", lambda state: float(state.s[number]), None
     if not (isinstance(what, tuple) and len(what) == 2 and all(isinstance(x, str) for x in what)):
         raise SceneError(f"{who}: {shown(what)} is no quantity; take {WHAT}")
     name, part = what
     if name not in points:
-        raise SceneError(f"{who}: {name!r} is no name in points=; give points={{{name!r}: beam.end}}")
+        raise SceneError(f"{who}: {name!r} is no name in points=, which has {known(points, name)}; give "
+                         f"points={{{name!r}: beam.end}}")
     if part not in (*AXES, *FORCES, *MOMENTS):
         raise SceneError(f"{who}: {name!r} has no {part!r}; choose x, y, z, N, Q2, Q3, T, M2 or M3")
     observer = Observer(model, () if part in AXES else ("section",), {name: points[name]})

@@ -84,8 +84,7 @@ def describe(scene: Scene, model: Model) -> str:
                         *_changing(model)):
         if names:
             lines.append(f"  {what:18} {_some(names)}")
-    if model.projected:
-        lines.append(f"  start              {model.projected}")
+    lines += [f"  start              {text}" for _, text in model.notes]
     if model.moving is not None:
         names = model.moving.names
         where = f"{_plural(len(names), 'contact')} on {_plural(len(model.moving.tables), 'beam')}"

@@ -9,6 +9,7 @@ from . import notebook
 from .arguments import Count, Name, checked
 from .doubts import Doubts
 from .errors import SceneError
+from .synonyms import known
 
 Array = np.ndarray
 # peaks of a point that a table lists, and points
@@ -146,6 +147,6 @@ class FrequencyResponse(Doubts):
 
     def _number(self, what: str, name: str) -> int:
         if name not in self.names[what]:
-            there = ", ".join(repr(x) for x in self.names[what][:12]) or "none"
-            raise SceneError(f"frequency response: there is no {what[:-1]} {name!r}; {what}: {there}")
+            raise SceneError(f"frequency response: there is no {what[:-1]} {name!r}; {what}: "
+                             f"{known(self.names[what], name)}")
         return self.names[what].index(name)

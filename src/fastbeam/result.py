@@ -18,13 +18,16 @@ from .errors import SceneError
 from .exchanged import AT_START, balance_of, joint_of, power_of
 from .exports import Exports
 from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, TWISTING, Readings
-from .rows import RowBuffer, Rows, listing
+from .rows import RowBuffer, Rows
+from .synonyms import known
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from .kernels.work import State
     from .model import Model
 
+# where a result has none
+NOTHING = "nothing (none recorded)"
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
 # rows of Result.table: series, label, unit
@@ -421,16 +424,17 @@ class Result(Readings, Exports, Doubts):
     def _series(self, name: str) -> np.ndarray:
         if name not in self.series:
             hint = HINTS.get(name, "")
-            raise SceneError(f"series '{name:.60}' was not recorded: choose from {listing(self.series)}{hint and f'; {hint}'}")
+            raise SceneError(f"series '{name:.60}' was not recorded: choose from "
+                             f"{known(sorted(self.series), name, NOTHING)}{hint and f'; {hint}'}")
         return self.series[name]
 
     def _index(self, kind: str, noun: str, name: str) -> int:
-        known = self.names.get(kind, [])
-        if name not in known:
-            raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {listing(known)}")
-        k, columns = known.index(name), self._series(COLUMNS[kind]).shape[1]
+        names = self.names.get(kind, [])
+        if name not in names:
+            raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {known(sorted(names), name, NOTHING)}")
+        k, columns = names.index(name), self._series(COLUMNS[kind]).shape[1]
         if k >= columns:
-            raise SceneError(f"{noun} '{name:.60}' has no rows: the series of this result hold {columns} of {len(known)}")
+            raise SceneError(f"{noun} '{name:.60}' has no rows: the series of this result hold {columns} of {len(names)}")
         return k
 
     def _check_shapes(self) -> None:

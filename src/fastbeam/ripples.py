@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import Chebyshev
 
+from .averaging import averaged_curve
 from .basis import Basis, build_basis
 from .mapping import shapes_at
 from .scene import Beam, NodeRef, Path, PointMass, RigidBody, Scene, Sleeve, Slider, Switch
@@ -30,9 +31,11 @@ FINER, LEAST_SLOPE = (2, 4, 8, 16, 32, 64), 1e-6
 # errors that are told of: of places, as a share of the size of the scene; of the stiffness along the beam and of w^2; of energies
 # next to that of the motion along the beam; of the compliance of what a sleeve holds
 PLACE, STIFFNESS, ENERGY, SLEEVE = 2e-3, 0.02, 0.05, 0.02
-# error of the compliance of a cantilever that a sleeve holds, times its length and next to that of an element: of a bore that is
-# as long, and of a point in the middle of an element (found on cubic elements, 3 to 50 of them beside the sleeve)
-OF_BORE, OF_PLACE = 0.3, 0.14
+# the length beside a sleeve that a mean over its bore keeps from bending, of the bore: half of the mean distance of two places in
+# it, both with the weights of the mean (a quadratic B-spline)
+OF_BORE = 239.0 / 2520.0
+# bores of more elements are as good as exact
+MOST_BORE = 4.0
 # sliders that are looked at, those with the largest forces; looks in a run, the least slope (rad) and way (of the beam) there
 MOST, MOST_LOOKS, LEAST_SLOPE_IN_TIME, LEAST_WAY, MOST_EVENTS = 20, 8, 1e-4, 1e-4, 5
 # of more looks than so many one in so many is at what costs more
@@ -385,7 +388,7 @@ class Contacts:
         """The length that is free beside a sleeve, which its bore and its place in an element make uncertain."""
         beam, s = place_of(sleeve, float(state.s[k]))
         ends, e = beam.basis.element_ends, element_at(beam, s)
-        size, x = float(ends[e + 1] - ends[e]), float((s - ends[e]) / (ends[e + 1] - ends[e]))
+        size = float(ends[e + 1] - ends[e])
         a = self.model.first_force
         force = state.force[a[k]:a[k] + 3]
         (row,) = self.model.sleeve_pairs[self.model.sleeve_pairs[:, 0] == k, 1]
@@ -400,13 +403,15 @@ class Contacts:
             return
         mean = beam.length / beam.basis.n_elements
         is_default = abs(sleeve.length - mean) <= 1e-12 * mean
-        error = (OF_BORE * mean * is_default + OF_PLACE * size * 4.0 * x * (1.0 - x) * (sleeve.length < size)) / arm
+        # of a cantilever with a force at its end the compliance L^3/3 changes by L^2 times that
+        error = 3.0 * (held_length(beam, s, sleeve.length, sleeve.curve) - OF_BORE * sleeve.length * (not is_default)) / arm
         if error > SLEEVE:
             text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the length of {arm:.2g} m that it "
                     "leaves free is uncertain by a part of an element, so that it may be too stiff by about "
                     f"{100.0 * error:.2g} %; ")
             text += "its bore is one element long: give length=, 0 for a point, and " if is_default else ""
-            text += f"take {math.ceil(error / SLEEVE)} times as many elements, or an element end at the sleeve"
+            text += f"take {math.ceil(error / SLEEVE)} times as many elements"
+            text += ", or an element end at the sleeve" if beam.interpolation == "lagrange" else ""
             self._note(sleeve.name, error, t, text)
 
     def _rounding(self, t: float, state: Any, k: int, slider: Slider) -> None:
@@ -438,6 +443,30 @@ class Contacts:
                     f"are, and may be some {min(1.0 + 0.2 * size / distance, 10.0):.2g} times too large; their sum is right. "
                     f"Take elements of {0.5 * distance:.2g} m there")
             self._note(f"{one.name} {other.name}", size / distance, t, text)
+
+
+def held_length(beam: Beam, s: float, bore: float, curve: str) -> float:
+    """The length of a beam, m, that a sleeve at s keeps from bending: EI times the difference of the turn by a unit moment there
+    of a beam on two pins and of its elements, of which the mean over the bore is taken."""
+    basis, around = beam.basis, AROUND if beam.interpolation == "lagrange" else AROUND_SPLINE
+    sides = [element_at(beam, min(max(s + side * bore, 0.0), beam.length)) for side in (-0.5, 0.5)]
+    ends = basis.element_ends[max(sides[0] - around, 0):sides[1] + around + 2]
+    if bore > MOST_BORE * float(np.max(np.diff(ends))):
+        return OF_BORE * bore
+    ends, x = ends - ends[0], s - float(ends[0])
+    fields = "greville" if basis.directors == "nodes" else basis.directors
+    some = build_basis(basis.interpolation, basis.degree, ends, float(ends[-1]), directors=fields)
+    piece = piece_of(some, "own", np.array([x]))
+    (first,), (values,), _ = (averaged_curve(some, bore) if bore > 0.0 else some.curve(curve)).evaluate([x])
+    count = min(values.size, some.n_nodes - int(first))
+    moment = np.zeros(2 * some.n_nodes)
+    moment[some.n_nodes + int(first):some.n_nodes + int(first) + count] = values[:count]
+    moment = np.delete(moment, [0, some.n_nodes - 1])
+    stiff = np.diag(beam.section.C)
+    shear = float(np.min(stiff[1:3]) / np.max(stiff[4:]))
+    found = float(moment @ np.linalg.solve(shear * piece.parts[0] + piece.parts[1], moment))
+    W, rest = float(ends[-1]), float(ends[-1]) - x
+    return (x**3 + rest**3) / (3.0 * W * W) + 1.0 / (shear * W) - found
 
 
 def kinks_of(scene: Scene, slider: Slider) -> list[float]:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from .synonyms import known
+
 Rows = Mapping[str, Any]
 
 
@@ -68,12 +70,7 @@ class RowBuffer:
         self._data, self._capacity = grown, capacity
 
 
-def listing(names: Iterable[str]) -> str:
-    """'a', 'b', or that nothing was recorded."""
-    return ", ".join(f"'{name}'" for name in sorted(names)) or "nothing (none recorded)"
-
-
 def _name_mismatch(got: Iterable[str], expected: Iterable[str]) -> str:
     missing, extra = set(expected) - set(got), set(got) - set(expected)
-    parts = [f"missing {listing(missing)}"] * bool(missing) + [f"not in the header {listing(extra)}"] * bool(extra)
+    parts = [f"missing {known(sorted(missing))}"] * bool(missing) + [f"not in the header {known(sorted(extra))}"] * bool(extra)
     return "rows do not match the header: " + "; ".join(parts)

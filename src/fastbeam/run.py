@@ -174,7 +174,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         start, said = with_velocities_of_scene(model, state, clock.now)
         state = start
     check_times(clock.now, t_end, step)
-    notes = [("projected", model.projected)] if start is None and model.projected else []
+    notes = list(model.notes) if start is None else []
     books: dict[str, Any] = {}
     if state is not None:
         # a checkpoint goes on as if it had never stopped

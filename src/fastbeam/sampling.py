@@ -11,6 +11,7 @@ from .errors import SceneError
 from .kernels.work import State
 from .model import Model
 from .observe import Observer
+from .synonyms import known
 
 Array = np.ndarray
 # a time that is so many periods away is now
@@ -24,10 +25,10 @@ class Now:
         self.t, self._row, self._names = t, row, names
 
     def _of(self, kind: str, noun: str, name: str, *series: str) -> list[Any]:
-        known = self._names.get(kind, [])
-        if name not in known:
-            raise KeyError(f"there is no {noun} {name!r}; there are {', '.join(map(repr, known)) or 'none'}")
-        return [self._row[x][known.index(name)] for x in series]
+        names = self._names.get(kind, [])
+        if name not in names:
+            raise KeyError(f"there is no {noun} {name!r}; there are {known(names, name)}")
+        return [self._row[x][names.index(name)] for x in series]
 
     def point(self, name: str) -> Array:
         """Position (3,) m of one of the points of the controller."""

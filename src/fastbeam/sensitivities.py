@@ -27,6 +27,7 @@ from .section_gradient import SectionGradient, section_gradients
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, solve_static, which_sliders
 from .supports import check_supports
+from .synonyms import known
 from .winches import refuse_winches
 
 if TYPE_CHECKING:
@@ -169,8 +170,7 @@ class Sensitivity(Doubts):
 
     def _index(self, noun: str, names: Sequence[str], label: str) -> int:
         if label not in list(names):
-            there = ", ".join(map(repr, list(names)[:12])) or "none"
-            raise SceneError(f"sensitivity: there is no {noun} {shown(label)}; there are {there}")
+            raise SceneError(f"sensitivity: there is no {noun} {shown(label)}; there are {known(names, label)}")
         return list(names).index(label)
 
     @checked(name=Word())

@@ -140,8 +140,8 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
     worst = _worst(found)
     if worst is None:
         if not mend:
-            notes += [("start", f"{m.what} {m.size:.3g} {m.unit} at the start: {m.word}, or mend_start=True")
-                      for m in found if m.size > m.told]
+            notes += [("shock" if m.word is JUMPS else "start", f"{m.what} {m.size:.3g} {m.unit} at the start: {m.word}, or "
+                       "mend_start=True") for m in found if m.size > m.told]
         if not mend or not any(m.size > m.told for m in found):
             return state, notes
         worst = max(found, key=lambda m: m.size / m.told)
@@ -544,12 +544,15 @@ def _after_impact(model: Model, state: State, q: Array, s: Array, t: float | Non
     moved = _moved_unknowns(model, state)
     # supports that move go on as they do
     led = rates_map(model, q)[:, moved] @ led_by.reshape(-1)[moved]
-    # every node has the momentum that it had, turned with it, or that of its support
-    carried = state.v + velocity_map(q) @ led_by.reshape(-1) - velocity_map(before) @ own.reshape(-1)
-    momentum = inertia @ carried
+    # every node has the momentum that it had, turned with it
+    carried = state.v + velocity_map(q) @ own.reshape(-1) - velocity_map(before) @ own.reshape(-1)
+    momentum = np.zeros(q.size)
     if not np.array_equal(q, before):
         joined = sparse_rows(across @ velocity_map(q), _ties(model, state, q)[0])
         momentum += inertia @ _turned_back(inertia, joined, before, q, state.v, carried)
+    # or that of its support, whose change is no momentum that the rest would have to keep
+    carried += velocity_map(q) @ (led_by - own).reshape(-1)
+    momentum += inertia @ carried
     found = led_by.reshape(-1)[free]
     missing = lift.T @ (momentum - inertia @ (lift @ found + led))
     rates = nearest_by((lift.T @ inertia @ lift).tocsr(), (across @ lift).tocsr(),

@@ -19,6 +19,7 @@ from .result import Result
 from .scene.checks import Place
 from .starting import check_start
 from .steady import Spin, Travel, check_steady, which_motion
+from .synonyms import its_sliders
 from .twisting import check_twist
 
 Array = np.ndarray
@@ -266,6 +267,5 @@ def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> 
         return np.full(len(names), held)
     for name in held:
         if name not in names:
-            there = f"its sliders are {', '.join(repr(x) for x in names[:12])}" if names else "it has no sliders"
-            raise SceneError(f"{what}: scene {model.scene_name!r} has no slider {name!r}; {there}")
+            raise SceneError(f"{what}: scene {model.scene_name!r} has no slider {name!r}; {its_sliders(names, name)}")
     return np.array([name in held for name in names], bool)

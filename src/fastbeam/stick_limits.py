@@ -19,6 +19,7 @@ from .static_motion import StaticMotion, coordinates_of
 from .static_sliders import SlidingSolver
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports
+from .synonyms import its_sliders
 from .twisting import twist_label
 
 Array = np.ndarray
@@ -157,8 +158,8 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
             raise SceneError(f"stick_interval: joint {slider!r} has no friction that could hold it; name one with friction= or "
                              "coefficient=")
     if slider not in names:
-        there = f"its sliders are {', '.join(map(repr, names[:12]))}" if names else "it has no sliders"
-        raise SceneError(f"stick_interval: scene {model.scene_name!r} has no slider {slider!r}; {there}")
+        raise SceneError(f"stick_interval: scene {model.scene_name!r} has no slider {slider!r}; "
+                         f"{its_sliders(names, slider)}")
     k = names.index(slider)
     if model.slider_forces is None or not (model.slider_forces.hold_by_friction & ~stays)[k]:
         raise SceneError(f"stick_interval: slider {slider!r} has no Coulomb friction that could hold it, or is held or driven by "

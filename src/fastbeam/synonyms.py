@@ -2,6 +2,8 @@
 not have."""
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 # argument: what people call it. Where a call has several of these arguments the first one is suggested; a list of arguments is
 # where it has them all. Capitals and underscores do not count, unless the words differ by them alone
 WORDS = {
@@ -265,9 +267,29 @@ def instead(unknown: str, names: list[str]) -> str:
         return which + next((f", {what}" for words, what in CONVERTED.get(meant, {}).items() if _is_among(unknown, words)), "")
     if unknown.lower() in ABSENT:
         return "; fastbeam does not do that, docs/limits.md says what to do instead"
+    close = nearest(unknown, names, CLOSE)
+    return f"; did you mean {close}?" if close else f"; it takes {listed(names)}"
+
+
+def nearest(unknown: object, names: Iterable[str], close: float = 0.6) -> str:
+    """The name that is most like one that does not exist; '' where none is like it. Small letters and capitals do not count."""
     from difflib import get_close_matches
-    close = get_close_matches(unknown, names, 1, CLOSE)
-    return f"; did you mean {close[0]}?" if close else f"; it takes {listed(names)}"
+    of = {name.lower(): name for name in names}
+    found = get_close_matches(str(unknown).lower(), of, 1, close)
+    return of[found[0]] if found else ""
+
+
+def known(names: Iterable[str], unknown: object = "", none: str = "none") -> str:
+    """Names that exist, for a message: the nearest to one that does not, and the first of all."""
+    names = list(names)
+    close = nearest(unknown, names) if len(names) > 1 else ""
+    first = ", ".join(repr(name) for name in names[:12]) + ", ..." * (len(names) > 12)
+    return (first or none) + (f"; did you mean {close!r}?" if close else "")
+
+
+def its_sliders(names: list[str], unknown: str) -> str:
+    """Those of a scene, which has none of this name, for a message."""
+    return f"its sliders are {known(names, unknown)}" if names else "it has no sliders"
 
 
 def _meant(unknown: str, names: list[str]) -> str:

@@ -56,8 +56,8 @@ class Unpacked:
         Joints with multipliers.
     state : State
         At t = 0, in space.
-    projected : str
-        What a projection of the initial velocities changed; empty where there was none.
+    notes : tuple of (str, str)
+        What there is to say about the initial velocities: kinds and texts of events.
     prescribed : PrescribedMotions or None
         Supports that move.
     dragged : Dragged or None
@@ -74,7 +74,7 @@ class Unpacked:
     gravity: Array
     kept: list[KeptLink]
     state: State
-    projected: str
+    notes: tuple[tuple[str, str], ...]
     prescribed: PrescribedMotions | None
     dragged: Dragged | None
     added: Added | None
@@ -102,11 +102,11 @@ def unpack(scene: Scene, numbered: Numbered, known: State | None = None) -> Unpa
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
                 if all(part is not mesh.beam for mesh in scene.moving)]
     loads = _loads(scene, nodes, elements, joints.row_root)
-    state, projected = (known, "") if known is not None else initial_state(scene, nodes, numbered.joints_at_start, elements, kept)
+    state, notes = (known, ()) if known is not None else initial_state(scene, nodes, numbered.joints_at_start, elements, kept)
     # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
-    return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, projected,
+    return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, notes,
                     prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
                     added_of(scene, nodes, elements))
 

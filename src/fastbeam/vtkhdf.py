@@ -22,7 +22,7 @@ from .errors import ResultFileError, SceneError
 from .lines import Lines
 from .places import check_new, claim
 from .reading import import_h5py
-from .rows import listing
+from .synonyms import known
 
 if TYPE_CHECKING:
     from .result import Result
@@ -228,7 +228,8 @@ def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Ca
         at = lines.labels.index(name) if name in lines.labels else -1
         points = np.flatnonzero(lines.parts[lines.beam_of] == at)
         if not points.size or np.isnan(lines.s[points]).any():
-            raise SceneError(f"to_vtk: sections: {shown(name)} is no beam of this result; choose from {listing(lines.labels)}")
+            raise SceneError(f"to_vtk: sections: {shown(name)} is no beam of this result; choose from "
+                             f"{known(lines.labels, name)}")
         if not all(hasattr(forces, x) for x in ("t", "s", *RESULTANTS)):
             raise SceneError(f"{need}, got {shown(forces)} for beam '{name}'")
         if not np.array_equal(forces.t, result.t_snap):

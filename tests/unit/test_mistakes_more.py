@@ -18,7 +18,7 @@ from test_bad_input import between, held_value, law, public, response, rubbing, 
 from test_bad_input import result as sliding
 
 import fastbeam as fb
-from fastbeam.synonyms import ABSENT, CONVERTED, WORDS, instead
+from fastbeam.synonyms import ABSENT, CONVERTED, WORDS, instead, known
 
 SECTION = fb.Section.circle(radius=0.02, E=1e9, rho=1000.0)
 ROD = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2)
@@ -139,6 +139,29 @@ def test_words_name_arguments_that_exist() -> None:
     for argument in WORDS:
         for name in argument.split("=")[0].split(" and "):
             assert name in known or argument == "each part without a name", argument
+
+
+def test_names_that_do_not_exist_meet_their_nearest_ones() -> None:
+    assert known(["rail", "Cart"], "cart") == "'rail', 'Cart'; did you mean 'Cart'?"
+    assert known(["rail", "Cart"], "wing") == "'rail', 'Cart'" and known(["Cart"], "cart") == "'Cart'" and known([]) == "none"
+    assert known([f"rope {k}" for k in range(20)], "roap 17").endswith("'rope 11', ...; did you mean 'rope 17'?")
+    beads = [fb.PointMass(f"bead {name}", mass=0.1) for name in ("Front", "Rear")]
+    sliders = [fb.Slider(bead.name[5:], bead, ROD, at=0.3 + 0.3 * k) for k, bead in enumerate(beads)]
+    loads = [fb.Load(name, ROD.end, force=(0, 0, -0.01)) for name in ("Push", "Shake")]
+    model = fb.compile_scene(fb.Scene(ROD, *beads, *sliders, *loads, fb.Clamp(ROD.start)))
+    run = fb.simulate(model, t_end=2e-3, step=1e-3, points={"Tip": ROD.end, "Middle": ROD.at(0.5)}, progress=False)
+    calls = ((lambda: fb.solve_static(model, held=["front"]), "'front'", "'Front', 'Rear'; did you mean 'Front'"),
+             (lambda: fb.frequency_response(model, [1.0], held=True, load_factor=0.0, loads={"push": 1j}), "'push'",
+              "'Push', 'Shake'; did you mean 'Push'"),
+             (lambda: fb.find_lengths(model, ["road"], {"Front": 0.3}, held=True), "'road'", "its beams are 'rod'"),
+             (lambda: fb.find_lengths(model, ["rod"], {("tip", "z"): 0.0}, held=True, points={"Tip": ROD.end, "top": ROD.end}),
+              "'tip'", "'Tip', 'top'; did you mean 'Tip'"),
+             (lambda: run.point("tip"), "'tip'", "'Middle', 'Tip'; did you mean 'Tip'"),
+             (lambda: run.slider("reer"), "'reer'", "'Front', 'Rear'; did you mean 'Rear'"))
+    for call, value, there in calls:
+        with pytest.raises(fb.SceneError) as error:
+            call()
+        assert value in str(error.value) and there in str(error.value)
 
 
 def test_only_slips_of_the_pen_are_guessed() -> None:

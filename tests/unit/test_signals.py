@@ -63,3 +63,46 @@ def test_a_blow_shorter_than_a_step_has_its_impulse() -> None:
     scene = fb.Scene(bead, fb.Load("blow", bead, force=(0, 0, 400.0), time=blow))
     run = fb.simulate(fb.compile_scene(scene), t_end=0.5, step=0.05, progress=False)
     assert run.state.v[2] == pytest.approx(400.0 * 1e-3 / 0.5, rel=1e-13)
+
+
+def test_a_jump_is_two_rows_at_one_time() -> None:
+    """Forces that come and go at once, as other programs write them: impulses and the motion between are exact."""
+    rows = [0.0, 0.0, 0.113, 0.113, 0.4, 0.4], [0.0, 2.0, 2.0, -1.0, 3.0, 0.5]
+    jumps = fb.Signal(*rows)
+    assert [jumps(t) for t in (-1.0, 0.0, 0.1129, 0.113, 0.39999999, 0.4, 9.0)] == pytest.approx(
+        [0.0, 2.0, 2.0, -1.0, 3.0, 0.5, 0.5], abs=2e-7)
+    # steps with jumps inside, at their ends, both ways
+    begins, sizes = np.array([-0.1, 0.05, 0.113, 0.3, 0.2, 0.113]), np.array([0.2, 0.2, 0.287, 0.3, -0.4, -0.1])
+
+    def until(t: float) -> float:
+        """Integral from 0."""
+        ramp = min(max(t, 0.113), 0.4) - 0.113
+        return 2.0 * min(max(t, 0.0), 0.113) - ramp + 2.0 / 0.287 * ramp**2 + 0.5 * max(t - 0.4, 0.0)
+    exact = [(until(a + h) - until(a)) / h for a, h in zip(begins, sizes)]
+    np.testing.assert_allclose(mean_factors(jumps, begins, sizes), exact, rtol=1e-14)
+    bead = fb.PointMass("bead", mass=0.5, position=(0, 0, 0))
+    model = fb.compile_scene(fb.Scene(bead, fb.Load("push", bead, force=(0, 0, 10.0), time=jumps)))
+    for step, order in ((0.03, 2), (0.07, 4)):
+        run = fb.simulate(model, t_end=0.63, step=step, order=order, progress=False)
+        assert run.state.v[2] == pytest.approx(10.0 / 0.5 * until(0.63), rel=1e-13)
+
+
+def test_jumps_are_refused_where_steps_do_not_integrate_them() -> None:
+    step = fb.Signal([0.0, 0.5, 0.5, 1.0], [0.0, 0.0, 1.0, 1.0])
+    bar = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=bar, elements=2)
+    follower = fb.Load("thrust", beam.end, force=(0, 0, 1.0), time=step, follower=True)
+    # a controller follows a place that jumps
+    fb.Drive(position=step, stiffness=10.0)
+    for call, message in (
+            (lambda: fb.PrescribedMotion("shake", beam.start, displacement=step, axes="z"), "must not jump.* t = 0.5 s"),
+            (lambda: fb.Drive(position=step), "drive: position must not jump"),
+            (lambda: fb.Drive(speed=step), "drive: speed must not"),
+            (lambda: fb.RevoluteJoint(fb.GROUND, beam.start, axis=(0, 1, 0), angle=step), "angle must not jump"),
+            (lambda: fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), follower)), "load 'thrust': time .*not jump.* 0.5 s"),
+            (lambda: fb.Signal([0, 1, 1], [0, 0, 1], interpolation="pchip"), "takes interpolation='linear'"),
+            (lambda: fb.Signal([0, 1, 1, 1], [0, 0, 1, 2]), "two rows at one time, .* t = 1 s stands there more often"),
+            (lambda: fb.Signal([1, 1], [0, 1]), "times must increase"),
+            (lambda: fb.Signal([0, 2, 1], [0, 1, 1]), "times must incr")):
+        with pytest.raises(fb.SceneError, match=message):
+            call()

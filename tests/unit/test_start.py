@@ -365,11 +365,11 @@ def test_velocities_of_supports_that_move_are_told_and_mended() -> None:
     model, end = lifted(displacement=lambda t: (0, 0, 0.1 * np.sin(t)))
     state = model.state()
     assert state.v.reshape(-1, 4, 3)[end, 0, 2] == pytest.approx(0.1)
-    assert said(model, "start", start=state) == []
+    assert said(model, "shock", start=state) == []
     state.v.reshape(-1, 4, 3)[end, 0, 2] = 5.0
-    text, = said(model, "start", start=state)
+    text, = said(model, "shock", start=state)
     assert text.startswith("the velocity of beam 'beam' node ") and "against that of prescribed motion 'lift', is 4.9 m/s" in text
-    assert said(model, "start", start=state, mend_start=True) == []
+    assert said(model, "shock", start=state, mend_start=True) == []
     assert "was mended" in said(model, "mended", start=state, mend_start=True)[0]
     run = fb.simulate(model, start=state, t_end=0.5, step=H, mend_start=True, progress=False)
     assert run.drift("balance") < 1e-12

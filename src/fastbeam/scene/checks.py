@@ -142,6 +142,14 @@ def direction(who: str, what: str, value: Any) -> Array:
     return constant(scaled / math.sqrt(float(scaled @ scaled)))
 
 
+def refuse_jumps(value: Any) -> Any:
+    """The value; a table that jumps is refused."""
+    jumps = getattr(value, "_jumps", ())
+    if len(jumps):
+        raise Refusal(f"must not jump, this Signal does at t = {jumps[0]:.6g} s; give the change some time")
+    return value
+
+
 @dataclass(frozen=True)
 class Factor:
     """A function t -> factor; it is tried at t = 0."""

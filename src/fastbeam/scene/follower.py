@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fastbeam.arguments import take
 from fastbeam.scene import checks
 from fastbeam.scene.parts import DistributedLoad, Load
 from fastbeam.scene.user_force import UserForce
@@ -36,7 +37,8 @@ class FollowerForce(UserForce):
     def __init__(self, load: Load | DistributedLoad) -> None:
         at = load.at if isinstance(load, Load) else load.beam
         both = [np.zeros(3) if x is None else np.asarray(x, float) for x in (load.force, load.moment)]
-        checks.fill(self, time=load.time)
+        # evaluated at points of a step, not integrated over it
+        checks.fill(self, time=take(checks.refuse_jumps, f"{load.kind} {load.name!r}: time of a load that follows", load.time))
         super().__init__(load.name, at, turning, parameters=np.concatenate(both), dissipates=False, derivative=turning_slopes,
                          grows=True)
 

@@ -82,6 +82,7 @@ class Moving:
         what = "a rotation vector (3,) or a rotation matrix (3, 3)" if self.turns else "3 numbers, or one for each of axes="
         if not callable(value) or isinstance(value, type):
             raise Refusal(f"must be a function of t that returns {what}, got {shown(value)}")
+        checks.refuse_jumps(value)
         try:
             (_turning if self.turns else _Components(None))(tried(value, 0.0, "at t = 0"))
         except Refusal as refusal:
@@ -263,7 +264,7 @@ class Signal:
     Parameters
     ----------
     times : array_like [n]
-        s, increasing, at least two.
+        s, increasing, at least two; a jump is two rows at one time, the values before and behind it ("linear" alone).
     values : array_like [n] or [n, 3]
     direction : array_like (3,), optional
         Makes vectors of values [n]: value x direction.
@@ -274,15 +275,17 @@ class Signal:
         cubic spline, of smooth and dense tables the most accurate; it overshoots beside jumps. With `rest=True` both begin and
         end with slope zero, with `rest=False` the spline has no jump of the third derivative at the second and last but one row.
 
-    As the factor of a load any of them is integrated over each step exactly, whatever rows it contains. The place of a support,
-    joint or slider should come from a smooth one: at a row of straight lines the velocity jumps by dv, which in a step h is a
+    As the factor of a load any of them is integrated over each step exactly, whatever rows and jumps it contains; at a jump its
+    value is that behind it. Loads with `follower=True`, places and prescribed speeds take no jumps. The place of a support, joint
+    or slider should come from a smooth one: at a row of straight lines the velocity jumps by dv, which in a step h is a
     blow with the force m dv/h on the mass m that moves along, and makes reactions alternate from step to step afterwards; an
     event `kink` tells the largest jump. With `order=4` a jump of the slope inside a step leaves order 2 there.
 
     Raises
     ------
     SceneError
-        Tables of different length, times that do not increase, less than two of them; called outside the table with rest=False.
+        Tables of different length, times that do not increase, three equal ones, less than two; called outside the table with
+        rest=False.
 
     Examples
     --------
@@ -300,7 +303,7 @@ class Signal:
 
     def __init__(self, times: ArrayLike, values: ArrayLike, *, direction: ArrayLike | None = None, rest: bool = True,
                  interpolation: str = "linear") -> None:
-        x = _table("Signal", times, values, direction, 2)
+        x = _table("Signal", times, values, direction, 2, interpolation == "linear")
         ends = "clamped" if rest else "not-a-knot"
         self._take(times, x, _through("Signal", times, x, ends, interpolation), rest)
 
@@ -309,8 +312,8 @@ class Signal:
         self.begin, self.end, self.rest = float(times[0]), float(times[-1]), rest
         self.times, self.values = checks.constant(times), checks.constant(values)
         self._curve, self._outside = curve, velocities
-        # smooth between these times: `load_times.mean_factors`
-        self._rows = self.times
+        # smooth between these times: `load_times.mean_factors`; where it jumps
+        self._rows, self._jumps = self._curve.x, times[1:][np.diff(times) == 0.0]
 
     @classmethod
     @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start, baseline=_degree)
@@ -382,7 +385,7 @@ class Signal:
     @cached_property
     def compilable(self) -> Callable[[float], float]:
         """The same of a signal of numbers as a function that numba compiles; NaN where asking is an error."""
-        begin, end, times, degree = self.begin, self.end, np.array(self.times), len(self._curve.c) - 1
+        begin, end, times, degree = self.begin, self.end, np.array(self._curve.x), len(self._curve.c) - 1
         pieces, first, last = np.ascontiguousarray(self._curve.c.T), float(self.values[0]), float(self.values[-1])
         before, after = (0.0, 0.0) if self._outside is None else (float(self._outside[0]), float(self._outside[1]))
         rest = self.rest
@@ -424,10 +427,16 @@ def largest_kink(of: Signal, begin: float, end: float) -> tuple[float, float]:
     return float(of.times[k]), float(jump[k])
 
 
-def _table(who: str, times: Any, values: Any, direction: Any, fewest: int) -> Array:
-    """Values [n] or [n, 3] of a table."""
-    if len(times) < fewest or not np.all(np.diff(times) > 0.0):
-        raise SceneError(f"{who}: times must increase, and be at least {fewest}, got {shown(times)}")
+def _table(who: str, times: Any, values: Any, direction: Any, fewest: int, jumps: bool = False) -> Array:
+    """Values [n] or [n, 3] of a table; jumps: whether a time may stand there twice."""
+    step = np.diff(times)
+    if len(times) < fewest or not np.all(step >= 0.0 if jumps else step > 0.0) or times[-1] == times[0]:
+        asks = who == "Signal" and not jumps and np.any(step == 0.0)
+        more = "; a jump, two rows at one time, takes interpolation='linear'" if asks else ""
+        raise SceneError(f"{who}: times must increase, and be at least {fewest}, got {shown(times)}{more}")
+    if np.any((step[1:] == 0.0) & (step[:-1] == 0.0)):
+        raise SceneError(f"{who}: a jump is two rows at one time, with the values before and behind it; t "
+                         f"= {times[2:][(step[1:] == 0.0) & (step[:-1] == 0.0)][0]:.6g} s stands there more often")
     if len(values) != len(times):
         what = "values" if who == "Signal" else "accelerations"
         raise SceneError(f"{who}: {what} must be as many as times, got {len(values)} and {len(times)}")
@@ -444,8 +453,10 @@ def _through(who: str, times: Array, values: Array, ends: str, interpolation: st
     try:
         with np.errstate(all="ignore"):
             if interpolation == "linear":
-                step = np.diff(times).reshape(-1, *np.ones(values.ndim - 1, int))
-                curve = PPoly(np.stack((np.diff(values, axis=0) / step, values[:-1])), times)
+                some = np.diff(times) > 0.0
+                step = np.diff(times)[some].reshape(-1, *np.ones(values.ndim - 1, int))
+                pieces = np.stack((np.diff(values, axis=0)[some] / step, values[:-1][some]))
+                curve = PPoly(pieces, np.append(times[:-1][some], times[-1]))
             elif interpolation == "cubic":
                 curve = CubicSpline(times, values, bc_type=ends)
             else:

@@ -36,6 +36,7 @@ from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch
+from fastbeam.synonyms import known
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -377,7 +378,7 @@ class Scene(notebook.Parts):
             unknown = [name for name in switch.choose if name not in names] if isinstance(switch.choose, dict) else []
             if unknown:
                 raise SceneError(f"{switch.label}: choose names {unknown[0]!r}, which is no slider on it; its sliders are "
-                                 f"{', '.join(map(repr, names))}")
+                                 f"{known(names, unknown[0])}")
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
         """A sliding point lies on the curve at t = 0, or on its side of it."""

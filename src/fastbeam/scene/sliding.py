@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Number, Refusal, checked, numbers, real, shown
+from fastbeam.arguments import Number, Refusal, checked, numbers, real, shown, take
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Factor, OfTimeLike, Takes, called, called_with
+from fastbeam.scene.checks import Factor, OfTimeLike, Takes, called, called_with, refuse_jumps
 
 if TYPE_CHECKING:
     from fastbeam.scene.beams import Beam
@@ -55,12 +55,15 @@ class Friction:
 
 @dataclass(frozen=True)
 class OfTime:
-    """A number, or a function of time."""
+    """A number, or a function of time, which jumps where it is a force, or where that is allowed."""
 
     unit: str
+    jumps: bool = False
 
     def __call__(self, value: Any) -> Any:
         if callable(value):
+            if not (self.jumps or self.unit.startswith("N")):
+                refuse_jumps(value)
             return Factor()(value)
         try:
             return Number(unit=self.unit)(value)
@@ -101,7 +104,7 @@ def needed_arguments(function: Callable[..., Any]) -> int:
     return sum(x.kind in known and x.default is inspect.Parameter.empty for x in kinds)
 
 
-@checked(position=OfTime("m"), speed=OfTime("m/s"), force=DrivingForce(), stiffness=Number(least=0.0, unit="N/m"),
+@checked(position=OfTime("m", True), speed=OfTime("m/s", True), force=DrivingForce(), stiffness=Number(least=0.0, unit="N/m"),
          damping=Number(least=0.0, unit="N s/m"), limit=Number(above=0.0, unit="N"))
 @dataclass(frozen=True)
 class Drive:
@@ -144,6 +147,8 @@ class Drive:
             if len(given) > 1:
                 raise SceneError("drive: position= and speed= both prescribe the motion; give one of them, or stiffness= and "
                                  "damping= for a controller that follows both")
+            if given[0] != "force":
+                take(refuse_jumps, f"drive: {given[0]}", getattr(self, given[0]))
             if self.limit is not None:
                 raise SceneError("drive: limit= bounds the force of a controller; give stiffness= or damping= too")
         elif self.stiffness > 0.0 and self.position is None:

@@ -15,6 +15,7 @@ from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array
 from fastbeam.scene.paths import ABeam, Path
 from fastbeam.scene.sliding import needed_arguments
+from fastbeam.synonyms import known
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -161,11 +162,11 @@ class Switch(Path):
                 if len(options) > 1 and choose is None:
                     raise SceneError(f"{self.label}: from the {end} of {track.label} several tracks lead on, "
                                      f"{', '.join(options)}; say which with choose=")
-        known = {x.name for x in tracks}
+        names = sorted({x.name for x in tracks})
         named = choose.values() if isinstance(choose, dict) else [x for _, x in choose] if isinstance(choose, list) else ()
         for one in named:
-            if one not in known:
-                raise SceneError(f"{self.label}: choose names {one!r}, its tracks are {', '.join(sorted(known))}")
+            if one not in names:
+                raise SceneError(f"{self.label}: choose names {one!r}, its tracks are {known(names, one)}")
 
     @cached_property
     def gap(self) -> float:
