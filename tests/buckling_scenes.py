@@ -38,7 +38,7 @@ def buckling_scene(kind: str, seed: int) -> tuple[fb.Scene, float]:
 
     length = 10.0**draw.uniform(-1.0, 1.0)
     section = section_of(draw, length)
-    flat, off = min(section.EI2, section.EI3), 0.0 if draw.random() < 0.5 else 1e-3
+    flat, off = min(section.EI2, section.EI3), 0.0 if draw.random() < 0.5 else 1e-5
     # along d2 or d3 of the section
     options: dict[str, Any] = {"section": section, "d2": way(0, 0, 1)}
     if draw.random() < 0.5 if kind != "strip" else section.EI2 < section.EI3:

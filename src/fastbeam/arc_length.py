@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .eigen import NOISE, Pencil, SingularError, grown, lowest
+from .eigen import Pencil, SingularError, grown, lowest
 from .iteration import newton_loop
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
@@ -21,6 +21,8 @@ from .static_strains import StrainPath
 Array = np.ndarray
 # longest correction, in sizes of the scene and rad, and one that a start may need
 LONGEST, AT_REST = 1.0, 1e-6
+# relative, of one number
+EPSILON = float(np.finfo(float).eps)
 # eigenvalues that are looked for at a critical point; those below this share of the next one vanish together; directions tried in
 # each dimension of their vectors; cosine of two that are the same
 MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
@@ -94,8 +96,6 @@ class PathSolver(SlidingSolver):
         # of a path in a plane: makes a solver in space of the same path, and that solver
         self.in_space: Callable[[State, float], PathSolver] | None = None
         self._judge: PathSolver | None = None
-        # round-off of the last eigenvalue
-        self.noise = 0.0
         # eigenvalues that are zero all along, of parts that may spin about their own line
         self.free = 0
         # of one that judges, in space: the axes of the plane that the path runs in, and its normal
@@ -228,7 +228,8 @@ class PathSolver(SlidingSolver):
             self.stepper.load_at(laws.time, laws.first, laws.shares[0] + factor * laws.shares[1])
 
     def _bordered(self, saddle: Saddle, column: Array, row: Array, corner: float, right: Array, last: float) -> Array | None:
-        """Solution of [K, -column; row, corner]."""
+        """Solution of [K, -column; row, corner]; None where none is found that leaves no more than round-off of the right-hand
+        side out."""
         from scipy import sparse
         inner, n = saddle.matrix, column.size
         kind = inner.indptr, inner.indices, column != 0.0, row != 0.0
@@ -245,7 +246,15 @@ class PathSolver(SlidingSolver):
         if self._whole_scales is None and self._of_path is not None:
             whole.measured_in = self._whole_scales = whole.scales
         x = whole.solve(np.append(right, last))
-        return x if x is not None and np.isfinite(x).all() else None
+        left = whole.left[:-1]
+        if x is None or not np.isfinite(x).all() or np.any(np.abs(right @ left) > self.round_off(saddle, left)):
+            return None
+        return x
+
+    def round_off(self, saddle: Saddle, vectors: Array) -> Array:
+        """What that of places makes of forces along vectors [n, m], [m]."""
+        stiff = np.where(saddle.multiplier, 0.0, np.abs(saddle.matrix.diagonal()))
+        return np.asarray(EPSILON * self.core.length * np.linalg.norm(stiff[:, None] * vectors, axis=0))
 
     def product(self, a: Direction, b: Direction) -> float:
         """Of two directions."""
@@ -337,10 +346,10 @@ class PathSolver(SlidingSolver):
         order = np.argsort(size)[:m]
         return np.asarray(found[1][:, order[np.isfinite(size[order])]])
 
-    def critical_directions(self, k: int) -> Array | None:
+    def critical_directions(self, k: int, left: bool = False) -> Array | None:
         """Of the eigenvalues that vanish together next to the k-th, vectors of length 1 by columns [n, m], their largest
-        component positive."""
-        found = self._eigen(k + MOST_TOGETHER + self.free, NEXT_TO)
+        component positive; left: those of the transposed tangent."""
+        found = self._eigen(k + MOST_TOGETHER + self.free, NEXT_TO, left)
         if found is None or not found[0].size:
             return None
         order = np.argsort(np.abs(found[0]))
@@ -404,16 +413,17 @@ class PathSolver(SlidingSolver):
         is_continuum = len(ways) > 0.5 * len(tried)
         return [Direction(v @ way, 0.0) for way in (ways[:1] + [-ways[0]] if is_continuum else ways)], is_continuum
 
-    def _eigen(self, n: int, below_zero: float = 0.0) -> tuple[Array, Array] | None:
+    def _eigen(self, n: int, below_zero: float = 0.0, left: bool = False) -> tuple[Array, Array] | None:
         """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: looked for so
-        far below zero, next to the largest stiffness, where several may vanish."""
+        far below zero, next to the largest stiffness, where several may vanish; left: vectors of the transposed tangent."""
         from scipy import sparse
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
         k = int(np.sum(~saddle.multiplier))
         free = np.append(self.contacts.free(len(self.core.dofs)), np.ones(self.sliding.size))
         mass = sparse.diags(self.weight[:k] * free, format="csr")
-        matrix = (saddle.matrix if self.is_unsymmetric else 0.5 * (saddle.matrix + saddle.matrix.T)).tocsr()
+        given = saddle.matrix.T if left else saddle.matrix
+        matrix = (given if self.is_unsymmetric else 0.5 * (given + given.T)).tocsr()
         pencil = Pencil(matrix, mass, saddle.multiplier, not self.is_unsymmetric, sparse.csr_matrix((k, 0)))
         if below_zero:
             # not the median, which may be one of those that vanish
@@ -429,7 +439,6 @@ class PathSolver(SlidingSolver):
         if self.is_unsymmetric:
             values = found.values - below_zero * self._stiffest
             return values, v / np.sqrt(np.sum(self.weight[:, None] * v * v, axis=0))
-        self.noise = NOISE * float(np.max(np.sum(np.abs(v) * (abs(matrix) @ np.abs(v)), axis=0), initial=0.0))
         # not set to zero where they are round-off
         return np.sum(v * (matrix @ v), axis=0), v
 

@@ -20,9 +20,8 @@ SAME_WAY = 0.99
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
 # part of a step within which eigenvalues of tangents without symmetry change their signs together
 SHORTEST = 1e-3
-# degree of what fits to values along one path; half the jump of the samples on both sides, which is zero of all powers up to the
-# fourth and of kinks; share of the largest value from which on it is a jump
-SMOOTH, JUMP, ROUGH = 3, np.array([-1.0, 4.0, -5.0, 5.0, -4.0, 1.0]) / 4.0, 0.02
+# forces that are left along the vectors that vanish, as a multiple of those of the samples, beyond which two paths pass each other
+LEFT = 30.0
 # step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
 # are none; increment of the unknowns by which a mode is told
 ASIDE, NO_CHANGE, SHORT = 0.2, 1e-13, 1e-6
@@ -61,9 +60,9 @@ class PathStep:
         self.is_lost = False
 
     def zero(self, f: Callable[[], float], first: float, last: float, size: float | None = None,
-             is_singular: bool = False, begin: float = 0.0) -> float | None:
+             number: int | None = None, begin: float = 0.0) -> float | None:
         """The part of the step at which f of the solver vanishes, with the solver there; first, last: f at the beginning of the
-        step and at its end, or those of its parts `begin` and `size`; is_singular: whether Newton's matrix is there, too. None,
+        step and at its end, or those of its parts `begin` and `size`; number: of the eigenvalue that vanishes there, too. None,
         with the solver at the end of the step, where it is not found."""
         size = self.size if size is None else size
         failed: list[float] = []
@@ -77,44 +76,51 @@ class PathStep:
 
         if not first * last < 0.0:
             return None
-        x = root(at, begin, first, size, last, *([CLOSEST * self.size] if is_singular else []))
-        if is_singular:
-            x = self._between_samples(at, failed[-1] if x is None else x)
+        x = root(at, begin, first, size, last, *([] if number is None else [CLOSEST * self.size]))
+        if number is not None:
+            x = self._between_samples(f, at, failed[-1] if x is None else x, number)
         elif x is not None and not (begin < x < size and np.isfinite(at(x))):
             x = None
         if x is None:
             self.solver.restore(self.end)
         return x
 
-    def _between_samples(self, at: Callable[[float], float], near: float) -> float | None:
+    def _between_samples(self, f: Callable[[], float], at: Callable[[float], float], near: float, number: int) -> float | None:
         """The same by interpolation between equilibria on both sides of a place where Newton's matrix is singular, as it is at a
         bifurcation: next to it round-off moves the solver along the vector that vanishes, and Newton's method may fail."""
         places = np.array([*range(-SAMPLES, 0), *range(1, SAMPLES + 1)], float)
         width = CLOSEST * self.size
-        known: dict[float, float] = {}
         while width <= WIDEST * self.size:
-            values, states = [], []
+            values, states, left = [], [], []
             for place in places:
                 values.append(at(near + width * place))
                 if not np.isfinite(values[-1]):
                     break
                 states.append(self.solver.saved())
+                left.append(self.solver.judge.equations()[1])
             if len(states) == places.size and values[0] * values[-1] < 0.0:
-                size, smooth = np.max(np.abs(values)), np.polynomial.Polynomial.fit(places, values, SMOOTH)
-                rough = max((abs(smooth(x / width) - value) for x, value in known.items()), default=0.0)
-                if max(rough, abs(JUMP @ values)) > ROUGH * size and self.solver.judge.noise < ROUGH**2 * size:
-                    # equilibria on both sides lie on different paths
-                    return None
                 line = np.polynomial.Polynomial.fit(places, values, places.size - 1)
                 zeros = np.array([z.real for z in line.roots() if abs(z.imag) < 1e-9 and abs(z.real) < SAMPLES])
                 if zeros.size:
                     x = float(zeros[np.argmin(np.abs(zeros))])
                     weights = [np.prod([(x - b) / (a - b) for b in places if b != a]) for a in places]
                     self._restore_mean(weights, states)
-                    return float(near + width * x)
-            known |= dict(zip(width * places, values[:len(states)]))
+                    is_one = abs(f()) <= max(np.abs(values)) and self._is_balanced(number, np.array(left))
+                    return float(near + width * x) if is_one else None
             width *= 4.0
         return None
+
+    def _is_balanced(self, number: int, samples: Array) -> bool:
+        """Whether a mean of equilibria, whose forces that are left are round-off, samples [m, n], is one along the vectors of the
+        eigenvalues that vanish with one of this number: it is where all lie on one path, to the second order of what the mean
+        is off; where some lie on another that passes by, it lacks what keeps the two from crossing."""
+        judge = self.solver.judge
+        vectors = judge.critical_directions(number, left=True)
+        if vectors is None:
+            return False
+        saddle, right, _ = judge.equations()
+        allowed = LEFT * np.max(np.abs(samples @ vectors), axis=0) + judge.round_off(saddle, vectors)
+        return bool(np.all(np.abs(right @ vectors) <= allowed))
 
     def _restore_mean(self, weights: list[Any], states: list[tuple[Any, ...]]) -> None:
         """Put the solver to the mean of states with these weights."""
@@ -193,9 +199,9 @@ class PathStep:
         if found is None or after is None:
             return False
         vectors = self.solver.within(found)
-        way = self.along.x + size / self.size * (after.x - self.along.x)
+        way, factor = (a + size / self.size * (b - a) for a, b in zip(self.along, after))
         weighed = self.solver.weight * way
-        return bool(np.linalg.norm(weighed @ vectors) >= SAME_WAY * np.sqrt(weighed @ way))
+        return bool(np.linalg.norm(weighed @ vectors) >= SAME_WAY * np.sqrt(weighed @ way + factor**2))
 
     def _around(self, limit: float) -> tuple[float, int | None, int | None]:
         """Part of the step that ends shortly before a limit point, and the numbers of negative eigenvalues there and as far
@@ -228,7 +234,7 @@ class PathStep:
             solver.restore(end)
             last = test()
             solver.restore(self.before)
-            x = self.zero(test, test(), last, size, is_singular=True)
+            x = self.zero(test, test(), last, size, k)
             if x is None:
                 self.is_lost = True
             else:
@@ -266,7 +272,7 @@ class PathStep:
                 return solver.judge.test_of(v)
 
             last = test() if self.to(end) else np.nan
-            x = self.zero(test, test(), last, end, is_singular=True, begin=begin) if self.to(begin) else None
+            x = self.zero(test, test(), last, end, number + len(out), begin) if self.to(begin) else None
             if x is not None:
                 out.append((x, number + len(out), solver.saved()))
         return out

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +16,7 @@ from .joint_motion import check_at_rest
 from .kernels.along import NO_DRIVE
 from .kernels.work import State
 from .linsolve import check_backend
-from .law_path import law_path, laws_grow, user_forces
+from .law_path import LawPath, law_path, laws_grow, user_forces
 from .load_times import load_factors_at, load_path, which_times
 from .model import Model, check_model
 from .observe import OBSERVED, POINTS
@@ -144,22 +145,134 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     """
     check_model("solve_path", model)
     stays = held_sliders(model, held)
-    check_slider_forces("solve_path", model, stays, smooth=True)
-    drives = model.slider_forces
-    if drives is not None:
-        drives.check_times("solve_path", ~stays, None if isinstance(at_time, tuple) else at_time, ", one time for the whole path")
-    refuse_winches("solve_path", model)
+    _check_scene(model, stays, at_time)
     check_backend(backend)
+    step = _first_step(to, load_factor, step, largest_step, smallest_step)
+    growing = _growing(model, stays, at_time, moves, prestrains)
+    start, notes = _checked_start(model, start, growing, branch, side)
+    check_at_rest("solve_path", model)
+    task = _Task(model, start, load_factor, stays, max_iterations, backend, growing)
+    solver, aside = task.first_solver(at_time)
+    path = PathWalk(growing.strains.model if growing.strains else model, solver, points, step, largest_step, smallest_step,
+                    most_points, observe, wanted_of(model, stop, points))
+    path.aside = aside
+    for kind, text in notes:
+        path.buffer.event({"kind": kind, "time": 0.0, "text": text})
+    if growing.strains is not None:
+        growing.strains.watch([*path.observer.points.sections, *(x.section for x in path.wanted)])
+    return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
+
+
+class _Growing(NamedTuple):
+    """What changes with the load factor."""
+
+    factors: tuple[Array, Array]             # of loads [K] at load factor 0, and their change until 1
+    laws: LawPath                            # forces by laws
+    acts: bool                               # whether these, or drives, grow
+    moved: dict[int, Array]                  # supports that are shifted and turned
+    strains: StrainPath | None               # prestrains
+    rides: tuple[float, float] | None        # times at which supports are where their functions have them
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A path that is asked for, its arguments tested."""
+
+    model: Model
+    start: State | None
+    load_factor: float
+    stays: Array
+    max_iterations: int
+    backend: str
+    growing: _Growing
+
+    def solver(self, at: State | None, factor: float, flat: bool | None) -> PathSolver:
+        """One that begins at a state of this load factor."""
+        model, grows = self.model, self.growing
+        found = PathSolver(model, at, self.max_iterations, self.stays, flat, self.backend, grows.factors, factor, grows.laws,
+                           grows.strains)
+        if grows.moved:
+            begin = model.q0 if self.start is None else self.start.q
+            found.motion = StaticShift(found.stepper.model, grows.moved, begin, self.load_factor)
+        if grows.rides is not None:
+            ride = StaticMotion(found.stepper.model, found.state, True, grows.rides, "solve_path")
+            ride.check_stands("solve_path", factor, coordinates_of(found.stepper, ride.own))
+            if grows.rides[0] != grows.rides[1]:
+                found.motion = ride
+        return found
+
+    def first_solver(self, at_time: float | tuple[float, float] | None) -> tuple[PathSolver, str]:
+        """One at the start, which has what judges it in space, or why nothing does.
+
+        Raises
+        ------
+        SceneError
+            The start is no equilibrium, or something is held by nothing.
+        """
+        model = self.model
+        may_leave = model.plane is not None and not model.asked_for_plane
+        # where supports leave its plane the scene does, if it may
+        solver = self.solver(self.start, self.load_factor,
+                             False if may_leave and leave_plane(model, self.growing.moved) else None)
+        if self.start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
+            raise SceneError("solve_path: user forces that do not grow act at the start, which is no equilibrium: give that under "
+                             "them as start=, or let those that are loads grow, grows=True")
+        flat = solver.stepper.plane is not None
+        check_supports(model, flat)
+        if model.motions is not None:
+            for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
+                model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
+        aside = free_aside(model) if flat and may_leave else ""
+        if aside:
+            return solver, (f"nothing holds the scene in its plane, {aside}: critical points and unstable directions are those in "
+                            "the plane alone; hold it there with Pins or Clamps to see those in space")
+        if flat and may_leave:
+            solver.in_space = lambda at, factor: self.solver(at, factor, False)
+        return solver, ""
+
+
+def _check_scene(model: Model, stays: Array, at_time: float | tuple[float, float] | None) -> None:
+    """Refuse what paths do not know.
+
+    Raises
+    ------
+    SceneError
+    """
+    check_slider_forces("solve_path", model, stays, smooth=True)
+    if model.slider_forces is not None:
+        model.slider_forces.check_times("solve_path", ~stays, None if isinstance(at_time, tuple) else at_time,
+                                        ", one time for the whole path")
+    refuse_winches("solve_path", model)
+
+
+def _first_step(to: float, load_factor: float, step: float, largest_step: float, smallest_step: float) -> float:
+    """Length of the first step.
+
+    Raises
+    ------
+    SceneError
+    """
     step = min(step, largest_step)
     if not smallest_step <= step:
         raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "
                          f"{largest_step:g}")
     if to == load_factor:
         raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
+    return step
+
+
+def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | None, moves: Any, prestrains: Any) -> _Growing:
+    """What changes with the load factor.
+
+    Raises
+    ------
+    SceneError
+        Nothing does, or one of the arguments is not usable.
+    """
     stays_put = moves is None and prestrains is None
     rides = _rides(model, at_time, moves, stays_put)
     # laws that do not grow act in full, as springs do
-    by_laws = laws_grow(model)
+    by_laws, drives = laws_grow(model), model.slider_forces
     pushed = drives is not None and bool(np.any(~stays & (drives.tables.drive != NO_DRIVE)))
     if stays_put and not np.any(model.loads) and not by_laws and not pushed and rides is None:
         raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, let a "
@@ -173,8 +286,19 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     else:
         stay = load_factors_at("solve_path", model, at_time)
         factors = stay, np.zeros_like(stay)
-    acts = by_laws or pushed
-    if start is None and (np.any(factors[0]) and np.any(model.loads) or acts and laws.begins):
+    return _Growing(factors, laws, by_laws or pushed, moved, strains, rides)
+
+
+def _checked_start(model: Model, start: State | None, growing: _Growing, branch: int | None, side: int | None
+                   ) -> tuple[State | None, list[tuple[str, str]]]:
+    """A start, and its events.
+
+    Raises
+    ------
+    SceneError
+        It is missing, or is none.
+    """
+    if start is None and (np.any(growing.factors[0]) and np.any(model.loads) or growing.acts and growing.laws.begins):
         raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
                          "start=solve_static(model, at_time=...).state")
     notes: list[tuple[str, str]] = []
@@ -182,53 +306,11 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         start, notes = check_start(model, start, 1.0, at_rest=True)
     if branch is not None and side is not None:
         raise SceneError("branch: give side= or branch=, not both")
-    if branch is not None and start is None:
-        raise SceneError("branch: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
-                         "load_factor=")
-    if side is not None and start is None:
-        raise SceneError("side: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
-                         "load_factor=")
-    check_at_rest("solve_path", model)
-    may_leave = model.plane is not None and not model.asked_for_plane
-
-    def solver_from(at: State | None, factor: float, flat: bool | None) -> PathSolver:
-        found = PathSolver(model, at, max_iterations, stays, flat, backend, factors, factor, laws, strains)
-        if moved:
-            begin = model.q0 if start is None else start.q
-            found.motion = StaticShift(found.stepper.model, moved, begin, load_factor)
-        if rides is not None:
-            ride = StaticMotion(found.stepper.model, found.state, True, rides, "solve_path")
-            ride.check_stands("solve_path", factor, coordinates_of(found.stepper, ride.own))
-            if rides[0] != rides[1]:
-                found.motion = ride
-        return found
-
-    # where supports leave its plane the scene does, if it may
-    solver = solver_from(start, load_factor, False if may_leave and leave_plane(model, moved) else None)
-    if start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
-        raise SceneError("solve_path: user forces that do not grow act at the start, which is no equilibrium: give that under "
-                         "them as start=, or let those that are loads grow, grows=True")
-    flat = solver.stepper.plane is not None
-    check_supports(model, flat)
-    if model.motions is not None:
-        for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
-            model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
-    aside = ""
-    if flat and may_leave:
-        if free_aside(model):
-            aside = (f"nothing holds the scene in its plane, {free_aside(model)}: critical points and unstable directions are "
-                     "those in the plane alone; hold it there with Pins or Clamps to see those in space")
-        else:
-            solver.in_space = lambda at, factor: solver_from(at, factor, False)
-    wanted = wanted_of(model, stop, points)
-    path = PathWalk(model if strains is None else strains.model, solver, points, step, largest_step, smallest_step, most_points,
-                    observe, wanted)
-    path.aside = aside
-    for kind, text in notes:
-        path.buffer.event({"kind": kind, "time": 0.0, "text": text})
-    if strains is not None:
-        strains.watch([*path.observer.points.sections, *(x.section for x in wanted)])
-    return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
+    for name, value in (("branch", branch), ("side", side)):
+        if value is not None and start is None:
+            raise SceneError(f"{name}: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
+                             "load_factor=")
+    return start, notes
 
 
 def _rides(model: Model, at_time: float | tuple[float, float] | None, moves: Any, grow: bool) -> tuple[float, float] | None:

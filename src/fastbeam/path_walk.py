@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,21 @@ FLUTTER = ("loads that follow, laws, moving air and moments that are fixed in sp
            "counted here, vibrations that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
 
 
+@dataclass
+class _Step:
+    """A step along a path, or the part of it up to what ends it."""
+
+    before: tuple[Any, ...]     # what the solver has saved at its beginning
+    along: Direction
+    after: Direction            # at its end
+    iterations: int
+    size: float
+    counted: int | None         # unstable directions at its end
+    met: Wanted | None          # the quantity that comes to its value there
+    off: Array                  # how far all of them are off theirs
+    found: CriticalPoint | None = None
+
+
 class PathWalk:
     """Goes along, and keeps rows."""
 
@@ -70,6 +86,9 @@ class PathWalk:
         self.length, self.rows, self.iterations = 0.0, 0, 0
         # load factors at which the number of unstable directions is not known
         self.open: list[float] = []
+        # unstable directions at the beginning of a step, and sign of the change of the load factor there
+        self.unstable: int | None = None
+        self.sign = 1.0
         # why a path in a plane knows nothing of critical points out of it
         self.aside = ""
 
@@ -143,83 +162,114 @@ class PathWalk:
     def _go(self, to: float, stop_at: str | None, branch: int | None, bar: Progress) -> None:
         along = self._first(to) if branch is None else self._off(branch)
         solver = self.solver
-        unstable, sign = solver.judge.unstable(), np.sign(along.factor)
-        self.record(0, 0.0, unstable)
+        self.unstable, self.sign = solver.judge.unstable(), float(np.sign(along.factor))
+        self.record(0, 0.0, self.unstable)
         self.off = self._off_values()
         first = solver.saved()
         while self.rows < self.most:
             self.begun_at = None
             solver.interrupts.serve()
             before = self.begun_at = solver.saved()
-            iterations = solver.go(along, self.step)
-            after = solver.direction(along) if iterations else None
-            if after is None or solver.product(along, after) < LEAST_COSINE:
-                solver.restore(before)
-                self._shorten(bar)
-                continue
-            self.size = self.step
-            met, off = self._met(before, along)
-            if met is not None:
-                after = self._direction(along)
-            counted, size = solver.judge.unstable(), self.size
-            back = self._back(first, before, along, size) if self.rows >= LEAST_ROWS else None
-            if back is not None:
-                self.length += back
-                self.record(iterations, back, solver.judge.unstable())
-                self.buffer.event({"kind": "closed", "time": self.length,
-                                   "text": f"the path is back at its start, load factor {solver.factor:.6g}"})
+            step = self._taken(before, along)
+            if step is not None and self._closes(first, step):
                 return
-            found = None
-            if self.rows == 1 and branch is not None:
+            if step is not None and self.rows == 1 and branch is not None:
                 # what changes on the way off is no event
-                sign = np.sign(after.factor)
-            else:
-                step = PathStep(solver, before, along, size)
-                rates = (along.factor, after.factor) if after.factor * sign < 0.0 else None
-                found = step.first(rates, unstable, counted)
-                if step.is_lost and self._may_divide(stop_at):
-                    solver.restore(before)
-                    self._shorten(bar)
-                    continue
-                if step.is_lost:
-                    what = "the load factor turns around" if rates is not None and found is None else (
-                        f"the number of unstable directions changes from {unstable} to {counted}")
-                    self._lost(step, what, stop_at, bar)
-            if found is not None:
-                size, counted, after, met = found.size, found.unstable, self._direction(along), None
-                off = self._off_values()
-            if (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to:
-                solver.restore(before)
-                share = (to - before[3]) / along.factor if along.factor else size
-                if solver.go(along, min(max(share, 0.0), 1.5 * size), to):
-                    end = self._direction(along)
-                    self.length += abs(solver.product(along, end)) * size
-                    self.record(iterations, size, solver.judge.unstable())
-                    return
+                self.sign = float(np.sign(step.after.factor))
+            elif step is not None and not self._looks(step, stop_at, bar):
+                step = None
+            passes = step is not None and (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to
+            if step is not None and passes and self._arrives(step, to):
+                return
+            if step is None or passes:
                 solver.restore(before)
                 self._shorten(bar)
                 continue
-            if found is not None:
-                sign = -sign if found.kind == "limit" else sign
-                self._note(found, sign)
-            self.length += size
-            self.record(iterations, size, counted)
-            bar.update(1.0)
-            if met is not None:
-                text = f"load factor {solver.factor:.12g}: {met.label} is {met.value:.12g}"
-                self.buffer.event({"kind": "wanted", "time": self.length, "text": text})
+            if self._ends_with(step, stop_at, bar):
                 return
-            self.off = off
-            if found is not None and found.kind == stop_at:
-                self._list_branches(found.number)
-                return
-            along, unstable = after, counted
-            self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
-            if self.undivided is not None and self.step >= self.undivided:
-                self.undivided = None
+            along, self.unstable = step.after, step.counted
+            self._lengthen(step.iterations)
         text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; go on from "
                 "result.state with load_factor=, or give most_points")
         self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
+
+    def _taken(self, before: tuple[Any, ...], along: Direction) -> _Step | None:
+        """The next step, up to the first wanted quantity within it; None where it fails or the path turns too far."""
+        solver = self.solver
+        iterations = solver.go(along, self.step)
+        after = solver.direction(along) if iterations else None
+        if after is None or solver.product(along, after) < LEAST_COSINE:
+            return None
+        self.size = self.step
+        met, off = self._met(before, along)
+        if met is not None:
+            after = self._direction(along)
+        return _Step(before, along, after, iterations, self.size, solver.judge.unstable(), met, off)
+
+    def _closes(self, first: tuple[Any, ...], step: _Step) -> bool:
+        """Whether a step leads back to the first equilibrium, with the last row there."""
+        back = self._back(first, step.before, step.along, step.size) if self.rows >= LEAST_ROWS else None
+        if back is None:
+            return False
+        self.length += back
+        self.record(step.iterations, back, self.solver.judge.unstable())
+        self.buffer.event({"kind": "closed", "time": self.length,
+                           "text": f"the path is back at its start, load factor {self.solver.factor:.6g}"})
+        return True
+
+    def _looks(self, step: _Step, stop_at: str | None, bar: Progress) -> bool:
+        """Look for the first critical point within a step, which ends there then. False where one was not located in a step that
+        may be divided."""
+        whole = PathStep(self.solver, step.before, step.along, step.size)
+        rates = (step.along.factor, step.after.factor) if step.after.factor * self.sign < 0.0 else None
+        found = whole.first(rates, self.unstable, step.counted)
+        if whole.is_lost:
+            if self._may_divide(stop_at):
+                return False
+            what = "the load factor turns around" if rates is not None and found is None else (
+                f"the number of unstable directions changes from {self.unstable} to {step.counted}")
+            self._lost(whole, what, stop_at, bar)
+        if found is not None:
+            step.found, step.size, step.counted, step.met = found, found.size, found.unstable, None
+            step.after, step.off = self._direction(step.along), self._off_values()
+        return True
+
+    def _arrives(self, step: _Step, to: float) -> bool:
+        """Whether a part of a step that passes the load factor of the end of the path leads there, with the last row there."""
+        solver, along = self.solver, step.along
+        solver.restore(step.before)
+        share = (to - step.before[3]) / along.factor if along.factor else step.size
+        if not solver.go(along, min(max(share, 0.0), 1.5 * step.size), to):
+            return False
+        end = self._direction(along)
+        self.length += abs(solver.product(along, end)) * step.size
+        self.record(step.iterations, step.size, solver.judge.unstable())
+        return True
+
+    def _ends_with(self, step: _Step, stop_at: str | None, bar: Progress) -> bool:
+        """Keep a step; whether the path ends with it, at a wanted quantity or a critical point of this kind."""
+        found, met = step.found, step.met
+        if found is not None:
+            self.sign = -self.sign if found.kind == "limit" else self.sign
+            self._note(found, self.sign)
+        self.length += step.size
+        self.record(step.iterations, step.size, step.counted)
+        bar.update(1.0)
+        if met is not None:
+            text = f"load factor {self.solver.factor:.12g}: {met.label} is {met.value:.12g}"
+            self.buffer.event({"kind": "wanted", "time": self.length, "text": text})
+            return True
+        self.off = step.off
+        if found is None or found.kind != stop_at:
+            return False
+        self._list_branches(found.number)
+        return True
+
+    def _lengthen(self, iterations: int) -> None:
+        """The next step is longer where the last one was easy."""
+        self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
+        if self.undivided is not None and self.step >= self.undivided:
+            self.undivided = None
 
     def _off_values(self) -> Array:
         return np.array([x.off(self.solver.state) for x in self.wanted])

@@ -181,6 +181,8 @@ class Saddle:
         Along these, what the right-hand side asks for, in no unit; zero where the matrix is regular.
     unbalanced : float
         Its share in the right-hand side, in scaled rows.
+    left : float64 [n, m]
+        Null vectors of the transposed matrix, along which the last solution leaves the right-hand side out.
     residual : float
         Of the rest of the last solution, relative to the right-hand side, in scaled rows.
     """
@@ -195,7 +197,7 @@ class Saddle:
         self.nodes: Nodes | None = None
         self.free: Callable[[Any], Array] | None = None
         self.residual = self.unbalanced = 0.0
-        self.drift = np.zeros(multiplier.size)
+        self.drift, self.left = np.zeros(multiplier.size), np.zeros((multiplier.size, 0))
 
     @cached_property
     def scales(self) -> tuple[Array, Array]:
@@ -241,7 +243,7 @@ class Saddle:
         """x [n] with matrix x = right [n]. None where nothing acceptable is found."""
         if not (self.is_finite and np.isfinite(right).all()):
             return None
-        self.is_singular, self.unbalanced, self.drift = False, 0.0, np.zeros(right.size)
+        self.is_singular, self.unbalanced, self.drift, self.left = False, 0.0, np.zeros(right.size), np.zeros((right.size, 0))
         x = self._by_pardiso(right) if self._factors is not None else None
         return self._by_superlu(right) if x is None else x
 
@@ -328,7 +330,7 @@ class Saddle:
         if not (np.isfinite(x).all() and self.residual <= FAIR):
             return None
         self.is_singular = True
-        self.unbalanced = float(np.linalg.norm(asked))
+        self.unbalanced, self.left = float(np.linalg.norm(asked)), self.row[:, None] * left
         # null vectors of both sides belong to each other through the matrix beside it
         self.drift = self.column * (right @ (right.T @ (left @ asked)))
         return x

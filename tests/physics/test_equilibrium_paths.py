@@ -433,3 +433,20 @@ def test_the_limit_load_of_an_arch_next_to_another_branch(lateral: float) -> Non
     moves = [np.max(np.abs(x.state.q - found[0].state.q)) for x in (below, beyond)]
     # 0.002 below, 0.015 and more beyond
     assert moves[0] < 0.005 < moves[1] and below.info["unstable_directions"] == 0
+
+
+@pytest.mark.parametrize(("slenderness", "aside"), [(300.0, 1e-6), (3e3, 1e-5), (1e4, 1e-4)])
+def test_slender_columns_go_to_the_side_of_a_small_load(slenderness: float, aside: float) -> None:
+    """Next to the path is another one, which shares its bifurcation without that load: the elastica goes to K(k) = sqrt(P L^2/EI),
+    2 k/sqrt(P L^2/EI) of its length aside (S. Timoshenko, J. Gere, 1961, section 2.7), and balances the moment at its foot."""
+    stiff, load = slenderness**2, 1.1 * np.pi**2 / 4.0
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(stiff, 0.4 * stiff, 4.0, 0.8, 1.0), elements=6,
+                              degree=3, d2=(1, 0, 0))
+    foot = fb.Clamp(column.start, name="foot")
+    scene = fb.Scene(column, foot, fb.Load("press", column.end, force=(aside * load, 0, -load)))
+    path = fb.solve_path(fb.compile_scene(scene), observe=["reaction"])
+    assert path.info["critical_points"] == [] and path.events == [] and not path.series["unstable_directions"].any()
+    x, _, z = path.state.q.reshape(-1, 12)[-1, :3]
+    k = brentq(lambda k: ellipk(k**2) - np.sqrt(load), 0.1, 0.9)
+    assert x == pytest.approx(2.0 * k / np.sqrt(load), rel=1e-3)
+    assert path.reaction("foot")["moment"][-1, 1] == pytest.approx(-load * (x + aside * z), rel=1e-6)
