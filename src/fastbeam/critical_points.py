@@ -20,7 +20,7 @@ SAME_WAY = 0.99
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
 # part of a step within which eigenvalues of tangents without symmetry change their signs together
 SHORTEST = 1e-3
-# forces that are left along the vectors that vanish, as a multiple of those of the samples, beyond which two paths pass each other
+# forces that are left along vectors that vanish, as a multiple of those of the samples, beyond which two paths pass each other
 LEFT = 30.0
 # step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
 # are none; increment of the unknowns by which a mode is told

@@ -215,8 +215,8 @@ class _Task:
         solver = self.solver(self.start, self.load_factor,
                              False if may_leave and leave_plane(model, self.growing.moved) else None)
         if self.start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
-            raise SceneError("solve_path: user forces that do not grow act at the start, which is no equilibrium: give that under "
-                             "them as start=, or let those that are loads grow, grows=True")
+            raise SceneError("solve_path: user forces that do not grow act at the start, which is no equilibrium: give that "
+                             "under them as start=, or let those that are loads grow, grows=True")
         flat = solver.stepper.plane is not None
         check_supports(model, flat)
         if model.motions is not None:
@@ -224,8 +224,8 @@ class _Task:
                 model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
         aside = free_aside(model) if flat and may_leave else ""
         if aside:
-            return solver, (f"nothing holds the scene in its plane, {aside}: critical points and unstable directions are those in "
-                            "the plane alone; hold it there with Pins or Clamps to see those in space")
+            return solver, (f"nothing holds the scene in its plane, {aside}: critical points and unstable directions are those "
+                            "in the plane alone; hold it there with Pins or Clamps to see those in space")
         if flat and may_leave:
             solver.in_space = lambda at, factor: self.solver(at, factor, False)
         return solver, ""

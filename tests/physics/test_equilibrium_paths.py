@@ -437,7 +437,7 @@ def test_the_limit_load_of_an_arch_next_to_another_branch(lateral: float) -> Non
 
 @pytest.mark.parametrize(("slenderness", "aside"), [(300.0, 1e-6), (3e3, 1e-5), (1e4, 1e-4)])
 def test_slender_columns_go_to_the_side_of_a_small_load(slenderness: float, aside: float) -> None:
-    """Next to the path is another one, which shares its bifurcation without that load: the elastica goes to K(k) = sqrt(P L^2/EI),
+    """Without that load the path meets another one. With K(k) = sqrt(P L^2/EI) the elastica goes
     2 k/sqrt(P L^2/EI) of its length aside (S. Timoshenko, J. Gere, 1961, section 2.7), and balances the moment at its foot."""
     stiff, load = slenderness**2, 1.1 * np.pi**2 / 4.0
     column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(stiff, 0.4 * stiff, 4.0, 0.8, 1.0), elements=6,
