@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .eigen import Pencil, SingularError, grown, lowest
+from .equilibrium import LEAST_STRAY, STRAY
 from .iteration import newton_loop
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
@@ -34,8 +35,6 @@ REAL = 1e-9
 NEXT_TO, ROUND_OFF = 1e-9, 1e-14
 # a direction with less than this out of a plane lies in it; a vector of length 1 that moves places by less only spins
 ASIDE, SPINS = 1e-3, 1e-6
-# an equilibrium lies at most so far from the end of its step, as a share of the step, and at all
-STRAY, LEAST_STRAY = 0.6, 1e-7
 # accuracy of the place of a critical point on its step, and evaluations until then
 ACCURATE, MOST_EVALUATIONS = 1e-12, 40
 

@@ -21,6 +21,8 @@ from .static_motion import Carrying, StaticMotion, StaticShift, coordinates_of
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
 LARGEST_INCREMENT = 4.0
+# an equilibrium lies at most so far from the end of its step, as a share of the step, and at all
+STRAY, LEAST_STRAY = 0.6, 1e-7
 # increments as small as this that do not become smaller may be those of a free motion
 DRIFT = 1e-4
 
@@ -56,6 +58,13 @@ class StaticSolver:
         # supports on their way to where they are at the time of the loads
         self.motion: StaticMotion | StaticShift | None = None
         self._carrying: Carrying | None = None
+        # how much of their way these, and whatever else is given, have gone
+        self.share = 0.0
+        # coordinates to which that takes the scene, before Newton's method on everything
+        self._led: Array | None = None
+        # whether another equilibrium counts where none is next to these, and load factors and extents of such leaps, in
+        # sizes of the scene and rad
+        self.may_leap, self.leaps = True, list[tuple[float, float]]()
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
         if self.stepper.pivots_everywhere:
@@ -91,6 +100,7 @@ class StaticSolver:
 
     def move_to(self, share: float) -> None:
         """How much of their way supports and prescribed places of sliders have gone at the next equilibrium."""
+        self.share = share
         if self.motion is not None:
             self.motion.share = share
 
@@ -121,6 +131,7 @@ class StaticSolver:
         if status != OK:
             state.q[:] = before
             return status, []
+        self._led = None if self.motion is None else state.q.copy()
         if self.linear.is_compiled and model.substructures is None:
             buffer = empty(MORE_ITERATIONS * self.max_iterations)
             with self.linear.threads():
@@ -136,11 +147,27 @@ class StaticSolver:
             self.fallback.set_time(*self.stepper.law_work[:2])
             self.fallback.motion = self.motion
             status, sizes = self.fallback.equilibrium(factors)
+            self._led = self.fallback._led
             self.linear.fallbacks += status == OK
+        if status == OK and self._leaps(before):
+            status = NOT_CONVERGED
         if status != OK:
             state.q[:] = before
         self.longest = len(sizes)
         return status, sizes
+
+    def _leaps(self, before: Array) -> bool:
+        """Whether the present equilibrium lies further from where moving supports have taken the coordinates `before` than these
+        have gone, and may not: another one. One that may is kept in `leaps`."""
+        if self._led is None:
+            return False
+        q, size, dim = self.stepper.core_state.q, 12 if self.stepper.plane is None else 4, self.core.dim
+        weight = np.where(np.arange(size) < dim, 1.0 / self.core.length, 1.0) * np.sqrt(size / q.size)
+        off, way = (float(np.linalg.norm((x - self._led).reshape(-1, size) * weight)) for x in (q, before))
+        is_other = off > max(STRAY * way, LEAST_STRAY)
+        if is_other and self.may_leap:
+            self.leaps.append((self.share, off))
+        return is_other and not self.may_leap
 
     def _carry(self, factors: Array) -> int:
         """Where supports move, one iteration that takes the scene along with them."""

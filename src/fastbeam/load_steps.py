@@ -48,6 +48,10 @@ WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out o
 # of `simulate`'s what there is at rest
 RECORDED = ("energy", "spring", "orientation", "section", "reaction")
 KEPT = "The last equilibrium is in .state, everything computed in .result"
+# of the smallest load step, where supports move
+LEAP = ("load factor {:.6g}: no equilibrium was found next to the one before, and one further off was taken (by {:.3g}, in sizes "
+        "of the scene and rad): a buckling or limit load was passed, and there may be others; "
+        "fb.solve_path(model, at_time=(0, t)) follows the one from before, fb.relax finds where a motion ends")
 # iterations beyond which a load step was hard: the next one is not longer
 LONG = 9
 
@@ -201,13 +205,17 @@ class LoadSteps:
             solver.set_time(t, target if raised else 1.0)
             solver.move_to(target)
             before, shape = solver.stepper.core_state.q.copy(), solver.state.q.copy()
-            status, sizes = solver.equilibrium(target * factors if raised else factors)
             shorter = size > smallest * (1.0 + 1e-12)
+            solver.may_leap = not shorter
+            status, sizes = solver.equilibrium(target * factors if raised else factors)
             if status == OK and shorter and (self._leaps_back(before) or self._swaps_back(before, shape)):
                 status = NOT_CONVERGED
             if status == OK:
                 solver.history.append(len(sizes))
                 self._record(target, len(sizes), size)
+                for share, extent in solver.leaps:
+                    self.buffer.event({"kind": "leap", "time": share, "text": LEAP.format(share, extent)})
+                solver.leaps.clear()
                 bar.update(target - reached)
                 reached = target
                 # a step that was cut to meet a level says nothing against the size planned

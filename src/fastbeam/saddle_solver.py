@@ -85,8 +85,8 @@ class SaddleSolver(StaticSolver):
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
-        # how much of that way they have gone, and at the last equilibrium
-        self._gone = self._reached = 0.0
+        # how much of that way they had gone at the last equilibrium
+        self._reached = 0.0
         # those that friction or rigid stops may hold, and where those of joints are
         self.joints, self.resting = static_joints(self), np.zeros(0)
         if self.joints is not None:
@@ -110,24 +110,23 @@ class SaddleSolver(StaticSolver):
         super().move_to(share)
         if self.along is not None:
             self.along.share = share
-        self._gone = share
         self.hold_joints()
 
     def count_turns(self) -> None:
         super().count_turns()
-        self._reached = self._gone
+        self._reached = self.share
 
     @property
     def turns_too_far(self) -> bool:
         """Whether a joint is given half a turn or more beyond the last equilibrium, which may as well be the other way."""
         if self.given is None:
             return False
-        holds, way = self.core.motions.holds, (self._gone - self._reached) * (self.given[1] - self.given[0])
+        holds, way = self.core.motions.holds, (self.share - self._reached) * (self.given[1] - self.given[0])
         return bool(np.any(np.abs(way[holds.is_angle[holds.given]]) > HALF_TURN))
 
     def hold_joints(self) -> None:
         """Where coordinates of joints stand that are given, or that friction and rigid stops hold."""
-        given = [] if self.given is None else [(1.0 - self._gone) * self.given[0] + self._gone * self.given[1]]
+        given = [] if self.given is None else [(1.0 - self.share) * self.given[0] + self.share * self.given[1]]
         if self.joints is not None:
             self.joints.hold()
             given.append(self.resting)
@@ -276,10 +275,10 @@ class SaddleSolver(StaticSolver):
     def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
         """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
         self.work.increment.control[0] = 0.0
-        is_whole = False
+        is_whole, carries = False, self._follows and self._led is None
 
         def increment() -> tuple[int, float | None]:
-            nonlocal is_whole
+            nonlocal is_whole, carries
             x = self._increment(sliding)
             if x is None:
                 return self.no_increment, None
@@ -288,7 +287,11 @@ class SaddleSolver(StaticSolver):
             share = self._share(x.nodes)
             is_whole = share == 1.0 and x.whole
             # forces stand in the equations as they are: whole ones balance the loads whatever nodes do
-            return OK, self.move(Increment(share * x.nodes, share * x.s, x.force))
+            size = self.move(Increment(share * x.nodes, share * x.s, x.force))
+            if carries:
+                self._led = self.stepper.core_state.q.copy()
+            carries = False
+            return OK, size
 
         def after(sizes: list[float]) -> int:
             self.interrupts.serve()
@@ -297,6 +300,12 @@ class SaddleSolver(StaticSolver):
         status, sizes = newton_loop(increment, self.max_iterations, after, lambda: is_whole)
         self.longest = max(self.longest, len(sizes))
         return status, sizes
+
+    @property
+    def _follows(self) -> bool:
+        """Whether supports or joints are taken along, and nothing finds a place of its own."""
+        moves = self.motion is not None or self.given is not None
+        return moves and self.joints is None and not self.sliding.any()
 
     def interrupted(self, _: list[float]) -> int:
         """Between iterations, where nothing else ends them."""

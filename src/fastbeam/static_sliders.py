@@ -44,7 +44,10 @@ class SlidingSolver(SaddleSolver):
         joints = None if self.joints is None else (self.joints.values.copy(), self.joints.at_stop.copy())
         status = NOT_CONVERGED
         try:
+            self._led = None
             status, sizes = self._equilibrium(factors)
+            if status == OK and self._leaps(before[0]):
+                status = NOT_CONVERGED
         finally:
             if status != OK:
                 self._restore(before)

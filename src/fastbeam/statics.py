@@ -77,7 +77,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     at_time : float
         Where time functions of loads and drives are evaluated, s; needed when the scene has some. With it a `PrescribedMotion`
         moves its support with the load factor (displacement control): from the shape of the scene along its function from t = 0
-        on, from a `start` straight to its place at that time. Without it such supports stay where they are.
+        on, from a `start` straight to its place at that time; steps that lead to another equilibrium than the one
+        nearby are divided, an event "leap" tells where the smallest one does. Without it such supports stay where they are.
     start : State
         Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arc_length import LEAST_STRAY, STRAY
+from .equilibrium import LEAST_STRAY, STRAY
 from .errors import SceneError
 from .iteration import newton_loop
 from .kernels.step import NOT_CONVERGED, OK
@@ -177,12 +177,10 @@ class LengthSolver(Response):
         plane = tables.model.plane
         self.tables, self.conditions = tables, conditions
         self.change = np.zeros(len(tables.beams))
-        # part of their way that conditions go
-        self.share = 0.0
-        # whether an equilibrium that is not near will do; where that was so, and how far it was
-        self.may_leap, self.leaps = False, list[tuple[float, float]]()
         tables.watch([condition.wanted.section for condition in conditions])
         super().__init__(tables.model, start, held, plane is not None and plane.holds(start), backend, at_time, factors, 1.0)
+        # conditions are at the start
+        self.part, self.may_leap = 0.0, False
         self.max_iterations = max_iterations
         self._of_lengths = factors_for(backend)
         self.begun = self.values()
@@ -209,7 +207,7 @@ class LengthSolver(Response):
     def move_to(self, share: float) -> None:
         """How much of their way conditions have gone at the next equilibrium. Supports and what joints are given stay."""
         super().move_to(1.0)
-        self.share = share
+        self.part = share
 
     def _put(self, change: Array) -> None:
         """Let beams have these changes of their prestrains [m], and weigh what goes with them."""
@@ -293,7 +291,7 @@ class LengthSolver(Response):
         """Newton's method for the conditions of the present share of their way."""
         self.runaway = self.stuck = -1
         state, n = self.stepper.core_state, self.nodes + self.sliding.size
-        wanted = self.begun + self.share * (self.asked - self.begun) if self.share < 1.0 else self.asked
+        wanted = self.begun + self.part * (self.asked - self.begun) if self.part < 1.0 else self.asked
         ways: list[Array] = []
 
         def increment() -> tuple[int, float | None]:
@@ -320,7 +318,7 @@ class LengthSolver(Response):
         if self._extent(gone - ways[0]) > max(STRAY * self._extent(ways[0]), LEAST_STRAY):
             if not self.may_leap or Resolution(self.tables.model).is_folded(self.state.q):
                 return NOT_CONVERGED, sizes
-            self.leaps.append((self.share, self._extent(gone)))
+            self.leaps.append((self.part, self._extent(gone)))
         return OK, sizes
 
     def _extent(self, x: Array) -> float:

@@ -310,3 +310,31 @@ def test_what_is_refused() -> None:
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), lift))
     with pytest.raises(fb.SceneError, match="outside its table"):
         fb.solve_static(model, at_time=2.0)
+
+
+@pytest.mark.parametrize(("kind", "EA", "turn", "way"), [
+    ("support", 1e4, 0.9, (-0.5, 0.0, -0.4)), ("support", 1e4, 1.8, (-0.6, 0.0, 0.2)), ("support", 1e8, 1.8, (-0.6, 0.0, 0.2)),
+    ("joint", 1e4, 1.8, (-0.6, 0.0, 0.2))])
+def test_the_end_of_a_rod_is_pushed_and_turned_whatever_the_load_steps(kind: str, EA: float, turn: float,
+                                                                       way: tuple[float, ...]) -> None:
+    """There are several equilibria: load steps of any size lead to the one that the path of equilibria leads to; those that are
+    not to be divided may lead elsewhere, and tell."""
+    rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=section(EA), elements=8)
+    end, far = np.array((1.0, 0.0, 0.0)), np.array(way)
+    if kind == "support":
+        hand = fb.PrescribedMotion("hand", rod.end, position=lambda t: end + t**2 * far, rotation=lambda t: (0, t**2 * turn, 0))
+        parts: tuple[Any, ...] = (hand,)
+    else:
+        arm, grip = (fb.RigidBody(name, mass=1.0, inertia=(1, 1, 1), position=end) for name in ("arm", "grip"))
+        hand = fb.PrescribedMotion("hand", arm.center, position=lambda t: end + t**2 * far, rotation=lambda t: (0, 0, 0))
+        wrist = fb.RevoluteJoint(arm, grip, axis=(0, 1, 0), angle=lambda t: t**2 * turn)
+        parts = arm, grip, hand, fb.RigidConnection(rod.end, grip.center), wrist
+    model = fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), *parts))
+    shapes = [fb.solve_static(model, at_time=1.0, load_step=step, points={"mid": rod.at(0.5)}).point("mid")[-1]
+              for step in (0.25, 0.5, 0.01)]
+    if kind == "support" and EA == 1e4:
+        shapes.append(fb.solve_path(model, at_time=(0.0, 1.0), points={"mid": rod.at(0.5)}).point("mid")[-1])
+    np.testing.assert_allclose(shapes, np.broadcast_to(shapes[0], np.shape(shapes)), rtol=0, atol=1e-12)
+    if turn == 0.9:
+        with pytest.warns(fb.ResultWarning, match="no equilibrium was found next to the one before"):
+            fb.solve_static(model, at_time=1.0, load_step=0.5, smallest_step=0.2)
