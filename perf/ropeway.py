@@ -36,10 +36,10 @@ def speed(t: float) -> float:
     return SPEED * x * x * (3.0 - 2.0 * x)
 
 
-def ropeway(cabins: int, elements: int = 5) -> tuple[Any, Any]:
-    """Scene and path; elements of a span."""
+def ropeway(cabins: int, elements: int = 5, damping: float = 0.0) -> tuple[Any, Any]:
+    """Scene and path; elements of a span, and damping of the rope, s."""
     import fastbeam as fb
-    rope = fb.Section.circle(radius=0.015, E=1e10, rho=6000.0)
+    rope = fb.Section.circle(radius=0.015, E=1e10, rho=6000.0, damping=damping)
     spans = []
     for k in range(SPANS):
         a = 2.0 * np.pi * k / SPANS

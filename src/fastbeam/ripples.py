@@ -331,7 +331,7 @@ class Contacts:
         text = (f"slider {slider.name!r} goes over s = {place:.4g} m ({beam.label}, s = {s:.4g} m), where what it runs on has a "
                 f"kink, with steps of {h:.2g} s: its force there, about {blow:.2g} N beside {usual:.2g} N before, is that of a "
                 "blow and grows with 1/h. Let the beam bend there: a weld instead of a hinge, a curved beam between, elements "
-                "below sqrt(EI/N), and steps that are short against the time in the bend")
+                "below sqrt(EI/N), and steps that are short against the time in the bend; damping= takes the waves away")
         key = f"{slider.name} {place:.6g}"
         if blow > self._blows.get(key, (0.0, 0.0, ""))[0]:
             self._blows[key] = blow, t, text
@@ -372,7 +372,7 @@ class Contacts:
                 enough = max(ENERGY * moving, 1e-300)
                 found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, "elements that move "
                                                                "with it (with_moving_meshes), where these know the scene")))
-        return [*({"kind": "unresolved", "time": t, "text": text} for _, t, text in blows),
+        return [*({"kind": "unresolved", "time": t, "text": text, "blow": size} for size, t, text in blows),
                 *self._in_order(found)]
 
     @staticmethod

@@ -47,6 +47,8 @@ from .ways import Ways
 Array = np.ndarray
 TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
 START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
+AFTER_BLOWS = (". Before, sliders went over kinks of what they run on, as blows whatever the step (events 'unresolved' have "
+               "places and forces), and their waves run on: weld the beams there, let them bend, or give their sections damping=")
 
 
 @warns
@@ -379,6 +381,8 @@ class _Run(Encounters):
         if present is not None:
             result.checkpoint, result.state = present, present.state
         final = error or self.rows.file_error
+        if isinstance(final, ConvergenceError) and any("blow" in event for event in result.events):
+            final.args = (f"{final}{AFTER_BLOWS}",)
         if isinstance(error, KeyboardInterrupt) or self.interrupts.asked:
             self.interrupts.asked = False
             way = "" if present is None else ", .checkpoint goes on from there"
