@@ -414,7 +414,8 @@ class PathSolver(SlidingSolver):
         free = np.append(self.contacts.free(len(self.core.dofs)), np.ones(self.sliding.size))
         mass = sparse.diags(self.weight[:k] * free, format="csr")
         matrix = (saddle.matrix if self.is_unsymmetric else 0.5 * (saddle.matrix + saddle.matrix.T)).tocsr()
-        pencil = Pencil(matrix, mass, saddle.multiplier, not self.is_unsymmetric, sparse.csr_matrix((k, 0)))
+        pencil = Pencil(matrix, mass, saddle.multiplier, not self.is_unsymmetric, sparse.csr_matrix((k, 0)),
+                        self.free_motions.nodes.turns(saddle.multiplier.size))
         if below_zero:
             # not the median, which may be one of those that vanish
             heavy = mass.diagonal() > 0.0

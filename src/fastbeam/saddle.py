@@ -455,11 +455,11 @@ def signs_between(matrix: Any, multiplier: Array, nodes: Nodes | None = None) ->
     return _signs(matrix[~multiplier][:, ~multiplier].tocsc(), matrix[multiplier][:, ~multiplier].tocsc(), nodes)
 
 
-def equilibrated(matrix: Any) -> tuple[Array, Array]:
+def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None) -> tuple[Array, Array]:
     """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
-    same for both where the matrix is symmetric. 1 for those without entries."""
+    same for both where the matrix is symmetric. 1 for those without entries. begin: factors to begin with; default: 1."""
     by_rows = matrix.tocsr()
-    row, column = (np.ones(n) for n in by_rows.shape)
+    row, column = (np.ones(n) for n in by_rows.shape) if begin is None else begin
     structure = (x.astype(np.int32, copy=False) for x in (by_rows.indptr, by_rows.indices))
     balance(np.abs(by_rows.data), *structure, SWEEPS, row, column, np.zeros(row.size), np.zeros(column.size))
     return tuple(np.exp2(np.round(np.log2(x))) for x in (row, column))  # type: ignore[return-value]
