@@ -66,8 +66,10 @@ class _Critical:
         self.free = base.weights[:, None] * base.free_motions.motions(right.size)
         start = np.random.default_rng(0).standard_normal(right.size)
         start[base.nodes:] *= 0.0
+        # rows of what is held are in no unit
+        start[:base.nodes] *= base.contacts.free(len(base.core.dofs))
         row = saddle.row
-        self.null, self.left = start * base.weights, start * base.weights
+        self.null, self.left = start / saddle.column, start / row
         for _ in range(4):
             null, left = self._ends(False), self._ends(True)
             self.null, self.left = null / base.size_of(null), left / base.size_of(left)

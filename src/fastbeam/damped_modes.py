@@ -123,10 +123,9 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
         if best[2] <= DONE:
             break
         try:
-            solver = system.factored(rate, lenient=True)
+            y = system.factored(rate).solve(system.damping @ x + 2.0 * rate * (system.mass @ x))
         except SingularError:
             break
-        y = solver.solve(system.damping @ x + 2.0 * rate * (system.mass @ x))
         # Newton's method with the mass of the first vector as the condition on the size
         step = np.vdot(start, mass @ x[:k]) / np.vdot(start, mass @ y[:k])
         rate = complex(rate - step)

@@ -129,20 +129,15 @@ class DynamicStiffness:
         indptr = np.concatenate((2 * self._indptr, half + 2 * self._indptr[1:]))
         return sparse.csr_matrix((data, indices, indptr), shape=(2 * self._size,) * 2)
 
-    def factored(self, rate: complex, lenient: bool = False) -> Solver:
-        """Ready to solve at a rate.
-
-        Parameters
-        ----------
-        lenient : bool
-            Residuals are not looked at: next to an eigenvalue, for inverse iteration.
+    def factored(self, rate: complex) -> Solver:
+        """Ready to solve at a rate, which may be next to an eigenvalue.
 
         Raises
         ------
         SingularError
             The matrix is singular.
         """
-        return Solver(self, self.matrix(rate), lenient)
+        return Solver(self, self.matrix(rate))
 
 
 class Solver:
@@ -154,8 +149,8 @@ class Solver:
         When it is made, or solves.
     """
 
-    def __init__(self, of: DynamicStiffness, matrix: Any, lenient: bool) -> None:
-        self._of, self._lenient = of, lenient
+    def __init__(self, of: DynamicStiffness, matrix: Any) -> None:
+        self._of = of
         self._is_real = not np.any(matrix.data.imag)
         size = abs(matrix)
         self.once, self.scale = scales(size, True, of.pencil)
@@ -194,7 +189,7 @@ class Solver:
             return False
         self._solve = lambda right: _each_part(factors.solve, right) if self._is_real else factors.solve(right)
         of.names.add("SuperLU")
-        return self._lenient or self._is_good()
+        return self._is_good()
 
     def _by_pardiso(self, factors: Factors) -> Callable[[Array], Array]:
         if self._is_real:
@@ -213,7 +208,7 @@ class Solver:
         return True
 
     def _refined(self, right: Array) -> Array:
-        x, self.residual = refined(lambda rest: self._solve(rest[0])[None], self._matrix, right[None], self._lenient)
+        x, self.residual = refined(lambda rest: self._solve(rest[0])[None], self._matrix, right[None])
         return x[0]
 
     def noise(self, x: Array) -> float:

@@ -160,10 +160,9 @@ def agreeing(matrix: Any, rows: Array, draw: Array) -> Array:
     return np.where(rows, (matrix @ x.T).T, right)
 
 
-def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient: bool = False,
-            to_last_bits: bool = True) -> tuple[Array, float]:
+def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, to_last_bits: bool = True) -> tuple[Array, float]:
     """Solutions of matrix x = b for rows b of `right` [m, n], real or complex, refined where that helps, and the largest residual
-    next to its b; lenient: it is not looked at; to_last_bits: also where the residual is round-off of the product.
+    next to its b; to_last_bits: also where the residual is round-off of the product.
 
     Raises
     ------
@@ -188,7 +187,7 @@ def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient:
         if not to_last_bits and left <= CLEAR and np.all(np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
             return x, left
         x = x + solve(rest)
-    if lenient and np.isfinite(best).all() or worst <= FAIR:
+    if worst <= FAIR:
         return best, worst
     terms = (abs(matrix) @ np.abs(best).T).T + np.abs(right)
     if np.isfinite(best).all() and np.max(np.abs(right - (matrix @ best.T).T)) <= ROUND_OFF * np.max(terms):

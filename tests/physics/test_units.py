@@ -1,11 +1,17 @@
-"""Scenes in other units: modes with sliders and joints do not depend on them."""
+"""Scenes in other units, turned and moved: results do not depend on them."""
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 import fastbeam as fb
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from unit_systems import ASK_LAWS, FAMILIES, LAWS, compared, scene_of, silent  # noqa: E402
 
 Array = np.ndarray
 # lengths, masses and times: mm t s, mm kg ms, ft lb s, km kg s, m kg us
@@ -41,3 +47,27 @@ def test_modes_with_sliders_and_joints_do_not_depend_on_units() -> None:
         other, damped = found(*units)
         np.testing.assert_allclose(other, squared, rtol=0.0, atol=2e-12 * squared.max())
         np.testing.assert_allclose(damped, rates, rtol=0.0, atol=1e-11 * np.abs(rates).max())
+
+
+def compared_in(family: str, numbers: range) -> list[str]:
+    """What differs in analyses of scenes of a family."""
+    found = [(number, name, compared(name, family, features, number))
+             for number in numbers for features, analyses in [scene_of(family, number)] for name in analyses]
+    assert sum(bool(one.difference) for *_, one in found) > len(found) / 2
+    return [f"{number}, {name}: {one.wrong}" for number, name, one in found if one.wrong]
+
+
+def test_random_scenes_have_the_same_results_in_other_units_turned_and_moved() -> None:
+    assert not compared_in("bare", range(16))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "bare"])
+def test_random_scenes_with_joints_and_laws_have_the_same_results_in_other_units(family: str) -> None:
+    assert not compared_in(family, range(10))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+def test_no_law_fails_without_a_word(law: str) -> None:
+    assert not [says for name in ASK_LAWS for number in range(3) if (says := silent(name, "laws", (law,), number))]
