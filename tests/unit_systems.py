@@ -669,9 +669,8 @@ TIMES, FLOOR, DIFFERENCES = 100.0, 1e-12, 1e-11
 def compared(name: str, family: str, features: tuple[str, ...], seed: int) -> Compared:
     """An analysis of a scene at home and away."""
     home, near, far = (found_in(name, Host(family, features, seed, frame)) for frame in (Frame(), nudged(seed), away(seed)))
-    if home.words != far.words:
-        # at a threshold, if numbers that differ in their last places lie on both sides
-        return Compared("" if home.words != near.words else f"{home.words} at home, {far.words} away")
+    if not home.words == near.words == far.words:
+        return Compared(f"{home.words} at home, {near.words} nudged, {far.words} away")
     balance, worst, ratio, wrong = max(home.balance, far.balance), 0.0, 0.0, ""
     moved = 1.0 + float(np.linalg.norm(away(seed).shift))
     for what, (x, size) in home.numbers.items():

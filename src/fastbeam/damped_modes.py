@@ -18,6 +18,8 @@ Array = np.ndarray
 # residual, next to the sum of the sizes of its terms, of what counts as a mode, and of what is improved no more
 GOOD, DONE = 1e-8, 1e-12
 ITERATIONS = 12
+# residual of a solution of inverse iteration next to its largest term: factors that are none leave far more
+ROUGH = 1e-8
 # share of a vector, in the masses, in which it may differ from the one that it was begun with
 SAME = 0.5
 # next to the largest rate: round-off of a free motion
@@ -123,7 +125,7 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
         if best[2] <= DONE:
             break
         try:
-            y = system.factored(rate).solve(system.damping @ x + 2.0 * rate * (system.mass @ x))
+            y = system.factored(rate, ROUGH).solve(system.damping @ x + 2.0 * rate * (system.mass @ x))
         except SingularError:
             break
         # Newton's method with the mass of the first vector as the condition on the size

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .eigen import GIVE, IDLE, NOISE, Pencil, SingularError, agreeing, grown, refined, scales, stiffest, upper
+from .eigen import GIVE, IDLE, NOISE, ROUND_OFF, Pencil, SingularError, agreeing, grown, refined, scales, stiffest, upper
 from .linsolve import SMALL
 from .mkl import load_mkl
 from .saddle import Factors
@@ -129,15 +129,21 @@ class DynamicStiffness:
         indptr = np.concatenate((2 * self._indptr, half + 2 * self._indptr[1:]))
         return sparse.csr_matrix((data, indices, indptr), shape=(2 * self._size,) * 2)
 
-    def factored(self, rate: complex) -> Solver:
-        """Ready to solve at a rate, which may be next to an eigenvalue.
+    def factored(self, rate: complex, round_off: float = ROUND_OFF) -> Solver:
+        """Ready to solve at a rate.
+
+        Parameters
+        ----------
+        round_off : float
+            What residuals may be next to the largest of their terms where they are not small: more for inverse iteration, next to
+            an eigenvalue.
 
         Raises
         ------
         SingularError
             The matrix is singular.
         """
-        return Solver(self, self.matrix(rate))
+        return Solver(self, self.matrix(rate), round_off)
 
 
 class Solver:
@@ -149,8 +155,8 @@ class Solver:
         When it is made, or solves.
     """
 
-    def __init__(self, of: DynamicStiffness, matrix: Any) -> None:
-        self._of = of
+    def __init__(self, of: DynamicStiffness, matrix: Any, round_off: float) -> None:
+        self._of, self._round_off = of, round_off
         self._is_real = not np.any(matrix.data.imag)
         size = abs(matrix)
         self.once, self.scale = scales(size, True, of.pencil)
@@ -208,7 +214,8 @@ class Solver:
         return True
 
     def _refined(self, right: Array) -> Array:
-        x, self.residual = refined(lambda rest: self._solve(rest[0])[None], self._matrix, right[None])
+        x, self.residual = refined(lambda rest: self._solve(rest[0])[None], self._matrix, right[None],
+                                    round_off=self._round_off)
         return x[0]
 
     def noise(self, x: Array) -> float:

@@ -160,9 +160,10 @@ def agreeing(matrix: Any, rows: Array, draw: Array) -> Array:
     return np.where(rows, (matrix @ x.T).T, right)
 
 
-def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, to_last_bits: bool = True) -> tuple[Array, float]:
+def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, to_last_bits: bool = True,
+            round_off: float = ROUND_OFF) -> tuple[Array, float]:
     """Solutions of matrix x = b for rows b of `right` [m, n], real or complex, refined where that helps, and the largest residual
-    next to its b; to_last_bits: also where the residual is round-off of the product.
+    next to its b; to_last_bits: also where the residual is round-off of the product; round_off: next to the largest term.
 
     Raises
     ------
@@ -190,7 +191,7 @@ def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, to_last_
     if worst <= FAIR:
         return best, worst
     terms = (abs(matrix) @ np.abs(best).T).T + np.abs(right)
-    if np.isfinite(best).all() and np.max(np.abs(right - (matrix @ best.T).T)) <= ROUND_OFF * np.max(terms):
+    if np.isfinite(best).all() and np.max(np.abs(right - (matrix @ best.T).T)) <= round_off * np.max(terms):
         return best, worst
     raise SingularError
 
