@@ -15,7 +15,7 @@ import numpy as np
 from .linsolve import SMALL
 from .mkl import load_mkl
 from .orthonormal import NOTHING, TINY, orthonormal
-from .saddle import Factors, equilibrated, signs_between
+from .saddle import Factors, equilibrated, parity, signs_between, typical_factors
 
 Array = np.ndarray
 # right-hand sides of a solution
@@ -450,7 +450,7 @@ def scales(matrix: Any, bordered: bool, pencil: Pencil) -> tuple[float, Array]:
             # that of sliders may be round-off
             stiff[pencil.mass.shape[0]:] = 0.0
         whole = abs(matrix).tocsr()
-        once, *begin = _begin(whole, np.append(pencil.multiplier, more == 0.0), np.append(pencil.turns, more > 0.0),
+        once, *begin = typical_factors(whole, np.append(pencil.multiplier, more == 0.0), np.append(pencil.turns, more > 0.0),
                               np.append(stiff, more))
         row, column = equilibrated(once * whole, (begin[0], begin[1]))
         squares = row * column
@@ -460,41 +460,6 @@ def scales(matrix: Any, bordered: bool, pencil: Pencil) -> tuple[float, Array]:
         once = parity(largest)
         squares = 1.0 / (once * np.maximum(diagonal, 1e-20 * largest))
     return once, np.exp2(np.round(0.5 * np.log2(squares)))
-
-
-def parity(size: float) -> float:
-    """1 or 2, with which the power of two in a number becomes an even one: its root is a power of two as well."""
-    return float(2.0**(np.frexp(size)[1] % 2))
-
-
-def _begin(size: Any, multiplier: Array, turns: Array, stiff: Array) -> tuple[float, Array, Array]:
-    """Factors of a matrix, its rows, and its columns that `scales` begins with: they follow from typical stiffnesses against
-    displacements and rotations, not from units. size: of the entries, by rows; stiff: stiffnesses, 0 where they do not count."""
-    n, diagonal = multiplier.size, size.diagonal()
-    of = np.repeat(np.arange(n), np.diff(size.indptr)), size.indices
-    # rows of what is held have nothing beside the diagonal
-    joined = np.zeros(n, bool)
-    joined[of[0][(of[0] != of[1]) & (size.data > 0.0)]] = True
-    once, row = 0.0, np.zeros(n)
-    for kind in (~turns & ~multiplier, turns & ~multiplier):
-        own = stiff[kind & joined & (stiff > 0.0)]
-        if own.size:
-            typical = float(np.median(own))
-            once = once or parity(typical)
-            row[kind] = 1.0 / np.sqrt(once * typical)
-    once = once or 1.0
-    column = row.copy()
-    # constraints, and what has no stiffness by way of these
-    for kind in (multiplier & joined, ~multiplier & (row == 0.0)):
-        most = np.zeros((2, n))
-        for largest, at, factor in zip(most, (of, of[::-1]), (column, row)):
-            np.maximum.at(largest, at[0], once * size.data * factor[at[1]])
-        row, column = (np.where(kind, 1.0 / np.where(kind & (largest > 0.0), largest, 1.0), factor)
-                       for largest, factor in zip(most, (row, column)))
-    alone = ~joined & (diagonal > 0.0)
-    column[column == 0.0] = row[row == 0.0] = 1.0
-    row[alone] = 1.0 / (once * diagonal * column)[alone]
-    return once, row, column
 
 
 def rows_of(matrix: Any) -> Array:
