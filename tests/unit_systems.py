@@ -424,7 +424,9 @@ def _drag(**sizes: float) -> Callable[[Host], None]:
 def _load(name: str, **options: Any) -> Callable[[Host], None]:
     def feature(h: Host) -> None:
         given = {key: of(h) if callable(of) else of for key, of in options.items()}
-        h.add(fb.Load(h.tag + name, h.apex, force=h.force(0.1, 0, -h.draw(0.2, 0.8)), **given))
+        force = np.array((0.1, 0, -h.draw(0.2, 0.8)))
+        # what follows is given along the directors
+        h.add(fb.Load(h.tag + name, h.apex, force=h.u.N * force if "follower" in given else h.force(*force), **given))
     return feature
 
 
@@ -485,9 +487,9 @@ def _simulate(h: Host, **options: Any) -> Found:
     observe = ("energy", "momentum", "slider", "joint", *(() if "rho_inf" in options else ("reaction",)))
     run = fb.simulate(fb.compile_scene(h.scene, planar=False), t_end=STEPS * H * u.s, step=H * u.s, every=1, snapshots=0,
                       progress=False, points=h.points, observe=observe, **options)
-    # without the potential of loads at the start, which depends on where the scene is
-    apex, total = u.home(run.point("apex")), (run.series["total"] - run.series["total"][0]) / u.Nm
-    numbers = {"apex": (apex, _size(apex - apex[0])), "energy": (total, run.info["scale"]["total"] / u.Nm)}
+    # the potential of loads and of gravity depends on where the scene is
+    apex, inner = u.home(run.point("apex")), (run.series["kinetic"] + run.series["strain"]) / u.Nm
+    numbers = {"apex": (apex, _size(apex - apex[0])), "energy": (inner, _size(inner))}
     if "reaction" in observe:
         force = u.back(run.reaction("foot")["force"], u.N)
         numbers["force"] = force, _size(force)

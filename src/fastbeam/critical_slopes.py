@@ -78,8 +78,8 @@ class _Critical:
         if not abs(value) <= CRITICAL * self._next(start) + noise or not base.size_of(move) <= AT_REST:
             raise _NotCritical
         self.is_limit = self.across(self.loads) > ACROSS
-        skew = abs(self.matrix - self.matrix.T)
-        self.is_symmetric = bool(np.max(self.scale * (skew @ self.scale)) <= 1e-7 * np.max(self.scale * (abs(self.matrix) @ self.scale)))
+        skew, size = (self.scale * (abs(x) @ self.scale) for x in (self.matrix - self.matrix.T, self.matrix))
+        self.is_symmetric = bool(np.max(skew) <= 1e-7 * np.max(size))
 
     def across(self, right: Array, noise: float = 0.0) -> float:
         """Share of a right-hand side that pushes along the critical direction; 0 where that is round-off, `noise` times what it
