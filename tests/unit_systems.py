@@ -144,7 +144,7 @@ class Host:
         self.joints: list[str] = []
         self.laws: list[str] = []
         self.slider: str | None = None
-        self.net, self.damping, self.coupled = False, 0.0, False
+        self.damping, self.coupled = 0.0, False
         self.ei, self.stiff, self.rise = self.draw(0.5, 4.0), self.draw(3e3, 1e6), self.height * self.draw(0.1, 0.5)
         for name in features:
             SHAPES.get(name, lambda host: None)(self)
@@ -186,20 +186,12 @@ class Host:
                                                                    "d2": self.u.way(0, 1, 0), **options})
 
     def _arch(self) -> None:
-        u, top = self.u, (0.0, 0.0, self.rise)
-        if self.net:
-            nodes = [self.at(x, 0, self.rise * (1 - abs(x))) for x in np.linspace(-1, 1, 9)]
-            net = fb.Net(self.tag + "arch", nodes, [(i, i + 1) for i in range(8)], section=self.section(), elements=2, d2=u.way(0, 1, 0),
-                         **self.options)
-            self.left, self.right, self.apex, self.inner, self.all = net.beam(0), net.beam(5), net.node(4), net.node(6), net
-            feet = net.node(0), net.node(8)
-            self.add(net)
-        else:
-            self.left, self.right = (self.beam(self.tag + name, a, b, **self.options)
-                                     for name, a, b in (("left", (-1, 0, 0), top), ("right", top, (1, 0, 0))))
-            self.apex, self.inner, self.all = self.left.end, self.right.node(3), self.left
-            feet = self.left.start, self.right.end
-            self.add(self.left, self.right, fb.RigidConnection(self.left.end, self.right.start))
+        top = (0.0, 0.0, self.rise)
+        self.left, self.right = (self.beam(self.tag + name, a, b, **self.options)
+                                 for name, a, b in (("left", (-1, 0, 0), top), ("right", top, (1, 0, 0))))
+        self.apex, self.inner, self.all = self.left.end, self.right.node(3), self.left
+        feet = self.left.start, self.right.end
+        self.add(self.left, self.right, fb.RigidConnection(self.left.end, self.right.start))
         self.add(fb.Clamp(feet[0], self.tag + "foot"), fb.Clamp(feet[1], self.tag + "abutment"))
         self.far = feet[1]
 
@@ -256,10 +248,6 @@ def _set(**facts: Any) -> Callable[[Host], None]:
     return lambda h: h.__dict__.update(facts)
 
 
-def _arch_with(**options: Any) -> Callable[[Host], None]:
-    return lambda h: h.options.update({name: of(h) if callable(of) else of for name, of in options.items()})
-
-
 def _gravity(h: Host) -> None:
     h.scene_options["gravity"] = 9.81 * h.u.m / h.u.s**2 * h.u.way(0, 0, -1)
 
@@ -270,8 +258,8 @@ def _gravity_in_time(h: Host) -> None:
 
 
 SHAPES: dict[str, Callable[[Host], None]] = {
-    "net": _set(net=True), "section damping": _set(damping=1e-3), "coupled section": _set(coupled=True),
-    "Green-Lagrange": _arch_with(strain="green_lagrange"), "prestress": _arch_with(prestress=lambda h: h.draw(0.1, 1) * h.u.N),
+    "section damping": _set(damping=1e-3), "coupled section": _set(coupled=True),
+    "prestress": lambda h: h.options.update(prestress=h.draw(0.1, 1) * h.u.N),
     "gravity": _gravity, "gravity in time": _gravity_in_time}
 
 
@@ -295,15 +283,6 @@ def _elastic_stops(h: Host) -> None:
     h.add(rail, fb.Clamp(rail.start), fb.Clamp(rail.end), fb.Slider(h.tag + "ride", h.apex, rail, at=lower * h.u.m, stops=stops))
 
 
-def _on_path(h: Host) -> None:
-    lower, first = h.draw(0.3, 0.8), h.draw(0.1, 0.25)
-    z = h.rise - lower, h.rise - lower + first, h.rise + 0.5
-    rails = [h.beam(h.tag + f"rail {k}", (0, 0, z[k]), (0, 0, z[k + 1]), 20.0, elements=3) for k in range(2)]
-    h.slider = h.tag + "ride"
-    h.add(*rails, fb.RigidConnection(rails[0].end, rails[1].start), fb.Clamp(rails[0].start), fb.Clamp(rails[1].end),
-          fb.Slider(h.tag + "ride", h.apex, on=fb.Path(h.tag + "way", rails), at=lower * h.u.m))
-
-
 def _bead(h: Host) -> None:
     """A bead on the arch, on a spring to the ground."""
     at = h.draw(0.3, 0.6)
@@ -312,14 +291,8 @@ def _bead(h: Host) -> None:
     x = h.left.length / h.u.m * at
     place = np.array((-1.0, 0.0, 0.0)) + x * np.array((1.0, 0.0, h.rise)) / np.hypot(1.0, h.rise)
     h.add(bead, fb.Slider(h.tag + "ride", bead, h.left, at=at * h.left.length),
-          fb.Spring(fb.GROUND.point(h.at(*(place + (0.1, 0.0, 1.0)))), bead, h.tag + "leash", stiffness=h.draw(20, 60) * h.u.N / h.u.m))
-
-
-def _crossing(h: Host) -> None:
-    z = h.rise / 2
-    cable = h.beam(h.tag + "cable", (-0.5, -0.5, z), (-0.5, 0.6, z), 0.3, d2=h.u.way(0, 0, 1))
-    h.add(cable, fb.Clamp(cable.start), fb.Clamp(cable.end),
-          fb.Crossing(h.tag + "cross", h.left, cable, at=(0.5 * np.hypot(1, h.rise) * h.u.m, 0.5 * h.u.m)))
+          fb.Spring(fb.GROUND.point(h.at(*(place + (0.1, 0.0, 1.0)))), bead, h.tag + "leash",
+                    stiffness=h.draw(20, 60) * h.u.N / h.u.m))
 
 
 def _body(h: Host) -> None:
@@ -395,22 +368,15 @@ def _motion(h: Host) -> None:
 
 def _line_load(h: Host) -> None:
     u, f = h.u, h.draw(0.2, 1.0)
-    h.add(fb.DistributedLoad(h.tag + "snow", h.left, force=lambda s: np.outer(1.0 + np.asarray(s) / u.m, f * u.N / u.m * u.way(0.1, 0, -1))))
+    force = f * u.N / u.m * u.way(0.1, 0, -1)
+    h.add(fb.DistributedLoad(h.tag + "snow", h.left, force=lambda s: np.outer(1.0 + np.asarray(s) / u.m, force)))
 
 
 def _controller(h: Host) -> None:
     u, height = h.u, h.rise
-    steer = fb.Controller(h.tag + "steer", lambda now, memory: 1 - 10 * (u.home(now.point("apex"))[2] - height), period=0.002 * u.s,
-                          start=1.0, points={"apex": h.apex})
+    steer = fb.Controller(h.tag + "steer", lambda now, memory: 1 - 10 * (u.home(now.point("apex"))[2] - height),
+                          period=0.002 * u.s, start=1.0, points={"apex": h.apex})
     h.add(fb.Load(h.tag + "helm", h.apex, force=h.force(0, 0, -h.draw(0.2, 0.8)), time=steer))
-
-
-def _winch(h: Host) -> None:
-    u = h.u
-    drum = h.ground()
-    length = h.distance
-    h.add(fb.Winch(h.tag + "winch", drum, h.apex, stiffness=h.draw(20, 80) * u.N, mass_per_length=0.02 * u.kg / u.m, segments=2,
-                   length_at=lambda t: length * (0.98 - 20 * (t / u.s)**2)))
 
 
 def _drag(**sizes: float) -> Callable[[Host], None]:
@@ -432,13 +398,14 @@ def _load(name: str, **options: Any) -> Callable[[Host], None]:
 
 Y, X = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
 CONTACTS: dict[str, Callable[[Host], None]] = {
-    "slider": _slide(), "slider with viscous friction": _slide(friction=lambda h: fb.Friction(0, viscous=2 * h.u.N * h.u.s / h.u.m)),
+    "slider": _slide(),
+    "slider with viscous friction": _slide(friction=lambda h: fb.Friction(0, viscous=2 * h.u.N * h.u.s / h.u.m)),
     "slider with friction": _slide(friction=lambda h: h.draw(0.1, 0.4)), "slider with elastic stop": _elastic_stops,
     "sleeve with friction": _slide(fb.Sleeve, friction=lambda h: h.draw(0.1, 0.4), length=lambda h: h.draw(0.05, 0.15) * h.u.m),
     "one-sided slider": _slide(one_sided=lambda h: h.u.way(1, 0, 0)), "sleeve": _slide(fb.Sleeve),
-    "sleeve with a bore": _slide(fb.Sleeve, length=lambda h: h.draw(0.05, 0.15) * h.u.m), "slider on a path": _on_path,
+    "sleeve with a bore": _slide(fb.Sleeve, length=lambda h: h.draw(0.05, 0.15) * h.u.m),
     "slider on a drive": _slide(drive=lambda h: fb.Drive(force=_pull(h))),
-    "bead": _bead, "crossing": _crossing}
+    "bead": _bead}
 JOINTS: dict[str, Callable[[Host], None]] = {
     "ball joint": _joint(fb.BallJoint), "hinge": _joint(fb.RevoluteJoint, ("axis", Y)),
     "hinge with spring": _joint(fb.RevoluteJoint, ("axis", Y), stiffness=lambda h: h.draw(0.1, 1) * h.u.Nm,
@@ -446,7 +413,8 @@ JOINTS: dict[str, Callable[[Host], None]] = {
     "hinge with torque": _joint(fb.RevoluteJoint, ("axis", Y), torque=lambda h: lambda t: (0.05 + t / h.u.s) * h.u.Nm),
     "hinge with friction": _joint(fb.RevoluteJoint, ("axis", Y), friction=lambda h: h.draw(1e-4, 1e-2) * h.u.Nm),
     "universal joint": _joint(fb.UniversalJoint, ("axis_a", Y), ("axis_b", X)),
-    "cylindrical joint": _joint(fb.CylindricalJoint, ("axis", X)), "prismatic joint": _joint(fb.PrismaticJoint, ("axis", (1, 0, 1))),
+    "cylindrical joint": _joint(fb.CylindricalJoint, ("axis", X)),
+    "prismatic joint": _joint(fb.PrismaticJoint, ("axis", (1, 0, 1))),
     "planar joint": _joint(fb.PlanarJoint, ("normal", Y)),
     "spherical joint": _joint(fb.SphericalJoint, ("axis", X), stiffness=lambda h: (0.2 * h.u.Nm,) * 2,
                               damping=lambda h: (0.01 * h.u.Nm * h.u.s,) * 2)}
@@ -458,9 +426,8 @@ FORCES: dict[str, Callable[[Host], None]] = {
     "damper": lambda h: h.add(fb.Damper(h.ground(), h.apex, h.tag + "damper", damping=h.draw(0.3, 3) * h.u.N * h.u.s / h.u.m)),
     "line force": _line_force, "force element": _force_element, "user force": _user_force, "wind": _wind,
     "follower load": _load("follower", follower=True), "load in time": _load("late", time=lambda h: lambda t: 1 + 20 * t / h.u.s),
-    "moving support": _motion, "line load": _line_load, "controller": _controller, "winch": _winch,
+    "moving support": _motion, "line load": _line_load, "controller": _controller,
     "drag": _drag(normal=2.0, tangential=0.1), "linear drag": _drag(linear=0.5),
-    "added mass": lambda h: h.add(fb.AddedMass(h.tag + "added", h.all, normal=h.draw(0.03, 0.3) * h.u.kg / h.u.m)),
     "peg that lets go": lambda h: h.add(fb.Pin(h.inner, h.tag + "peg", until=6.5e-3 * h.u.s)),
     "peg that takes hold": lambda h: h.add(fb.Pin(h.inner, h.tag + "peg", since=6.5e-3 * h.u.s))}
 PARTS = CONTACTS | JOINTS | FORCES
@@ -634,7 +601,8 @@ FAMILIES = {
     "laws": Family((*BARE, "section damping", "user force", "line force", "force element", "load in time", "gravity in time",
                     "controller", "rope", "spring by a table", "damper", "drag", "linear drag", "follower load",
                     "moving support", "body", "point mass"),
-                   ("section damping", "user force", "line force", "force element", "load in time", "moving support", "rope", "drag", "body"),
+                   ("section damping", "user force", "line force", "force element", "load in time", "moving support", "rope",
+                    "drag", "body"),
                    tuple(ANALYSES)),
     "friction": Family((*BARE, "sleeve", "sleeve with a bore", "sleeve with friction", "slider with friction", "hinge",
                         "hinge with friction", "universal joint", "wind", "moving support"),

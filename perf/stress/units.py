@@ -24,9 +24,10 @@ def rows(quick: bool = False) -> Iterator[Row]:
                 if found[-1].wrong:
                     wrong.append(f"{number}, {name}: {found[-1].wrong}")
         refused, books = sum(x.refused for x in found), max(x.balance for x in found)
-        happened = (f"{len(found)} analyses, {refused} refused alike; up to {max(x.ratio for x in found):.1g} times the round-off, "
+        happened = (f"{len(found)} analyses, {refused} refused alike; {max(x.ratio for x in found):.1g} of the round-off, "
                     f"books {books:.1e}")
-        yield Row(f"{count} scenes of family {family}", f"same results, books to {BALANCE:g}", "; ".join(wrong) or happened, not wrong)
+        yield Row(f"{count} scenes of family {family}", f"same results, books to {BALANCE:g}", "; ".join(wrong) or happened,
+                  not wrong)
     says = [text for number in range(count // 4) for law in LAWS for name in ASK_LAWS
             if (text := silent(name, "laws", (law,), number))]
     yield Row(f"{count // 4 * len(LAWS) * len(ASK_LAWS)} laws that fail", "named", "; ".join(says) or "all named", not says)
