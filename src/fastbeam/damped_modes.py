@@ -16,7 +16,7 @@ from .linearised import Linearisation
 
 Array = np.ndarray
 # residual, next to the sum of the sizes of its terms, of what counts as a mode, and of what is improved no more
-GOOD, DONE = 1e-8, 1e-12
+GOOD, DONE = 1e-8, 1e-14
 ITERATIONS = 12
 # residual of a solution of inverse iteration next to its largest term: factors that are none leave far more
 ROUGH = 1e-8
