@@ -18,8 +18,9 @@ Array = np.ndarray
 # residual, next to the sum of the sizes of its terms, of what counts as a mode, and of what is improved no more
 GOOD, DONE = 1e-8, 1e-14
 ITERATIONS = 12
-# residual of a solution of inverse iteration next to its largest term: factors that are none leave far more
-ROUGH = 1e-8
+# residuals of a solution of inverse iteration next to its largest term that are accepted, one after the other: rates are as
+# good as these, and factors that are none leave more
+ROUGH = (1e-12, 1e-10, 1e-8)
 # share of a vector, in the masses, in which it may differ from the one that it was begun with
 SAME = 0.5
 # next to the largest rate: round-off of a free motion
@@ -94,6 +95,16 @@ def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
     return rates, vectors
 
 
+def _solved(system: DynamicStiffness, rate: complex, right: Array) -> Array | None:
+    """Solution at a rate, by the best factors that there are; None where there are none."""
+    for rough in ROUGH:
+        try:
+            return system.factored(rate, rough).solve(right)
+        except SingularError:
+            continue
+    return None
+
+
 def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Array, rate: complex, x: Array,
               before: list[tuple[complex, Array, float]]) -> tuple[complex, Array, float]:
     """Rate, vector and residual after inverse iteration; scale: of rows and columns [n], with which residuals are measured.
@@ -124,9 +135,8 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
     for _ in range(ITERATIONS):
         if best[2] <= DONE:
             break
-        try:
-            y = system.factored(rate, ROUGH).solve(system.damping @ x + 2.0 * rate * (system.mass @ x))
-        except SingularError:
+        y = _solved(system, rate, system.damping @ x + 2.0 * rate * (system.mass @ x))
+        if y is None:
             break
         # Newton's method with the mass of the first vector as the condition on the size
         step = np.vdot(start, mass @ x[:k]) / np.vdot(start, mass @ y[:k])
