@@ -423,7 +423,8 @@ class PathSolver(SlidingSolver):
         mass = sparse.diags(self.weight[:k] * free, format="csr")
         given = saddle.matrix.T if left else saddle.matrix
         matrix = (given if self.is_unsymmetric else 0.5 * (given + given.T)).tocsr()
-        pencil = Pencil(matrix, mass, saddle.multiplier, not self.is_unsymmetric, sparse.csr_matrix((k, 0)))
+        pencil = Pencil(matrix, mass, saddle.multiplier, not self.is_unsymmetric, sparse.csr_matrix((k, 0)),
+                        self.free_motions.nodes.turns(saddle.multiplier.size))
         if below_zero:
             # not the median, which may be one of those that vanish
             heavy = mass.diagonal() > 0.0

@@ -66,8 +66,10 @@ class _Critical:
         self.free = base.weights[:, None] * base.free_motions.motions(right.size)
         start = np.random.default_rng(0).standard_normal(right.size)
         start[base.nodes:] *= 0.0
-        row = saddle.row
-        self.null, self.left = start * base.weights, start * base.weights
+        # rows of what is held are in no unit
+        start[:base.nodes] *= base.contacts.free(len(base.core.dofs))
+        self.scale = saddle.typical(self.matrix)
+        self.null = self.left = start / self.scale
         for _ in range(4):
             null, left = self._ends(False), self._ends(True)
             self.null, self.left = null / base.size_of(null), left / base.size_of(left)
@@ -75,10 +77,9 @@ class _Critical:
         value, noise = self._eigenvalue()
         if not abs(value) <= CRITICAL * self._next(start) + noise or not base.size_of(move) <= AT_REST:
             raise _NotCritical
-        self.row = row
         self.is_limit = self.across(self.loads) > ACROSS
-        skew = self.matrix - self.matrix.T
-        self.is_symmetric = float(np.max(np.abs(skew.data), initial=0.0)) <= 1e-7 * float(np.max(np.abs(self.matrix.data)))
+        skew, size = (self.scale * (abs(x) @ self.scale) for x in (self.matrix - self.matrix.T, self.matrix))
+        self.is_symmetric = bool(np.max(skew) <= 1e-7 * np.max(size))
 
     def across(self, right: Array, noise: float = 0.0) -> float:
         """Share of a right-hand side that pushes along the critical direction; 0 where that is round-off, `noise` times what it
@@ -86,7 +87,7 @@ class _Critical:
         push = abs(float(self.left @ right))
         if push <= noise * float(np.abs(self.left) @ self.base.noise()):
             return 0.0
-        size = float(np.linalg.norm(self.left / self.row) * np.linalg.norm(self.row * right))
+        size = float(np.linalg.norm(self.left / self.scale) * np.linalg.norm(self.scale * right))
         return push / max(size, 1e-300)
 
     def _solve(self, right: Array, last: float, transposed: bool) -> tuple[Array, float]:
@@ -98,16 +99,21 @@ class _Critical:
             There is more than one null vector.
         """
         from scipy import sparse
-        column, row = (sparse.csr_matrix(np.column_stack((x, self.free))) for x in (self.left, self.null))
+        borders = [np.column_stack((x, self.free)) for x in (self.left, self.null)]
+        column, row = (sparse.csr_matrix(x) for x in borders)
         matrix = sparse.bmat([[self.matrix, column], [row.T, None]], format="csr")
+        # whether it is singular does not depend on units
+        of_row, of_column = (np.append(self.scale, 1.0 / np.max(self.scale[:, None] * np.abs(x), axis=0)) for x in borders[::-1])
+        matrix = sparse.diags(of_row) @ matrix @ sparse.diags(of_column)
         if transposed:
-            matrix = matrix.T.tocsr()
+            matrix, of_row, of_column = matrix.T, of_column, of_row
         more = column.shape[1]
         saddle = Saddle(matrix, np.append(self.multiplier, np.ones(more, bool)))
-        x = saddle.solve(np.concatenate((right, [last], np.zeros(more - 1))))
+        x = saddle.solve(of_row * np.concatenate((right, [last], np.zeros(more - 1))))
         if x is None or saddle.is_singular:
             raise ConvergenceError("critical_sensitivity: the tangent is singular in several directions at once, whose loads "
                                    "have no derivatives of their own", state=self.base.state)
+        x = of_column * x
         return x[:-more], float(x[-more])
 
     def _eigenvalue(self) -> tuple[float, float]:

@@ -16,8 +16,11 @@ from .linearised import Linearisation
 
 Array = np.ndarray
 # residual, next to the sum of the sizes of its terms, of what counts as a mode, and of what is improved no more
-GOOD, DONE = 1e-8, 1e-12
+GOOD, DONE = 1e-8, 1e-14
 ITERATIONS = 12
+# residuals of a solution of inverse iteration next to its largest term that are accepted, one after the other: rates are as
+# good as these, and factors that are none leave more
+ROUGH = (1e-12, 1e-10, 1e-8)
 # share of a vector, in the masses, in which it may differ from the one that it was begun with
 SAME = 0.5
 # next to the largest rate: round-off of a free motion
@@ -57,10 +60,11 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     pencil = with_still(pencil, np.zeros(k))
     system = DynamicStiffness(pencil, damping, backend=backend)
     terms = abs(pencil.stiffness), abs(damping), abs(pencil.mass)
+    scale = found.factors.scale
     out: list[tuple[complex, Array, float]] = []
     for rate, part in zip(rates, parts.T):
         x = (span @ part).astype(complex)
-        out.append(_improved(system, terms, complex(rate), x, out))
+        out.append(_improved(system, terms, scale, complex(rate), x, out))
     out = sorted(out, key=lambda one: (abs(one[0]), one[0].real))
     vectors = np.array([x for _, x, _ in out]).reshape(len(out), pencil.multiplier.size)
     return Damped(np.array([rate for rate, *_ in out]), vectors.T, np.array([left for *_, left in out]))
@@ -71,7 +75,10 @@ def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
     modes, of complex pairs one."""
     m = len(damping)
     zero, one = np.zeros((m, m)), np.eye(m)
-    rates, vectors = np.linalg.eig(np.block([[zero, one], [-stiffness, -damping]]))
+    # in a unit of time of the modes
+    unit = float(np.exp2(np.round(0.5 * np.log2(np.max(np.abs(stiffness), initial=0.0) or 1.0))))
+    rates, vectors = np.linalg.eig(np.block([[zero, one], [-stiffness / unit**2, -damping / unit]]))
+    rates = unit * rates
     vectors = vectors[:m] / np.maximum(np.linalg.norm(vectors[:m], axis=0), 1e-300)
     share = np.sum(np.abs(vectors[:n])**2, axis=0)
     order = np.argsort(-share, kind="stable")[:2 * n]
@@ -88,9 +95,19 @@ def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
     return rates, vectors
 
 
-def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], rate: complex, x: Array,
+def _solved(system: DynamicStiffness, rate: complex, right: Array) -> Array | None:
+    """Solution at a rate, by the best factors that there are; None where there are none."""
+    for rough in ROUGH:
+        try:
+            return system.factored(rate, rough).solve(right)
+        except SingularError:
+            continue
+    return None
+
+
+def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Array, rate: complex, x: Array,
               before: list[tuple[complex, Array, float]]) -> tuple[complex, Array, float]:
-    """Rate, vector and residual after inverse iteration.
+    """Rate, vector and residual after inverse iteration; scale: of rows and columns [n], with which residuals are measured.
 
     Raises
     ------
@@ -107,26 +124,24 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], rate: compl
         size = np.abs(x)
         whole = terms[0] @ size
         whole[:k] += abs(rate) * (terms[1] @ size[:k]) + abs(rate)**2 * (terms[2] @ size[:k])
-        reference = max(float(np.linalg.norm(whole)), 1e-300)
+        reference = max(float(np.linalg.norm(scale * whole)), 1e-300)
         if rate == 0.0:
             # of a free motion of a part that nothing strains, where all terms are round-off
-            reference = max(reference, float(terms[0].max()) * float(np.linalg.norm(size)))
-        return left, float(np.linalg.norm(left)) / reference
+            reference = max(reference, float(np.linalg.norm(size / scale)))
+        return left, float(np.linalg.norm(scale * left)) / reference
 
     left, size = residual(rate, x)
     best = rate, x, size
     for _ in range(ITERATIONS):
         if best[2] <= DONE:
             break
-        try:
-            solver = system.factored(rate, lenient=True)
-        except SingularError:
+        y = _solved(system, rate, system.damping @ x + 2.0 * rate * (system.mass @ x))
+        if y is None:
             break
-        y = solver.solve(system.damping @ x + 2.0 * rate * (system.mass @ x))
         # Newton's method with the mass of the first vector as the condition on the size
-        scale = np.vdot(start, mass @ x[:k]) / np.vdot(start, mass @ y[:k])
-        rate = complex(rate - scale)
-        x = y * scale
+        step = np.vdot(start, mass @ x[:k]) / np.vdot(start, mass @ y[:k])
+        rate = complex(rate - step)
+        x = y * step
         if not rate.imag or abs(rate.imag) <= 1e-11 * abs(rate):
             rate, x = complex(rate.real), x
         x = x / np.sqrt(float(np.real(np.vdot(x[:k], mass @ x[:k]))))

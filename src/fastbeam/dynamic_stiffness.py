@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .eigen import GIVE, IDLE, NOISE, Pencil, SingularError, grown, refined, scales, stiffest, upper
+from .eigen import GIVE, IDLE, NOISE, ROUND_OFF, Pencil, SingularError, agreeing, grown, refined, scales, stiffest, upper
 from .linsolve import SMALL
 from .mkl import load_mkl
 from .saddle import Factors
@@ -56,14 +56,17 @@ class DynamicStiffness:
 
     def __init__(self, pencil: Pencil, damping: Any, loss: Any = None, ratios: tuple[Array, Array, Array] | None = None,
                  backend: str = "auto") -> None:
+        from scipy import sparse
         self.pencil = pencil
         n = pencil.multiplier.size
         self._modes = 0 if ratios is None else ratios[1].size
         size = n + self._modes
         parts = [pencil.stiffness, grown(damping, n), grown(pencil.mass, n)]
         parts += [] if loss is None else [grown(loss, n)]
-        skew = abs(damping - damping.T)
-        self._symmetric = pencil.is_symmetric and not (skew.nnz and skew.max() > 1e-12 * abs(damping).max())
+        scale = sparse.diags(scales(pencil.stiffness, True, pencil)[1][:pencil.mass.shape[0]])
+        scaled = scale @ damping @ scale
+        skew = abs(scaled - scaled.T)
+        self._symmetric = pencil.is_symmetric and not (skew.nnz and skew.max() > 1e-12 * abs(scaled).max())
         self.multiplier = np.append(pencil.multiplier, np.zeros(self._modes, bool))
         # sensitivity to the frequency: the derivative by r
         self.damping, self.mass = parts[1].tocsr(), parts[2].tocsr()
@@ -126,20 +129,21 @@ class DynamicStiffness:
         indptr = np.concatenate((2 * self._indptr, half + 2 * self._indptr[1:]))
         return sparse.csr_matrix((data, indices, indptr), shape=(2 * self._size,) * 2)
 
-    def factored(self, rate: complex, lenient: bool = False) -> Solver:
+    def factored(self, rate: complex, round_off: float = ROUND_OFF) -> Solver:
         """Ready to solve at a rate.
 
         Parameters
         ----------
-        lenient : bool
-            Residuals are not looked at: next to an eigenvalue, for inverse iteration.
+        round_off : float
+            What residuals may be next to the largest of their terms where they are not small: more for inverse iteration, next to
+            an eigenvalue.
 
         Raises
         ------
         SingularError
             The matrix is singular.
         """
-        return Solver(self, self.matrix(rate), lenient)
+        return Solver(self, self.matrix(rate), round_off)
 
 
 class Solver:
@@ -151,25 +155,29 @@ class Solver:
         When it is made, or solves.
     """
 
-    def __init__(self, of: DynamicStiffness, matrix: Any, lenient: bool) -> None:
-        self._of, self._lenient = of, lenient
+    def __init__(self, of: DynamicStiffness, matrix: Any, round_off: float) -> None:
+        self._of, self._round_off = of, round_off
         self._is_real = not np.any(matrix.data.imag)
         size = abs(matrix)
-        self.scale = scales(size, True)
+        self.once, self.scale = scales(size, True, of.pencil)
         # entry by entry: zeros on the diagonal stay
-        matrix.data *= self.scale[of.row] * self.scale[matrix.indices]
+        matrix.data *= self.once * self.scale[of.row] * self.scale[matrix.indices]
         self._matrix = matrix.real if self._is_real else matrix
         idle = ~of.multiplier & (size.diagonal() == 0.0)
-        self._matrix.data[of.diagonal[of.multiplier]] -= GIVE
-        if not self._factor():
-            self._matrix.data[of.diagonal[idle]] += IDLE
-            if not idle.any() or not self._factor():
+        draw = np.random.default_rng(1).standard_normal((2, 2, of.multiplier.size))
+        self._test = agreeing(self._matrix, of.multiplier | idle, draw[0] + 1j * draw[1])[0]
+        held = self._matrix.copy()
+        held.data[of.diagonal[of.multiplier]] -= GIVE
+        if not self._factor(held):
+            held.data[of.diagonal[idle]] += IDLE
+            if not idle.any() or not self._factor(held):
                 raise SingularError
 
-    def _factor(self) -> bool:
+    def _factor(self, held: Any) -> bool:
+        """Whether there are factors, of this matrix, whose solutions can be accepted."""
         of = self._of
         if of._mkl is not None:
-            matrix = self._matrix if self._is_real else of.real_form(self._matrix)
+            matrix = held if self._is_real else of.real_form(held)
             known = of._factors.setdefault(self._is_real, Factors(
                 of._mkl, of._symmetric, True, 1, 1 if matrix.shape[0] < SMALL else of._mkl.MKL_Get_Max_Threads()))
             for again in (False, True):
@@ -182,12 +190,12 @@ class Solver:
                     break
         from scipy.sparse.linalg import splu
         try:
-            factors = splu(self._matrix.tocsc())
+            factors = splu(held.tocsc())
         except RuntimeError:
             return False
         self._solve = lambda right: _each_part(factors.solve, right) if self._is_real else factors.solve(right)
         of.names.add("SuperLU")
-        return self._lenient or self._is_good()
+        return self._is_good()
 
     def _by_pardiso(self, factors: Factors) -> Callable[[Array], Array]:
         if self._is_real:
@@ -199,15 +207,15 @@ class Solver:
         return solve
 
     def _is_good(self) -> bool:
-        draw = np.random.default_rng(1).standard_normal((2, self._matrix.shape[0]))
         try:
-            self._refined(draw[0] + 1j * draw[1])
+            self._refined(self._test)
         except SingularError:
             return False
         return True
 
     def _refined(self, right: Array) -> Array:
-        x, self.residual = refined(lambda rest: self._solve(rest[0])[None], self._matrix, right[None], self._lenient)
+        x, self.residual = refined(lambda rest: self._solve(rest[0])[None], self._matrix, right[None],
+                                    round_off=self._round_off)
         return x[0]
 
     def noise(self, x: Array) -> float:
@@ -223,7 +231,7 @@ class Solver:
         """Of right-hand side [n], complex; without the rows of modes."""
         n = self._of.pencil.multiplier.size
         whole = np.zeros(self._matrix.shape[0], complex)
-        whole[:n] = self.scale[:n] * right
+        whole[:n] = self.once * self.scale[:n] * right
         return (self.scale * self._refined(whole))[:n]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from .linsolve import SMALL
 from .mkl import load_mkl
 from .orthonormal import NOTHING, TINY, orthonormal
-from .saddle import Factors, equilibrated, signs_between
+from .saddle import Factors, equilibrated, parity, signs_between, typical_factors
 
 Array = np.ndarray
 # right-hand sides of a solution
@@ -35,10 +35,9 @@ LEAST_SHIFT = 1e-13
 # eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
 CLOSE = 1e3
 MOVES = 3
-# on the diagonal of the multipliers of the scaled matrix: constraints that say the same twice share the force
-GIVE = 1e-13
-# on that of what has neither mass nor stiffness, where the matrix is singular
-IDLE = 1e-10
+# on the diagonal of the scaled matrix that is factored: of multipliers, so that constraints which say the same twice share the
+# force, and of what has neither mass nor stiffness, where it is singular. Refinement with the matrix itself takes both out again
+GIVE, IDLE = 1e-13, 1e-10
 # gap of constraints next to the largest component, scaled
 OPEN = 1e-6
 # round-off of x . K x, next to |x| . |K| |x|
@@ -58,6 +57,7 @@ class Pencil(NamedTuple):
     multiplier: Array     # bool [n]
     is_symmetric: bool
     still: Any            # sparse [k, j]: vectors with disjoint supports that cost nothing, left out
+    turns: Array          # bool [n]: which coordinates are rotations
 
 
 class Eigen(NamedTuple):
@@ -92,32 +92,31 @@ class Shifted:
         if shift:
             matrix = (matrix - shift * grown(pencil.mass, n)).tocsr()
         bordered = bool(pencil.multiplier.any()) or k < n
-        self.scale = scales(matrix, bordered)
+        self.once, self.scale = scales(matrix, bordered, pencil)
         self.matrix = with_diagonal(matrix)
         row = rows_of(self.matrix)
-        self.matrix.data *= self.scale[self.matrix.indices] * self.scale[row]
+        self.matrix.data *= self.once * self.scale[self.matrix.indices] * self.scale[row]
         diagonal = np.flatnonzero(self.matrix.indices == row)
-        self.matrix.data[diagonal] -= np.where(pencil.multiplier, GIVE, 0.0)
         self.below: int | None = None
+        massless = np.ones(n, bool)
+        massless[:k] = pencil.mass.diagonal() == 0.0
+        test = agreeing(self.matrix, massless, np.random.default_rng(1).standard_normal((2 * BLOCK, n)))
         for idle in (0.0, IDLE):
-            if idle:
-                # neither stiffness nor mass, such as the spin of a thin rod about its axis
-                massless = np.ones(n, bool)
-                massless[:k] = pencil.mass.diagonal() == 0.0
-                self.matrix.data[diagonal] += np.where(massless & ~pencil.multiplier, idle, 0.0)
-            if self._factored(backend, bordered):
+            held = self.matrix.copy()
+            # idle: neither stiffness nor mass, such as the spin of a thin rod about its axis
+            held.data[diagonal] += np.where(pencil.multiplier, -GIVE, np.where(massless, idle, 0.0))
+            if self._factored(held, test, backend, bordered):
                 return
         raise SingularError
 
-    def _factored(self, backend: str, bordered: bool) -> bool:
-        """Whether there are factors whose solutions can be accepted."""
-        n = self.matrix.shape[0]
-        test = np.random.default_rng(1).standard_normal((BLOCK, n))
+    def _factored(self, matrix: Any, test: Array, backend: str, bordered: bool) -> bool:
+        """Whether there are factors, of this matrix, whose solutions can be accepted."""
+        n = matrix.shape[0]
         mkl = None if backend == "superlu" else load_mkl()
         if mkl is not None:
             threads = 1 if n < SMALL else mkl.MKL_Get_Max_Threads()
             factors = Factors(mkl, self.pencil.is_symmetric, bordered, BLOCK, threads, self.order)
-            if factors.factor(upper(self.matrix) if self.pencil.is_symmetric else self.matrix):
+            if factors.factor(upper(matrix) if self.pencil.is_symmetric else matrix):
                 self._solve, self.order = factors.solve, factors.order
                 if self._is_good(test):
                     if self.pencil.is_symmetric and not factors.perturbed:
@@ -128,7 +127,7 @@ class Shifted:
         self.name = "SuperLU"
         try:
             symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
-            factors = splu(self.matrix.tocsc(), **(symmetric if self.pencil.is_symmetric else {}))
+            factors = splu(matrix.tocsc(), **(symmetric if self.pencil.is_symmetric else {}))
         except RuntimeError:
             return False
         if self.pencil.is_symmetric and np.array_equal(factors.perm_r, factors.perm_c):
@@ -151,13 +150,20 @@ class Shifted:
 
     def solve(self, right: Array) -> Array:
         """Of K - shift M for right-hand sides [n, m]."""
-        return (self._refined(np.ascontiguousarray((self.scale[:, None] * right).T)) * self.scale).T
+        return (self._refined(np.ascontiguousarray((self.once * self.scale[:, None] * right).T)) * self.scale).T
 
 
-def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient: bool = False,
-            to_last_bits: bool = True) -> tuple[Array, float]:
+def agreeing(matrix: Any, rows: Array, draw: Array) -> Array:
+    """Right-hand sides [m, n], the first half of what is drawn [2 m, n], that in some rows, bool [n], are products of the matrix
+    with the second half: constraints that say the same twice, and what is idle, can meet them."""
+    right, x = np.split(draw, 2)
+    return np.where(rows, (matrix @ x.T).T, right)
+
+
+def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, to_last_bits: bool = True,
+            round_off: float = ROUND_OFF) -> tuple[Array, float]:
     """Solutions of matrix x = b for rows b of `right` [m, n], real or complex, refined where that helps, and the largest residual
-    next to its b; lenient: it is not looked at; to_last_bits: also where the residual is round-off of the product.
+    next to its b; to_last_bits: also where the residual is round-off of the product; round_off: next to the largest term.
 
     Raises
     ------
@@ -182,10 +188,10 @@ def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient:
         if not to_last_bits and left <= CLEAR and np.all(np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
             return x, left
         x = x + solve(rest)
-    if lenient and np.isfinite(best).all() or worst <= FAIR:
+    if worst <= FAIR:
         return best, worst
     terms = (abs(matrix) @ np.abs(best).T).T + np.abs(right)
-    if np.isfinite(best).all() and np.max(np.abs(right - (matrix @ best.T).T)) <= ROUND_OFF * np.max(terms):
+    if np.isfinite(best).all() and np.max(np.abs(right - (matrix @ best.T).T)) <= round_off * np.max(terms):
         return best, worst
     raise SingularError
 
@@ -212,16 +218,25 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
 
 def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, float | None]:
     """Eigenvalues next to the shift with vectors [k, m], or a better shift."""
-    pencil = factors.pencil
-    mass, k = pencil.mass, pencil.mass.shape[0]
+
+    def anything() -> Array:
+        """To begin with [k, BLOCK]."""
+        return applied(mass @ (draw.standard_normal((k, BLOCK)) / root[:, None]))
+
+    pencil, k = factors.pencil, factors.pencil.mass.shape[0]
     size = pencil.multiplier.size
     draw = np.random.default_rng(0)
+    # of such masses roots have the same bits in other units
+    heavy = pencil.mass.diagonal() > 0.0
+    by = parity(pencil.mass.diagonal()[np.argmax(heavy)])
+    mass = by * pencil.mass
+    root = np.sqrt(np.where(heavy, mass.diagonal(), 1.0))
     weights = np.asarray((mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
 
     def applied(right: Array) -> Array:
         """(K - shift M)^-1 on right [k, m], what has mass."""
         whole = np.zeros((size, right.shape[1]))
-        whole[:k] = right
+        whole[:k] = right / by
         x = factors.solve(whole)[:k]
         if weights.size:
             x -= pencil.still @ ((pencil.still.T @ (mass @ x)) / weights[:, None])
@@ -231,7 +246,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
     basis = np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F")
     h = np.zeros((basis.shape[1],) * 2)
     m, look = 0, min(n, most)
-    block, weighed, _, _ = orthonormal(applied(mass @ draw.standard_normal((k, BLOCK))), basis[:, :0], mass)
+    block, weighed, _, _ = orthonormal(anything(), basis[:, :0], mass)
     values, y = np.zeros(0, complex), np.zeros((0, 0))
     while block.shape[1]:
         b = block.shape[1]
@@ -259,7 +274,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             break
         if not block.shape[1]:
             # closed under the operator: what is left, if anything, has equal eigenvalues
-            block, weighed, _, _ = orthonormal(applied(mass @ draw.standard_normal((k, BLOCK))), known, mass)
+            block, weighed, _, _ = orthonormal(anything(), known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None
     if not done and block.shape[1] and m < k:
@@ -397,8 +412,8 @@ def _below(pencil: Pencil, shift: float) -> int | None:
     """The number of eigenvalues below a shift where PARDISO cannot count its pivots; None where this cannot either."""
     n = pencil.multiplier.size
     matrix = (pencil.stiffness - shift * grown(pencil.mass, n)).tocsr()
-    scale = scales(matrix, True)
-    matrix = (matrix.multiply(scale[:, None]).multiply(scale)).tocsr()
+    once, scale = scales(matrix, True, pencil)
+    matrix = (once * matrix.multiply(scale[:, None]).multiply(scale)).tocsr()
     if n <= DENSE:
         # dependent constraints and idle coordinates are zeros
         values = np.linalg.eigvalsh(matrix.toarray())
@@ -425,16 +440,26 @@ def grown(matrix: Any, n: int) -> Any:
     return grown
 
 
-def scales(matrix: Any, bordered: bool) -> Array:
-    """Factors of rows and columns, powers of two: products with them are exact."""
+def scales(matrix: Any, bordered: bool, pencil: Pencil) -> tuple[float, Array]:
+    """Factors of a matrix, that of a pencil and perhaps rows behind it, and of its rows and columns, powers of two: products
+    with them are exact, and the same in units that differ by such powers."""
     if bordered:
-        row, column = equilibrated(matrix)
+        more = np.zeros(matrix.shape[0] - pencil.multiplier.size)
+        stiff = np.abs(pencil.stiffness.diagonal())
+        if pencil.mass.shape[0]:
+            # that of sliders may be round-off
+            stiff[pencil.mass.shape[0]:] = 0.0
+        whole = abs(matrix).tocsr()
+        once, *begin = typical_factors(whole, np.append(pencil.multiplier, more == 0.0), np.append(pencil.turns, more > 0.0),
+                              np.append(stiff, more))
+        row, column = equilibrated(once * whole, (begin[0], begin[1]))
         squares = row * column
     else:
         diagonal = np.abs(matrix.diagonal())
         largest = float(np.max(diagonal, initial=0.0)) or 1.0
-        squares = 1.0 / np.maximum(diagonal, 1e-20 * largest)
-    return np.exp2(np.round(0.5 * np.log2(squares)))
+        once = parity(largest)
+        squares = 1.0 / (once * np.maximum(diagonal, 1e-20 * largest))
+    return once, np.exp2(np.round(0.5 * np.log2(squares)))
 
 
 def rows_of(matrix: Any) -> Array:

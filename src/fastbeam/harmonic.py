@@ -164,7 +164,7 @@ class _Response:
         live = np.setdiff1d(np.arange(n), e.number)
         inside = live[live < k]
         part = Pencil(pencil.stiffness[live][:, live].tocsr(), pencil.mass[inside][:, inside].tocsr(), pencil.multiplier[live],
-                      pencil.is_symmetric, pencil.still[inside])
+                      pencil.is_symmetric, pencil.still[inside], pencil.turns[live])
         system = DynamicStiffness(part, damping[inside][:, inside], None if loss is None else loss[inside][:, inside], ratios,
                                   backend)
         f, count = len(frequencies), len(self.places)
@@ -229,10 +229,11 @@ class _Response:
         if rate != 0.0 or self.excitation.number.size:
             return
         still = self.found.factors.pencil.still
-        pushed = np.abs(still.T @ right) > PUSHED * np.linalg.norm(right) if still.shape[1] else np.zeros(0, bool)
+        size = self.about.force_size(right)
+        pushed = np.abs(still.T @ right) > PUSHED * self.about.core.length * size if still.shape[1] else np.zeros(0, bool)
         free = self.found.vectors[:right.size, self.found.values == 0.0]
         along = self.about.mass @ (free @ (free.T @ right))
-        if pushed.any() or np.linalg.norm(along) > ALONG_FREE * np.linalg.norm(right):
+        if pushed.any() or self.about.force_size(along) > ALONG_FREE * size:
             raise SceneError("frequency_response: at frequency 0 nothing holds the scene against the loads; leave 0 Hz out, or "
                              "hold "
                              "the scene")

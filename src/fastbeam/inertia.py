@@ -41,6 +41,11 @@ class Nodes(NamedTuple):
     size: int     # those of one
     dim: int      # the first so many of them are positions
 
+    def turns(self, n: int) -> Array:
+        """Which of n unknowns are rotations of nodes, bool [n]."""
+        k = np.arange(n)
+        return (k < self.total) & (k % self.size >= self.dim)
+
 
 class Blocks:
     """A matrix of square blocks.

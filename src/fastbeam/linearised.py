@@ -154,17 +154,21 @@ class Linearisation:
         symmetric = not np.any(scaled[within] > SKEW)
         if symmetric:
             matrix = 0.5 * (matrix + transposed)
-        return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, sparse)), right
+        return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, keep, sparse), self._turns(keep)), right
+
+    def _turns(self, keep: Array) -> Array:
+        """Which of these unknowns are rotations."""
+        return (keep < self.size * self.core.pattern.n) & (keep % self.size >= self.core.dim)
 
     def _diagonal(self, matrix: Any, keep: Array) -> Array:
         """Sizes of the diagonal entries of a stiffness, by which its entries are scaled; keep: places of its rows."""
         found = np.abs(matrix.diagonal())
-        turns = (keep < self.size * self.core.pattern.n) & (keep % self.size >= self.core.dim)
+        turns = self._turns(keep)
         least = [LEAST_DIAGONAL * np.max(found, where=kind, initial=0.0) for kind in (~turns, turns)]
         return np.where(found > 0.0, np.maximum(found, np.where(turns, least[1], least[0])), 0.0)
 
-    def _idle_spins(self, matrix: Any, sparse: Any) -> Any:
-        """Spins of beams of nets about their axes where that changes no stress, sparse [k, j]."""
+    def _idle_spins(self, matrix: Any, keep: Array, sparse: Any) -> Any:
+        """Spins of beams of nets about their axes where that changes no stress, sparse [k, j]; keep: places of the rows."""
         k = self.free.size
         none = sparse.csr_matrix((k, 0))
         base, static = self.model, self.model.static_held
@@ -193,9 +197,11 @@ class Linearisation:
         if not count or min(map(np.min, rows)) < 0:
             return none
         still = sparse.csc_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(k, count))
-        left = abs(matrix[:k, :k] @ still).max()
+        left = (matrix[:k, :k] @ still).tocoo()
+        size = np.sqrt(self._diagonal(matrix, keep))[:k]
         weights = np.asarray((self.mass @ still).multiply(still).sum(axis=0))
-        if left > 1e-9 * np.max(np.abs(matrix.diagonal()[:k])) or not np.all(weights > 0.0):
+        turns = size[self._turns(self.free)]
+        if np.any(np.abs(left.data) > 1e-9 * size[left.row] * np.max(turns, initial=0.0)) or not np.all(weights > 0.0):
             return none
         return still.tocsr()
 
@@ -251,9 +257,11 @@ class Linearisation:
 
     @property
     def load_size(self) -> float:
-        """Of all loads and forces of inertia, N."""
-        return float(np.linalg.norm(self.loads)) + (0.0 if self.steady is None else float(np.linalg.norm(
-            self.steady.loads(self.q))))
+        """Of all loads and forces of inertia, N; of moments as forces at the size of the scene."""
+        n = self.core.pattern.n
+        arm = np.where(np.arange(self.size) < self.core.dim, 1.0, self.core.length)
+        parts = [self.loads] + ([] if self.steady is None else [self.steady.loads(self.q)])
+        return sum(float(np.linalg.norm(x[:8 * n].reshape(n, 8)[:, :self.size] / arm)) for x in parts)
 
     def _on_unknowns(self, matrix: Any) -> Any:
         return (self.lift.T @ (matrix @ self.lift)).tocsr()
@@ -355,9 +363,15 @@ class Linearisation:
         node = int(np.flatnonzero(self.core.pattern.row_of == row)[0])
         return self.model.labels[node], "N" if component < self.core.dim else "N m"
 
+    def force_size(self, forces: Array) -> float:
+        """Of forces and moments on the unknowns [k], N; of moments as forces at the size of the scene."""
+        return float(np.linalg.norm(forces / np.where(self._turns(self.free), self.core.length, 1.0)))
+
     def round_off(self, pencil: Pencil) -> float:
-        """Force, N, that round-off of coordinates makes of the stiffness."""
-        return 1e-13 * self.core.length * float(np.max(np.abs(pencil.stiffness.diagonal()), initial=0.0))
+        """Force, N, that round-off of coordinates makes of the stiffness; of moments as forces at the size of the scene."""
+        forces = np.abs(pencil.stiffness.diagonal()[:self.free.size])
+        return 1e-13 * float(np.max(np.where(self._turns(self.free), forces / self.core.length, forces * self.core.length),
+                                    initial=0.0))
 
 
 def _released(model: Model, moved: Array | None) -> Model:

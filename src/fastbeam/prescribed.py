@@ -52,7 +52,7 @@ class PrescribedMotions:
                     raise SceneError(f"{motion.label}: {motions[j].label} moves the same node"
                                      + (" along the same axis" if motion.axes != motions[j].axes else ""))
         shares = joints.row_root[None] == root[:, None]
-        self.motion_of_node, self.nodes = np.nonzero(shares)
+        self.motion_of_node, self.nodes = map(np.ascontiguousarray, np.nonzero(shares))
         self._root = root
         self.turning = [k for k, motion in enumerate(motions) if motion.rotation is not None]
 

@@ -358,16 +358,24 @@ class Saddle:
             return Signs(Entries(self.matrix), self.nodes, self.free).count(symmetric)
         free = np.zeros(0, np.int64) if self.free is None else self.free(self.matrix)
         matrix = held(self.matrix, free) if free.size else self.matrix
-        # the same factor for a row and its column; of coordinates none, between which differences are taken
-        row, column = self._measure
-        factor = np.sqrt(np.abs(row * column))
-        used = np.where(self.multiplier, factor, 1.0)
         whole = (matrix + matrix.T).tocsr()
-        whole.data *= 0.5 * np.repeat(used, np.diff(whole.indptr)) * used[whole.indices]
+        whole.data *= 0.5
+        factor = self.typical(whole)
+        # the same factor for a row and its column; of coordinates none, between which differences are taken
+        used = np.where(self.multiplier, factor, 1.0)
+        whole.data *= np.repeat(used, np.diff(whole.indptr)) * used[whole.indices]
         found = signs_between(whole, self.multiplier, self.nodes)
         if not symmetric and found != (0, 0) and Signs(Entries(matrix)).skew(factor) > SKEW:
             return (1, free.size) if Saddle(matrix, self.multiplier).determinant_sign() < 0 else None
         return None if found is None else (found[0], found[1] + free.size)
+
+    def typical(self, matrix: Any) -> Array:
+        """Factors of rows and columns [n] that bring stiffnesses and constraints to a size of 1, in any units."""
+        n = self.multiplier.size
+        size, nodes = abs(matrix).tocsr(), self.nodes or Nodes(n, 1, 1)
+        # what rests on round-off, as sliders may, does not count
+        stiff = np.where(np.arange(n) < nodes.total, size.diagonal(), 0.0)
+        return typical_factors(size, self.multiplier, nodes.turns(n), stiff)[1]
 
     def determinant_sign(self) -> int:
         """Of A among the motions that the constraints allow: 1, -1, or 0 where it is singular."""
@@ -457,11 +465,46 @@ def signs_between(matrix: Any, multiplier: Array, nodes: Nodes | None = None) ->
     return _signs(matrix[~multiplier][:, ~multiplier].tocsc(), matrix[multiplier][:, ~multiplier].tocsc(), nodes)
 
 
-def equilibrated(matrix: Any) -> tuple[Array, Array]:
+def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None) -> tuple[Array, Array]:
     """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
-    same for both where the matrix is symmetric. 1 for those without entries."""
+    same for both where the matrix is symmetric. 1 for those without entries. begin: factors to begin with; default: 1."""
     by_rows = matrix.tocsr()
-    row, column = (np.ones(n) for n in by_rows.shape)
+    row, column = (np.ones(n) for n in by_rows.shape) if begin is None else begin
     structure = (x.astype(np.int32, copy=False) for x in (by_rows.indptr, by_rows.indices))
     balance(np.abs(by_rows.data), *structure, SWEEPS, row, column, np.zeros(row.size), np.zeros(column.size))
     return tuple(np.exp2(np.round(np.log2(x))) for x in (row, column))  # type: ignore[return-value]
+
+
+def parity(size: float) -> float:
+    """1 or 2, with which the power of two in a number becomes an even one: its root is a power of two as well."""
+    return float(2.0**(np.frexp(size)[1] % 2))
+
+
+def typical_factors(size: Any, multiplier: Array, turns: Array, stiff: Array) -> tuple[float, Array, Array]:
+    """Factors of a matrix, 1 or 2, of its rows, and of its columns, from typical stiffnesses against displacements and rotations,
+    not from units. size: of the entries, by rows; stiff: stiffnesses, 0 where they do not count."""
+    n, diagonal = multiplier.size, size.diagonal()
+    of = np.repeat(np.arange(n), np.diff(size.indptr)), size.indices
+    # rows of what is held have nothing beside the diagonal
+    joined = np.zeros(n, bool)
+    joined[of[0][(of[0] != of[1]) & (size.data > 0.0)]] = True
+    once, row = 0.0, np.zeros(n)
+    for kind in (~turns & ~multiplier, turns & ~multiplier):
+        own = stiff[kind & joined & (stiff > 0.0)]
+        if own.size:
+            typical = float(np.median(own))
+            once = once or parity(typical)
+            row[kind] = 1.0 / np.sqrt(once * typical)
+    once = once or 1.0
+    column = row.copy()
+    # constraints, and what has no stiffness by way of these
+    for kind in (multiplier & joined, ~multiplier & (row == 0.0)):
+        most = np.zeros((2, n))
+        for largest, at, factor in zip(most, (of, of[::-1]), (column, row)):
+            np.maximum.at(largest, at[0], once * size.data * factor[at[1]])
+        row, column = (np.where(kind, 1.0 / np.where(kind & (largest > 0.0), largest, 1.0), factor)
+                       for largest, factor in zip(most, (row, column)))
+    alone = ~joined & (diagonal > 0.0)
+    column[column == 0.0] = row[row == 0.0] = 1.0
+    row[alone] = 1.0 / (once * diagonal * column)[alone]
+    return once, row, column

@@ -55,7 +55,7 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
     k = pencil.mass.shape[0]
     whole = pencil.multiplier.size
     moved = Pencil((pencil.stiffness + grown((shift * against + shift**2 * pencil.mass).tocsr(), whole)).tocsr(), pencil.mass,
-                   pencil.multiplier, False, pencil.still)
+                   pencil.multiplier, False, pencil.still, pencil.turns)
     factors = Shifted(moved, 0.0, backend)
     with_rate = (against + 2.0 * shift * pencil.mass).tocsr()
     rates, u = _krylov(factors, with_rate, pencil.mass, shift, n)
@@ -189,7 +189,8 @@ def _counted(pencil: Pencil, against: Any, rates: Array, backend: str) -> bool:
     real = (pencil.stiffness - middle**2 * grown(pencil.mass, n)).tocsr()
     imaginary = middle * grown(against, n)
     both = sparse.bmat([[real, -imaginary], [imaginary, real]], format="csr")
-    double = Pencil(both, sparse.csr_matrix((0, 0)), np.tile(pencil.multiplier, 2), True, sparse.csr_matrix((0, 0)))
+    double = Pencil(both, sparse.csr_matrix((0, 0)), np.tile(pencil.multiplier, 2), True, sparse.csr_matrix((0, 0)),
+                    np.tile(pencil.turns, 2))
     try:
         counted = Shifted(double, 0.0, backend)
     except SingularError:

@@ -227,13 +227,14 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
         move[:k] -= free @ (free.T @ (about.mass @ move[:k]))
         size = about.sizes(move[:k])
         largest = int(np.argmax(size))
-        load = about.load_size + float(np.linalg.norm(right))
+        load = about.load_size + about.force_size(right[:k])
         pushed = np.abs(free).max(axis=0, initial=0.0) @ np.abs(along) if along.size else 0.0
-        drifts = bool(np.linalg.norm(about.mass @ (free @ along)) > max(UNBALANCED * load, about.round_off(pencil)))
+        drifts = bool(about.force_size(about.mass @ (free @ along)) > max(UNBALANCED * load, about.round_off(pencil)))
         if drifts or not size[largest] <= AT_REST:
             raise SceneError(_no_equilibrium(who, about, right, size, largest, drifts and pushed > 0.0))
         change = move[motions:]
-        if np.linalg.norm(change) <= SETTLED * np.linalg.norm(about.stepper.core_state.force):
+        scale = found.factors.scale[motions:]
+        if np.linalg.norm(change / scale) <= SETTLED * np.linalg.norm(about.stepper.core_state.force / scale):
             break
         about.add_forces(change)
     # no half of a pair

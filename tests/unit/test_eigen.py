@@ -26,7 +26,8 @@ def chain(n: int, held: bool) -> Any:
 
 def pencil(stiffness: Any, mass: Any, multipliers: int = 0, symmetric: bool = True) -> Pencil:
     n = stiffness.shape[0]
-    return Pencil(stiffness, mass, np.arange(n) >= n - multipliers, symmetric, sparse.csr_matrix((mass.shape[0], 0)))
+    return Pencil(stiffness, mass, np.arange(n) >= n - multipliers, symmetric, sparse.csr_matrix((mass.shape[0], 0)),
+                  np.zeros(n, bool))
 
 
 @pytest.mark.parametrize("backend", ["auto", "superlu"])
