@@ -15,7 +15,7 @@ import numpy as np
 from .linsolve import SMALL
 from .mkl import load_mkl
 from .orthonormal import NOTHING, TINY, orthonormal
-from .saddle import Factors, equilibrated, parity, signs_between, typical_factors
+from .saddle import Factors, counted, equilibrated, parity, signs_between, typical_factors
 
 Array = np.ndarray
 # right-hand sides of a solution
@@ -428,7 +428,8 @@ def stiffest(pencil: Pencil) -> float:
     """Largest stiffness over mass of a coordinate; 1 where there is none."""
     mass = pencil.mass.diagonal()
     stiffness = np.abs(pencil.stiffness.diagonal()[:mass.size])
-    heavy = (mass > 0.0) & (stiffness > 0.0)
+    turns = pencil.turns[:mass.size]
+    heavy = (mass > 0.0) & np.where(turns, counted(stiffness, turns), counted(stiffness, ~turns))
     # spins of thin rods have next to no inertia: the median does not see them where the largest does
     return float(np.median(stiffness[heavy] / mass[heavy])) if heavy.any() else 1.0
 

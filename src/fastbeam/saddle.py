@@ -480,6 +480,11 @@ def parity(size: float) -> float:
     return float(2.0**(np.frexp(size)[1] % 2))
 
 
+def counted(stiff: Array, kind: Array) -> Array:
+    """Which stiffnesses, bool [n], are more than round-off of the largest among those of one kind, bool [n]."""
+    return stiff > ROUND_OFF * float(np.max(stiff[kind], initial=0.0))
+
+
 def typical_factors(size: Any, multiplier: Array, turns: Array, stiff: Array) -> tuple[float, Array, Array]:
     """Factors of a matrix, 1 or 2, of its rows, and of its columns, from typical stiffnesses against displacements and rotations,
     not from units. size: of the entries, by rows; stiff: stiffnesses, 0 where they do not count."""
@@ -490,7 +495,7 @@ def typical_factors(size: Any, multiplier: Array, turns: Array, stiff: Array) ->
     joined[of[0][(of[0] != of[1]) & (size.data > 0.0)]] = True
     once, row = 0.0, np.zeros(n)
     for kind in (~turns & ~multiplier, turns & ~multiplier):
-        own = stiff[kind & joined & (stiff > 0.0)]
+        own = stiff[kind & joined & counted(stiff, kind & joined)]
         if own.size:
             typical = float(np.median(own))
             once = once or parity(typical)
