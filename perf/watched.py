@@ -27,7 +27,7 @@ def main(plugin: str, table: Callable[..., None], *options: str) -> int:
     paths = os.pathsep.join([str(ROOT / "perf"), str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     with tempfile.TemporaryDirectory() as fresh:  # asserts are compiled once more, with the hooks of the plugin
         environment = {**os.environ, "PYTHONPATH": paths, "PYTHONPYCACHEPREFIX": fresh}
-        code = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", plugin, "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder",
-                               *options, *arguments], cwd=ROOT, env=environment).returncode
+        code = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", plugin, "-n", "2", "--dist", "loadfile",
+                               "--no-loadscope-reorder", *options, *arguments], cwd=ROOT, env=environment).returncode
     table(out)
     return code

@@ -30,7 +30,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Mark them; a line that fits no test of a file that was collected whole is an error. Files of `FIRST` come first, and behind
     them those of many tests."""
     files = Counter(map(_file, items))
-    items.sort(key=lambda item: (FIRST.index(_file(item)) if _file(item) in FIRST else len(FIRST), -files[_file(item)], _file(item)))
+    rank = {name: k for k, name in enumerate(FIRST)}
+    items.sort(key=lambda item: (rank.get(_file(item), len(rank)), -files[_file(item)], _file(item)))
     fits = set()
     for item in items:
         name = item.nodeid.removeprefix("tests/")

@@ -171,8 +171,8 @@ def ropes(names: Iterable[str], counts: Sequence[int]) -> Iterator[Row]:
         yield Row(f"{name}: unstable directions, N = 1e-2 to 1e8 EI/L^2", "none", str(max(found)), max(found) == 0)
         if not spline or family["degree"] == 2:
             wrong = bent(counts, **family)
-            yield Row(f"{name}: loads sideways to 30 % of the tension, {', '.join(map(str, counts))} elements", "stable, in the direction of the load",
-                      wrong[0] if wrong else "all", not wrong)
+            yield Row(f"{name}: loads sideways to 30 % of the tension, {', '.join(map(str, counts))} elements",
+                      "stable, in the direction of the load", wrong[0] if wrong else "all", not wrong)
         # where bending counts, splines of degree 4 are too stiff with 8, docs/limits.md
         elements = 24 if family["degree"] == 1 else 16 if name == "bspline 4" else 8
         off = [float(np.abs(frequency_errors(n, elements, **family)).max()) for n in TENSIONS]
