@@ -187,7 +187,7 @@ def test_sections_on_both_sides_of_a_joint_agree_while_a_ring_passes_it(turned: 
     for kind in ("force", "moment"):
         before, behind = (found.section(name)[kind][1:-1] for name in ("before", "behind"))
         size = np.abs(before).max()
-        # but for round-off of strains, which steps converge to: last places of 1 to 2 m, 2e-16, times derivatives over elements of
+        # but for round-off of strains, which steps converge to: last places of 1 to 2 m, 2e-16, times slopes over elements of
         # 1/3 m, which add up to some 40 per m
         np.testing.assert_allclose(before, sign * behind, rtol=0.0, atol=3e-14 * BAR.C[0, 0])
         start = found.section("start")[kind][1:-1]
