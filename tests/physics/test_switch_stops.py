@@ -12,7 +12,7 @@ import fastbeam as fb
 SOFT = fb.Section(EA=1e4, GA2=4e3, GA3=4e3, GJ=50, EI2=50, EI3=50, rhoA=1.0, rhoI2=1e-2, rhoI3=1e-2)
 STIFF = fb.Section(EA=5e4, GA2=2e4, GA3=2e4, GJ=200, EI2=200, EI3=200, rhoA=1.0, rhoI2=1e-2, rhoI3=1e-2)
 BACK = 1e-12
-# energies of some J walk by forces in the beams, sqrt(2 EA U) = 100 N, times the last place of 2 m, 4e-16, up to 600 steps: 1e-12 J
+# energies of some J walk by forces in beams, sqrt(2 EA U) = 100 N, times the last place of 2 m, 4e-16, in 600 steps: 1e-12 J
 BOOKS = 3e-12
 
 
