@@ -3,8 +3,8 @@ PYTHON ?= python3
 VENV ?= .venv
 OUT ?= out
 BIN := $(VENV)/bin
-# a process that crashes is a defect (CONTRIBUTING.md): the run ends there
-PARALLEL := -q -n 2 --dist loadfile --max-worker-restart=0
+# the order of files is that of tests/conftest.py; a process that crashes is a defect (CONTRIBUTING.md): the run ends there
+PARALLEL := -q -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart=0
 # what `make test-plain` runs: masses on rods by every method and solver; numba alone compiles for minutes
 PLAIN_TESTS ?= tests/unit/test_distance_joint.py
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))

@@ -3,6 +3,7 @@
     python perf/test_margins.py                        the default tests
     python perf/test_margins.py tests/physics -m slow  arguments of pytest
     python perf/test_margins.py --of out/test_margins.jsonl   of a run before
+    python perf/test_margins.py --of A.jsonl B.jsonl   of A without what is the same in B, a run with OPENBLAS_CORETYPE=Haswell
 
 It sees `a < bar` in an assert with a bar of at most 1e-4, `pytest.approx` and `np.testing.assert_allclose`. Results may differ in
 the last bits between processors (OPENBLAS_CORETYPE, MKL_CBWR): a bar that is met by less needs a reason, and room.
@@ -10,23 +11,23 @@ the last bits between processors (OPENBLAS_CORETYPE, MKL_CBWR): a bar that is me
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
 import sys
-import tempfile
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import watched
 
-ROOT = Path(__file__).resolve().parents[1]
-OUT = ROOT / "out" / "test_margins.jsonl"
+OUT = watched.written("test_margins")
 ROOM = 3.0
 NUMBER = r"(?:np\.float64\()?(\d+(?:\.\d*)?(?:e[-+]?\d+)?)\)?"
 BELOW = re.compile(rf"(?<![\w.\-\[]){NUMBER} <=? {NUMBER}(?![\w.*/])")
 LARGEST = 1e-4
+# runs on two processors that agree to this share measure an error of discretisation, not round-off
+SAME = 1e-3
 _now = [""]
 
 
@@ -81,34 +82,27 @@ def pytest_configure(config: pytest.Config) -> None:
     _watch(type(pytest.approx(1.0)), "__eq__", _of_approx)
 
 
-def table(path: Path) -> None:
-    """Each place once, with the least room that it had."""
+def lines(path: Path) -> list[tuple[str, int, float, float]]:
+    """Test, line, measured number and bar of every comparison that was written down."""
+    return [tuple(json.loads(text)) for text in path.read_text().splitlines()] if path.exists() else []
+
+
+def table(path: Path, *others: Path) -> None:
+    """Each place once, with the least margin that it had; without numbers that runs on other processors have alike."""
+    elsewhere = [defaultdict(list) for _ in others]
+    for known, other in zip(elsewhere, others):
+        for name, line, measured, _ in lines(other):
+            known[name, line].append(measured)
     least: dict[tuple[str, int], tuple[float, float, float, str]] = {}
-    for text in path.read_text().splitlines() if path.exists() else []:
-        name, line, measured, bar = json.loads(text)
+    for name, line, measured, bar in lines(path):
+        if others and all(any(abs(x - measured) <= SAME * measured for x in known[name, line]) for known in elsewhere):
+            continue
         key = name.split("::")[0], line
         least[key] = min(least.get(key, (np.inf, 0.0, 0.0, "")), (bar / measured, measured, bar, name))
     print(f"{len(least)} places with bars of at most {LARGEST:g} that are met by less than a factor of {ROOM:g}\n")
-    for (_, line), (room, measured, bar, name) in sorted(least.items(), key=lambda x: x[1][0]):
-        print(f"{room:6.2f}  {measured:9.3g} of {bar:9.3g}  line {line:4d}  {name}")
-
-
-def main() -> int:
-    """Run pytest with this file as a plugin, or print what a run before wrote."""
-    arguments = sys.argv[1:]
-    if arguments[:1] == ["--of"]:
-        table(Path(arguments[1]))
-        return 0
-    OUT.parent.mkdir(exist_ok=True)
-    OUT.unlink(missing_ok=True)
-    paths = os.pathsep.join([str(ROOT / "perf"), str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
-    with tempfile.TemporaryDirectory() as fresh:  # asserts are compiled with the hook once more
-        environment = {**os.environ, "PYTHONPATH": paths, "PYTHONPYCACHEPREFIX": fresh}
-        code = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "test_margins", "-n", "2", "--dist", "loadfile",
-                               "-o", "enable_assertion_pass_hook=true", *arguments], cwd=ROOT, env=environment).returncode
-    table(OUT)
-    return code
+    for (_, line), (margin, measured, bar, name) in sorted(least.items(), key=lambda x: x[1][0]):
+        print(f"{margin:6.2f}  {measured:9.3g} of {bar:9.3g}  line {line:4d}  {name}")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(watched.main("test_margins", table, "-o", "enable_assertion_pass_hook=true"))

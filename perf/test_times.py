@@ -10,18 +10,16 @@ What compiles first pays for those behind it: after moving a test to `tests/slow
 from __future__ import annotations
 
 import json
-import os
 import resource
-import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import watched
 
-ROOT = Path(__file__).resolve().parents[1]
-OUT = ROOT / "out" / "test_times.jsonl"
+OUT = watched.written("test_times")
 
 
 def used() -> float:
@@ -52,20 +50,5 @@ def table(path: Path) -> None:
             print(f"{seconds:8.1f} s  {name}")
 
 
-def main() -> int:
-    """Run pytest with this file as a plugin, or print what a run before wrote."""
-    arguments = sys.argv[1:]
-    if arguments[:1] == ["--of"]:
-        table(Path(arguments[1]))
-        return 0
-    OUT.parent.mkdir(exist_ok=True)
-    OUT.unlink(missing_ok=True)
-    paths = os.pathsep.join([str(ROOT / "perf"), str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
-    code = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "test_times", "-n", "2", "--dist", "loadfile", *arguments],
-                          cwd=ROOT, env={**os.environ, "PYTHONPATH": paths}).returncode
-    table(OUT)
-    return code
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(watched.main("test_times", table))

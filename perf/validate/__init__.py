@@ -34,9 +34,13 @@ CHECKS: dict[str, tuple[str, str]] = {
     "frequencies": ("flights", "check_frequencies"),
     "sections": ("sections", "check_sections"),
     "newton": ("tangents", "check_newton"),
+    "ring_models": ("sliding", "study_ring_models"),
+    "corner_orders": ("time_order", "study_corner_orders"),
 }
+# rows without a bar: they are printed, and no test runs them
+STUDIES = {name for name, (_, function) in CHECKS.items() if function.startswith("study_")}
 
-__all__ = ["CHECKS", "Row", "check", "misses"]
+__all__ = ["CHECKS", "STUDIES", "Row", "check", "misses"]
 
 
 def check(name: str) -> Callable[..., list[Row]]:

@@ -61,9 +61,14 @@ def check_time_order(quick: bool = False) -> list[Row]:
             if not quick:
                 rows.append(Row(f"order in time, {what}: {steps[-3]} to {steps[-2]} steps", float(orders(e)[-2])))
                 rows.append(Row(f"order in time, {what}: error / L with {steps[-1]} steps", e[-1]))
+    return rows
+
+
+def study_corner_orders(quick: bool = False) -> list[Row]:
+    """Across element ends the path is as smooth as the curve: what is left of the orders."""
+    rows: list[Row] = []
     if quick:
         return rows
-    # across element ends the path is as smooth as the curve: what is left of the orders is shown
     for name, interpolation, curve in (("lagrange 3, own curve", "lagrange", "own"), ("lagrange 3, C1 curve", "lagrange", "c1"),
                                        ("bspline 3", "bspline", "own")):
         scene = soft_scene(True, interpolation=interpolation, curve=curve, rate=CROSSING)

@@ -398,7 +398,12 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
 
 def _close_rigidly(model: Model, state: State, q: Array, s: Array) -> None:
     """Move parts as rigid bodies, and sliders along their beams, until ties and joints are closed, or as far as that goes."""
-    inertia, before = mass_map(model), np.inf
+    inertia, before, part = mass_map(model), np.inf, model.numbers.part
+    if model.ties is not None:
+        # no rigid motion brings a point of a body to where the body has it
+        owner = np.repeat(np.arange(len(q)), np.diff(model.ties.start))
+        own = _follows(model) & (np.bincount(owner, part[model.ties.target] != part[owner], len(q)) == 0)
+        q[own] = follow(model, q)[own]
     for _ in range(ROUNDS):
         across, gaps = _across(model, q, s)
         ties, open_ties, _ = _ties(model, state, q)
@@ -407,7 +412,6 @@ def _close_rigidly(model: Model, state: State, q: Array, s: Array) -> None:
         if left <= CLOSED * model.length or left > 0.5 * before:
             break
         before, rates = left, velocity_map(q)
-        part = model.numbers.part
         step = rigid_share((rates.T @ inertia @ rates).tocsr(), sparse_rows(across @ rates, ties), -gaps,
                            rigid_motions(q[:, 0], part)).reshape(-1, 6)
         middle, number = middles(q[:, 0], part)

@@ -40,11 +40,11 @@ KINDS: dict[str, tuple[Any, dict[str, Any], int]] = {
     "universal": (fb.UniversalJoint, {"axis_a": AXIS, "axis_b": SIDE}, 2),
     "planar": (fb.PlanarJoint, {"normal": AXIS, "along": SIDE}, 3), "spherical": (fb.SphericalJoint, {"axis": AXIS}, 2)}
 ACTIONS: dict[str, Any] = {
-    "springs": lambda n: {"stiffness": (3.0, 2.0, 1.0)[:n], "rest": (0.2, -0.1, 0.3)[:n]},
-    "dampers": lambda n: {"damping": (0.05, 0.3, 0.1)[:n]},
+    "springs and dampers": lambda n: {"stiffness": (3.0, 2.0, 1.0)[:n], "rest": (0.2, -0.1, 0.3)[:n],
+                                      "damping": (0.05, 0.3, 0.1)[:n]},
     "stops": lambda n: {"stops": tuple(fb.Stops(-0.05, 0.04, stiffness=300.0) for _ in range(n))},
-    "rigid": lambda n: {"stops": tuple(fb.Stops(-0.05, 0.04, restitution=0.5) for _ in range(n))},
-    "friction": lambda n: {"friction": (0.02, 0.05, 0.03)[:n]},
+    "rigid stops and friction": lambda n: {"stops": tuple(fb.Stops(-0.05, 0.04, restitution=0.5) for _ in range(n)),
+                                           "friction": (0.02, 0.05, 0.03)[:n]},
     "drives": lambda n: {"drive": (fb.Drive(position=lambda t: 0.3 * np.sin(t), stiffness=4.0, damping=0.1),) * n},
     "speeds": lambda n: {"speed": tuple([lambda t: 0.4 * np.cos(3.0 * t)] * n)}}
 
@@ -55,7 +55,7 @@ def action(kind: str, what: str) -> dict[str, Any]:
         return found
     found.pop("rest", None)
     second = {"friction", "drive", "speed"}
-    if what in ("stops", "rigid"):
+    if "stops" in found:
         found["cone"] = fb.Stops(end=0.06, **({"stiffness": 300.0} if what == "stops" else {"restitution": 0.5}))
         second.add("stops")
     return {name: x[1] if name in second else x for name, x in found.items()}
@@ -73,18 +73,18 @@ def flight(kind: str, **options: Any) -> fb.Model:
 def test_two_bodies_in_flight_keep_momenta_and_close_their_books(kind: str, what: str) -> None:
     model = flight(kind, **action(kind, what))
     result = run(model, 1.0, 5e-3, every=1)
-    conserved = ("total", "lin_mom", "ang_mom") if what in ("springs", "stops") else ("balance", "lin_mom", "ang_mom")
+    conserved = ("total" if what == "stops" else "balance", "lin_mom", "ang_mom")
     assert max(result.drift(name) for name in conserved) < 1e-12, {name: result.drift(name) for name in conserved}
     assert result.info["fallbacks"] == 0 and result.info["iterations"] < 9 * result.info["steps"]
     joint = result.joint("joint")
-    acted = {"springs": "energy", "stops": "energy", "dampers": "loss", "rigid": "stop_loss", "friction": "friction_loss",
-             "drives": "work", "speeds": "work"}[what]
-    assert np.max(np.abs(joint[acted])) > 1e-4
+    acted = {"springs and dampers": ("energy", "loss"), "stops": ("energy",),
+             "rigid stops and friction": ("stop_loss", "friction_loss")}.get(what, ("work",))
+    assert all(np.max(np.abs(joint[name])) > 1e-4 for name in acted)
     for name in {"loss", "friction_loss", "stop_loss"} & set(joint):
         assert np.all(np.diff(joint[name]) >= -1e-15)
     # rates are those of the values
     for value, rate in (("angle", "spin"), ("distance", "speed"), ("swing", "swing_rate"), ("twist", "spin")):
-        if value in joint and (what == "dampers" or what == "springs" and value != "swing"):
+        if value in joint and what == "springs and dampers":
             middle = 0.5 * (joint[rate][1:] + joint[rate][:-1])
             # a swing has no rate where it is 0
             np.testing.assert_allclose((np.diff(joint[value], axis=0) / 5e-3)[1:], middle[1:], rtol=0.0, atol=5e-3)
@@ -92,11 +92,16 @@ def test_two_bodies_in_flight_keep_momenta_and_close_their_books(kind: str, what
 
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_springs_are_of_fourth_order_and_goes_on_from_a_checkpoint_bit_for_bit(kind: str, tmp_path: Any) -> None:
-    model = flight(kind, **action(kind, "springs"))
+    model = flight(kind, **action(kind, "springs and dampers"))
+    # the last state, whose points of bodies are extrapolated by themselves: mending it turned a body by 0.4 rad
     ends = [run(model, 0.64, 0.64 / n, order=4).state.q for n in (16, 32, 64)]
     one, two = (float(np.max(np.abs(x - y))) for x, y in zip(ends, ends[1:]))
     assert np.log2(one / two) > 3.5
-    model = flight(kind, **action(kind, "friction"))
+    # stops that are never reached: behind an impact steps begin there
+    wide = fb.Stops(-3.0, 3.0, restitution=0.5)
+    out_of_reach = {"stops": wide, "cone": fb.Stops(end=3.0, restitution=0.5)} if kind == "spherical" else {
+        "stops": (wide,) * KINDS[kind][2]}
+    model = flight(kind, **action(kind, "rigid stops and friction") | out_of_reach)
     whole, half = run(model, 0.5, 0.01), run(model, 0.25, 0.01)
     on = run(model, 0.5, 0.01, start=half.checkpoint)
     np.testing.assert_array_equal(whole.state.q, on.state.q)

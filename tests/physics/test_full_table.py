@@ -1,11 +1,11 @@
-"""The whole validation table at full size: slow."""
+"""All rows with a bar of the validation table at full size: slow."""
 from __future__ import annotations
 
 import pytest
-from validate import CHECKS, check, misses
+from validate import CHECKS, STUDIES, check, misses
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CHECKS)
+@pytest.mark.parametrize("name", [name for name in CHECKS if name not in STUDIES])
 def test_every_row_of_the_table_meets_its_bar(name: str) -> None:
     assert misses(check(name)(quick=False)) == []

@@ -385,7 +385,8 @@ def test_a_speed_control_holds_its_speed_up_to_its_largest_torque_and_the_same_l
     law = fb.Drive(force=lambda t, x, rate: min(max(40.0 * (2.0 - rate), -30.0), 30.0))
     for drive in (fb.Drive(speed=2.0, damping=40.0, limit=30.0), law):
         result = run(arm("auto", drive=drive), 3.0, 0.005)
-        assert abs(result.joint("pivot")["spin"][-1] - 2.0) < 0.2 and result.drift("balance") < 1e-13
+        # a walk of 600 steps of 30 N m times the last place of 6 rad is 7e-13 J
+        assert abs(result.joint("pivot")["spin"][-1] - 2.0) < 0.2 and result.drift("balance") < 3e-13
         ends.append(result.state.q)
     np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=1e-9)
     weak = run(arm("auto", gravity=(0, 0, G), drive=fb.Drive(speed=2.0, damping=40.0, limit=1.0)), 3.0, 0.005).joint("pivot")

@@ -124,8 +124,8 @@ def test_a_rigid_stop(restitution: float) -> None:
     wanted = np.minimum(START + RATE * result.t, 1.0) - restitution * RATE * np.maximum(result.t - reached, 0.0)
     lost = 0.5 * MASS * RATE**2 * (1.0 - restitution**2)
     print(f"off by {np.max(np.abs(run['s'] - wanted)):.1e}, lost {run['stop_loss'][-1]:.6g} of {lost:.6g} J")
-    # a node of the rail has ten thousand times its mass
-    assert np.max(np.abs(run["s"] - wanted)) < 1e-4 and result.drift("balance") < 1e-10
+    # a node of the rail has ten thousand times its mass, and energies of that much round-off
+    assert np.max(np.abs(run["s"] - wanted)) < 1e-4 and result.drift("balance") < 2e-10
     assert run["stop_loss"][-1] == pytest.approx(lost, rel=2e-4, abs=1e-9)
     events = [x for x in result.events if x["kind"] == "impact"]
     assert [x["slider"] for x in events] == ["run"] and events[0]["time"] == pytest.approx(reached, abs=2e-5)
@@ -313,9 +313,9 @@ def slider_rate(slider: fb.Slider) -> float:
     return 0.4 if slider.rate is None else slider.rate
 
 
-@pytest.mark.parametrize("acting", [{"friction": 0.3}, {"friction": fb.Friction(0.2, viscous=0.5)},
-                                    {"drive": fb.Drive(speed=-0.8, damping=4.0)},
-                                    {"stops": fb.Stops(end=1.05, stiffness=300.0)}])
+# a drive pushes against a stop
+@pytest.mark.parametrize("acting", [{"friction": fb.Friction(0.2, viscous=0.5)},
+                                    {"drive": fb.Drive(speed=-0.8, damping=4.0), "stops": fb.Stops(0.7, stiffness=300.0)}])
 def test_meshes_that_stand_come_to_it(acting: dict[str, Any]) -> None:
     """A bead on a cantilever that bends under it."""
     section = fb.Section(EA=4e3, GA2=1.5e3, GA3=1.5e3, GJ=4, EI2=4, EI3=4, rhoA=1, rhoI2=0.01, rhoI3=0.01)
@@ -378,19 +378,22 @@ def test_what_elements_that_move_do_not_know(acting: dict[str, Any], text: str) 
         on_a_rail(rate=0.0, **acting)
 
 
-@pytest.mark.parametrize("sleeve", [False, True])
-def test_solvers_agree_on_a_straight_rail(sleeve: bool) -> None:
+def test_solvers_agree_on_straight_rails() -> None:
     """There a node that only multipliers hold moves along the rail with its place without changing anything."""
     ends = []
     for solver in ("auto", "sparse"):
-        rail = fb.Beam.straight("rail", (0, 0, 0), (2, 0, 0), section=STIFF, elements=4)
-        body = fb.RigidBody("body", mass=MASS, inertia=(0.01, 0.01, 0.01), position=(START, 0, 0), velocity=(RATE, 0, 0))
-        options = {"at": START, "rate": RATE, "friction": 0.3}
-        slider = fb.Sleeve("run", body, rail, length=0.1, **options) if sleeve else fb.Slider("run", body, rail, **options)
-        scene = fb.Scene(rail, body, fb.Clamp(rail.start), fb.Clamp(rail.end), slider, gravity=(0, 0, -1e-3))
+        scene = fb.Scene(gravity=(0, 0, -1e-3))
+        for y, name in ((0.0, "slider"), (1.0, "sleeve")):
+            rail = fb.Beam.straight(f"rail of {name}", (0, y, 0), (2, y, 0), section=STIFF, elements=4)
+            body = fb.RigidBody(f"body of {name}", mass=MASS, inertia=(0.01, 0.01, 0.01), position=(START, y, 0),
+                                velocity=(RATE, 0, 0))
+            options: dict[str, Any] = {"at": START, "rate": RATE, "friction": 0.3}
+            slider = (fb.Slider(name, body, rail, **options) if name == "slider"
+                      else fb.Sleeve(name, body, rail, length=0.1, **options))
+            scene.add(rail, body, fb.Clamp(rail.start), fb.Clamp(rail.end), slider)
         result = run_of(fb.compile_scene(fb.with_moving_meshes(scene), solver=solver), 0.005)
         assert result.drift("balance") < 1e-12
-        ends.append(result.slider("run")["s"])
+        ends.append([result.slider(name)["s"] for name in ("slider", "sleeve")])
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-13)
 
 

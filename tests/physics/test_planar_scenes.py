@@ -21,9 +21,9 @@ Array = np.ndarray
 H = 0.01
 # e_x, e_y, e_z to e_z, e_x, e_y
 ZX = np.eye(3)[[1, 2, 0]]
-# relative to the size of the scene, the largest velocity, force, energy; measured 4e-15, 6e-12, 1e-11, 2e-13: velocities are
-# increments over h, contact forces increments over h^2
-PLACE, RATE, FORCE, ENERGY = 1e-13, 5e-11, 1e-10, 2e-12
+# relative to the size of the scene, the largest velocity, force, energy; measured 4e-15, 6e-12, 5e-11, 2e-13: velocities are
+# increments over h, contact forces increments over h^2 and, with order 4, over parts of it
+PLACE, RATE, FORCE, ENERGY = 1e-13, 5e-11, 2e-10, 2e-12
 
 
 def both(scene: Callable[[], fb.Scene], compiled: dict[str, Any] | None = None, **run: Any) -> tuple[fb.Result, fb.Result]:
@@ -58,10 +58,11 @@ def assert_same(flat: fb.Result, space: fb.Result, slack: float = 1.0, oblique: 
     assert np.ptp(space.series["kinetic"]) > 0.01 * largest
 
 
-# families with shapes and directions of d2 in turn; all of them in the slow form
+# families with shapes and directions of d2 in turn, and with three more of them each
 SHAPES = [("straight", "in"), ("spline", "oblique"), ("arc", "in"), ("straight", "out"), ("spline", "in"), ("spline", "out"),
           ("straight", "oblique")]
-FEW = [(family, *SHAPES[k % len(SHAPES)]) for k, family in enumerate(FAMILIES)]
+FEW, MORE = ([(family, *SHAPES[(k + j) % len(SHAPES)]) for k, family in enumerate(FAMILIES) for j in turns]
+             for turns in ((0,), (1, 3, 5)))
 
 
 @pytest.mark.parametrize(("family", "shape", "d2"), FEW)
@@ -77,11 +78,10 @@ def test_beams_of_few_elements_in_flight(family: str, elements: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize(("shape", "d2"), SHAPES)
-@pytest.mark.parametrize("turn", [FLAT, plane()], ids=["xy", "general"])
-def test_all_beams_of_every_family_in_flight(family: str, shape: str, d2: str, turn: Array) -> None:
-    assert_same(*both(lambda: flight(turn, family, shape, d2), t_end=50 * H), oblique=turn is not FLAT)
+@pytest.mark.parametrize(("family", "shape", "d2"), MORE)
+def test_beams_of_every_family_in_a_general_plane(family: str, shape: str, d2: str) -> None:
+    turn = plane()
+    assert_same(*both(lambda: flight(turn, family, shape, d2), t_end=50 * H), oblique=True)
 
 
 @pytest.mark.parametrize("where", ["xy", "zx", "general"])
@@ -250,6 +250,6 @@ def test_random_mechanisms(case: tuple[fb.Scene, float]) -> None:
 
 @pytest.mark.slow
 @given(scenes())
-@settings(max_examples=150, derandomize=True, deadline=None)
+@settings(max_examples=40, derandomize=True, deadline=None)
 def test_many_random_mechanisms(case: tuple[fb.Scene, float]) -> None:
     check_random(case)

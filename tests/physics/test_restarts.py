@@ -107,12 +107,13 @@ def test_random_restarts_account_for_momenta_and_energy(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_thousand_random_restarts() -> None:
-    found = [restart(seed) for seed in range(1000)]
+def test_many_random_restarts() -> None:
+    """A thousand of them: perf/stress/restarts.py."""
+    found = [restart(seed) for seed in range(200)]
     assert max(error for _, error in found) < BAR
     kinds = [kind for kind, _ in found]
     print({kind: kinds.count(kind) for kind in set(kinds)})
-    assert min(kinds.count(kind) for kind in ("taken", "mended", "refused")) > 100
+    assert min(kinds.count(kind) for kind in ("taken", "mended", "refused")) > 20
 
 
 def test_turns_of_a_joint_go_along() -> None:

@@ -113,9 +113,8 @@ def air(part: fb.Beam) -> fb.Drag:
 
 DAMPED = fb.Section.circle(radius=0.02, E=2e8, rho=1200.0, damping=1e-3)
 CASES: dict[str, tuple[Any, dict[str, Any]]] = {
-    "loads": ((tip, loads), {}), "in space": ((tip, loads), {"planar": False}),
-    "drag and damping": ((tip, air), {"section": DAMPED}), "ring": ((tip, ring()), {}),
-    "ring that rubs": ((tip, ring(friction=0.2)), {"planar": False}), "sleeve": ((tip, loads, sleeve()), {}),
+    "loads": ((tip, loads), {}), "drag and damping": ((tip, air), {"section": DAMPED}),
+    "ring that rubs": ((tip, loads, ring(friction=0.2)), {"planar": False}), "sleeve": ((tip, loads, sleeve()), {}),
     "sleeve with a bore": ((tip, sleeve(length=0.1, friction=0.1)), {"planar": False})}
 
 
@@ -188,12 +187,13 @@ def test_sections_on_both_sides_of_a_joint_agree_while_a_ring_passes_it(turned: 
     for kind in ("force", "moment"):
         before, behind = (found.section(name)[kind][1:-1] for name in ("before", "behind"))
         size = np.abs(before).max()
-        # but for round-off of strains, which steps converge to
-        np.testing.assert_allclose(before, sign * behind, rtol=0.0, atol=1e-14 * BAR.C[0, 0])
+        # but for round-off of strains, which steps converge to: last places of 1 to 2 m, 2e-16, times slopes over elements of
+        # 1/3 m, which add up to some 40 per m
+        np.testing.assert_allclose(before, sign * behind, rtol=0.0, atol=3e-14 * BAR.C[0, 0])
         start = found.section("start")[kind][1:-1]
         np.testing.assert_allclose(start, -found.reaction("clamp")[kind][1:-1], rtol=0.0, atol=1e-11 * size)
     at_pin = found.reaction("pin")["force"][1:-1]
-    np.testing.assert_allclose(sign * found.section("far")["force"][1:-1], at_pin, rtol=0.0, atol=1e-14 * BAR.C[0, 0])
+    np.testing.assert_allclose(sign * found.section("far")["force"][1:-1], at_pin, rtol=0.0, atol=3e-14 * BAR.C[0, 0])
 
 
 def test_a_ring_that_turns_into_another_track_is_in_balance_on_the_corner() -> None:

@@ -12,6 +12,8 @@ import fastbeam as fb
 SOFT = fb.Section(EA=1e4, GA2=4e3, GA3=4e3, GJ=50, EI2=50, EI3=50, rhoA=1.0, rhoI2=1e-2, rhoI3=1e-2)
 STIFF = fb.Section(EA=5e4, GA2=2e4, GA3=2e4, GJ=200, EI2=200, EI3=200, rhoA=1.0, rhoI2=1e-2, rhoI3=1e-2)
 BACK = 1e-12
+# energies of some J walk by forces in beams, sqrt(2 EA U) = 100 N, times the last place of 2 m, 4e-16, in 600 steps: 1e-12 J
+BOOKS = 3e-12
 
 
 def line(switch: bool, planar: bool = True, at: float = 0.4, rate: float | None = 2.0, gravity: float = 0.0,
@@ -64,7 +66,7 @@ def test_arc_lengths_of_the_way_are_those_of_one_path(planar: bool, slide: dict[
         one, other = (run(line(switch, planar, **slide)[0], step=step) for switch in (True, False))
         assert [x for x in kinds(one) if x != "switched"] == kinds(other) and "switched" in kinds(one)
         assert not what or what in kinds(one)
-        assert max(books(one), books(other)) < BACK
+        assert max(books(one), books(other)) < BOOKS
         assert one.drift("gap") < BACK and max(one.drift("lin_mom"), one.drift("ang_mom")) < BACK
         found[step] = float(np.max(np.abs(one.state.q - other.state.q)))
         times = [[x["time"] for x in result.events if x["kind"] in ("impact", "locked")][:1] for result in (one, other)]
@@ -79,7 +81,7 @@ def test_the_rigid_stop_stands_where_it_was_put() -> None:
         hit = next(x["time"] for x in result.events if x["kind"] == "impact")
         track, s = on.where(result.slider("s")["s"][np.flatnonzero(result.t == hit)[0]])
         assert track.name == at[0] and abs(s - at[1]) < 1e-12, stop
-        assert np.max(result.slider("s")["s"]) <= on.offset(at[0]) + at[1] + 1e-12 and books(result) < BACK
+        assert np.max(result.slider("s")["s"]) <= on.offset(at[0]) + at[1] + 1e-12 and books(result) < BOOKS
         assert result.slider("s")["stop_loss"][-1] > 0.05
 
 
@@ -90,7 +92,7 @@ def test_a_lock_on_a_track_takes_hold_there_and_at_its_end() -> None:
         locked = next(x for x in result.events if x["kind"] == "locked")
         track, s = on.where(locked["s"])
         assert track.name == at[0] and abs(s - at[1]) < 1e-11
-        assert "unlocked" in kinds(result) and books(result) < BACK
+        assert "unlocked" in kinds(result) and books(result) < BOOKS
 
 
 def yard(planar: bool = True, rate: float = 5.0, at: float = 0.5, **slide: Any) -> tuple[fb.Scene, Any]:
@@ -117,7 +119,7 @@ def test_a_buffer_on_the_siding_lets_the_loop_free(planar: bool) -> None:
     row = int(np.argmin(np.abs(result.t - hit["time"])))
     track, s = on.where(result.slider("s0")["s"][row])
     assert track.name == "side" and abs(s - 1.5) < 1e-11
-    assert books(result) < BACK and max(result.drift("lin_mom"), result.drift("ang_mom"), result.drift("gap")) < BACK
+    assert books(result) < BOOKS and max(result.drift("lin_mom"), result.drift("ang_mom"), result.drift("gap")) < BACK
 
 
 def test_plane_and_space_are_the_same() -> None:
@@ -159,7 +161,7 @@ def test_a_wall_is_met_from_behind() -> None:
         assert kinds(result)[0] == "switched" and kinds(result)[-1] in ("switched", "slider_end")
         assert local(on, result)[0] == "c"
         s = [on.where(x)[1] for x in result.slider("s")["s"] if on.where(x)[0].name == "b"]
-        assert min(s) > 0.5 - (1e-12 if "restitution" in slide else 0.1) and books(result) < BACK
+        assert min(s) > 0.5 - (1e-12 if "restitution" in slide else 0.1) and books(result) < BOOKS
 
 
 def test_an_elastic_stop_on_a_track_that_is_left_swings_back_by_itself() -> None:
@@ -167,7 +169,7 @@ def test_an_elastic_stop_on_a_track_that_is_left_swings_back_by_itself() -> None
     result = run(scene, 0.8)
     lost = result.slider("s")["stop_loss"][-1]
     # the total energy falls by that
-    assert kinds(result) == ["switched", "drift"] and abs(lost - 0.5 * 20.0 * 0.1**2) < 1e-12 and books(result) < BACK
+    assert kinds(result) == ["switched", "drift"] and abs(lost - 0.5 * 20.0 * 0.1**2) < 1e-12 and books(result) < BOOKS
 
 
 @pytest.mark.parametrize("planar", [True, False], ids=["plane", "space"])
@@ -175,7 +177,7 @@ def test_released_where_no_track_leads_on(planar: bool) -> None:
     scene, _ = line(True, planar, release=fb.Release("end"))
     result = run(scene, 2.0)
     assert kinds(result) == ["switched", "switched", "released"]
-    assert books(result) < BACK and max(result.drift(x) for x in ("total", "lin_mom", "ang_mom")) < BACK
+    assert books(result) < BOOKS and max(result.drift(x) for x in ("total", "lin_mom", "ang_mom")) < BACK
     assert result.slider("s")["gap"][-1] > 0.1
 
 

@@ -131,7 +131,8 @@ def test_a_corner_is_passed_as_on_a_path(angle: float, stiffness: float, rate: f
         scene, on = corner(angle, way, stiffness, rate)
         found.append(run(fb.compile_scene(scene), 1.0, 0.002))
     one, other = found
-    assert len(switched(other)) >= 1 and other.drift("total") < 1e-11 and other.series["gap"].max() < 1e-13
+    # energy walks by forces in the beams, sqrt(2 EA U) = 700 N, times the last place of 2 m, 500 steps: 7e-12 J
+    assert len(switched(other)) >= 1 and other.drift("total") < 2e-11 and other.series["gap"].max() < 1e-13
     np.testing.assert_allclose(other.slider("s")["position"][:len(one.t)], one.slider("s")["position"], atol=1e-6)
     np.testing.assert_allclose(other.t, one.t, atol=1e-12)
     # where it is on its track is where it is on the path

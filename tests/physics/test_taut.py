@@ -19,7 +19,7 @@ def wrong(rows: object) -> list[str]:
 
 
 def test_ropes_are_stable_and_vibrate_as_strings() -> None:
-    assert wrong(taut.ropes(quick=True)) == []
+    assert wrong(taut.ropes(taut.FEW, taut.FEW_COUNTS)) == []
 
 
 def test_the_load_swings_whatever_the_step_and_the_mesh() -> None:
@@ -95,5 +95,8 @@ def test_no_step_is_smaller_than_the_smallest_and_nothing_found_is_lost(monkeypa
 
 
 @pytest.mark.slow
-def test_all_families_tensions_and_steps() -> None:
-    assert wrong(taut.rows(quick=False)) == []
+def test_other_families_steps_and_meshes() -> None:
+    """Ropes of more meshes: perf/stress/taut.py."""
+    others = [name for name in taut.FAMILIES if name not in taut.FEW]
+    for rows in (taut.ropes(others, taut.FEW_COUNTS), taut.swings(quick=False), taut.machines(quick=False)):
+        assert wrong(rows) == []

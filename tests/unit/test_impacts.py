@@ -267,7 +267,7 @@ def test_a_blow_on_what_hardly_moves_gives_no_energy(restitution: float) -> None
         after = strike(model, state, 0, True, restitution)
         losses.append(after.history[:model.work_place].reshape(-1, HISTORY)[0, STOP_LOSS])
         before = 0.5 * state.v @ (energy @ state.v)
-        assert losses[-1] == pytest.approx(before - 0.5 * after.v @ (energy @ after.v), abs=1e-15 * before)
+        assert losses[-1] == pytest.approx(before - 0.5 * after.v @ (energy @ after.v), abs=3e-15 * before)  # a dozen roundings
         assert losses[-1] > -2e-15 * before
     # it does without what is asked for here
     plain = []

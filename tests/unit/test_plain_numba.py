@@ -28,10 +28,6 @@ def rail():
     return fb.Beam.straight("rail", (0, 0, 0), (1, 0, 0), section=BAR, elements=4)
 
 
-def beam():
-    return fb.Scene(rail(), fb.RigidMotion(spin=(0.1, 0.2, 0.3)))
-
-
 def slider(gravity=DOWN):
     on, bead = rail(), fb.PointMass("bead", mass=0.1)
     return fb.Scene(on, bead, fb.Clamp(on.start), fb.Slider("run", bead, on, at=0.3), gravity=gravity)
@@ -101,7 +97,7 @@ def test_masses_on_a_spring_run_without_the_fast_way() -> None:
 
 
 @pytest.mark.slow  # compiles for one to two minutes each
-@pytest.mark.parametrize("names", [["beam", "slider"], ["plane"], ["net"], ["statics"]])
+@pytest.mark.parametrize("names", [["slider"], ["plane"], ["net"], ["statics"]])
 def test_scenes_run_without_the_fast_way(names: list[str]) -> None:
     same(names)
 

@@ -54,7 +54,7 @@ def test_scenes_in_any_plane_are_found(make: Callable[[Array], fb.Scene], where:
     model = fb.compile_scene(make(turn), planar=True)
     found = model.plane
     assert abs(abs(found.axes[2] @ turn[:, 2]) - 1.0) <= 1e-14
-    np.testing.assert_allclose(found.axes @ found.axes.T, np.eye(3), rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(found.axes @ found.axes.T, np.eye(3), rtol=0.0, atol=2e-15)  # nine roundings
     assert model.not_planar == ""
     assert found.label in str(model) and "3 unknowns a node instead of 6" in str(model)
     assert where == "general" or found.label == "plane normal to " + {"yz": "x", "zx": "y", "xy": "z"}[where]
@@ -230,6 +230,11 @@ def test_motors_and_wound_springs_of_joints_choose_the_plane(drive: dict[str, An
     # all points lie on a line at the start: with another plane through it nothing would move
     model = fb.compile_scene(crank(**drive))
     assert model.plane is not None and abs(model.plane.axes[2][1]) == 1.0
+
+
+def test_in_the_plane_of_a_motor_a_crank_turns_as_in_space() -> None:
+    drive = {"torque": 2.0}
+    model = fb.compile_scene(crank(**drive))
     run, whole = (fb.simulate(m, t_end=0.1, step=H, every=1) for m in (model, fb.compile_scene(crank(**drive), planar=False)))
     angle = run.joint("shaft")["angle"]
     np.testing.assert_allclose(angle, whole.joint("shaft")["angle"], atol=1e-12)

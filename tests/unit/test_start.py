@@ -199,10 +199,11 @@ def test_a_slider_that_goes_sideways_is_told_unless_the_run_goes_on() -> None:
 
 
 @pytest.mark.slow
-def test_round_off_of_a_million_steps_passes() -> None:
+def test_round_off_of_many_steps_passes() -> None:
+    """It grows as a walk (perf/stress/drift.py)."""
     model = fb.compile_scene(mechanism(sliding=False))
-    there = fb.simulate(model, t_end=1e6 * H, step=H, every=10**6, snapshots=0, observe=(), progress=False)
-    assert there.info["steps"] == 10**6
+    there = fb.simulate(model, t_end=2e5 * H, step=H, every=200_000, snapshots=0, observe=(), progress=False)
+    assert there.info["steps"] == 200_000
     fb.simulate(model, start=there.state, t_end=H, step=H)
 
 
