@@ -60,11 +60,11 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     pencil = with_still(pencil, np.zeros(k))
     system = DynamicStiffness(pencil, damping, backend=backend)
     terms = abs(pencil.stiffness), abs(damping), abs(pencil.mass)
-    scale = found.factors.scale
+    scale, least = found.factors.scale, ZERO * float(np.max(np.abs(rates), initial=0.0))
     out: list[tuple[complex, Array, float]] = []
     for rate, part in zip(rates, parts.T):
         x = (span @ part).astype(complex)
-        out.append(_improved(system, terms, scale, complex(rate), x, out))
+        out.append(_improved(system, terms, scale, complex(rate), x, least, out))
     out = sorted(out, key=lambda one: (abs(one[0]), one[0].real))
     vectors = np.array([x for _, x, _ in out]).reshape(len(out), pencil.multiplier.size)
     return Damped(np.array([rate for rate, *_ in out]), vectors.T, np.array([left for *_, left in out]))
@@ -105,9 +105,10 @@ def _solved(system: DynamicStiffness, rate: complex, right: Array) -> Array | No
     return None
 
 
-def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Array, rate: complex, x: Array,
+def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Array, rate: complex, x: Array, least: float,
               before: list[tuple[complex, Array, float]]) -> tuple[complex, Array, float]:
-    """Rate, vector and residual after inverse iteration; scale: of rows and columns [n], with which residuals are measured.
+    """Rate, vector and residual after inverse iteration; scale: of rows and columns [n], with which residuals are measured;
+    least: of rates that are not zero.
 
     Raises
     ------
@@ -142,8 +143,10 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
         step = np.vdot(start, mass @ x[:k]) / np.vdot(start, mass @ y[:k])
         rate = complex(rate - step)
         x = y * step
+        if abs(rate) <= least:
+            rate = 0j
         if not rate.imag or abs(rate.imag) <= 1e-11 * abs(rate):
-            rate, x = complex(rate.real), x
+            rate = complex(rate.real)
         x = x / np.sqrt(float(np.real(np.vdot(x[:k], mass @ x[:k]))))
         left, size = residual(rate, x)
         if size >= 0.5 * best[2]:

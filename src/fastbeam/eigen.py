@@ -30,6 +30,8 @@ REFINEMENTS, MOST_REFINEMENTS, ROUND_OFF = 4, 20, 1e-12
 LAST_BITS = 2.0 * np.finfo(float).eps
 # and residual up to which that is no sign of a matrix that is singular to round-off
 CLEAR = 1e-4
+# share of a right-hand side that GIVE may take up: factors whose pivots were moved leave more between dependent constraints
+GIVEN_WAY = 1e-3
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
 LEAST_SHIFT = 1e-13
 # eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
@@ -137,10 +139,10 @@ class Shifted:
 
     def _is_good(self, right: Array) -> bool:
         try:
-            self._refined(right)
+            found = self._refined(right)
         except SingularError:
             return False
-        return True
+        return bool(GIVE * np.max(np.abs(found[:, self.pencil.multiplier]), initial=0.0) <= GIVEN_WAY * np.max(np.abs(right)))
 
     def _refined(self, right: Array) -> Array:
         """Solutions of the scaled equations [m, n], refined where that helps."""

@@ -485,6 +485,16 @@ def counted(stiff: Array, kind: Array) -> Array:
     return stiff > ROUND_OFF * float(np.max(stiff[kind], initial=0.0))
 
 
+def _levers(size: Any, of: tuple[Array, Array], multiplier: Array, turns: Array) -> Array:
+    """Which entries, bool, are no round-off of a constraint: next to the largest by displacements, or by rotations."""
+    joins = multiplier[of[0]] != multiplier[of[1]]
+    of_turns = turns[np.where(multiplier[of[0]], of[1], of[0])]
+    use = np.ones(size.data.size, bool)
+    for kind in (joins & of_turns, joins & ~of_turns):
+        use[kind] = counted(size.data, kind)[kind]
+    return use
+
+
 def typical_factors(size: Any, multiplier: Array, turns: Array, stiff: Array) -> tuple[float, Array, Array]:
     """Factors of a matrix, 1 or 2, of its rows, and of its columns, from typical stiffnesses against displacements and rotations,
     not from units. size: of the entries, by rows; stiff: stiffnesses, 0 where they do not count."""
@@ -501,14 +511,19 @@ def typical_factors(size: Any, multiplier: Array, turns: Array, stiff: Array) ->
             once = once or parity(typical)
             row[kind] = 1.0 / np.sqrt(once * typical)
     once = once or 1.0
-    column = row.copy()
-    # constraints, and what has no stiffness by way of these
-    for kind in (multiplier & joined, ~multiplier & (row == 0.0)):
+    column, free = row.copy(), ~multiplier & (row == 0.0)
+    use = _levers(size, of, multiplier, turns)
+    # constraints, what has no stiffness by way of these, and constraints of nothing else
+    for kind in (multiplier & joined, free, multiplier & joined):
         most = np.zeros((2, n))
         for largest, at, factor in zip(most, (of, of[::-1]), (column, row)):
-            np.maximum.at(largest, at[0], once * size.data * factor[at[1]])
-        row, column = (np.where(kind, 1.0 / np.where(kind & (largest > 0.0), largest, 1.0), factor)
+            np.maximum.at(largest, at[0][use], once * size.data[use] * factor[at[1][use]])
+        row, column = (np.where(kind & (factor == 0.0) & (largest > 0.0), 1.0 / np.where(largest > 0.0, largest, 1.0), factor)
                        for largest, factor in zip(most, (row, column)))
+        for one in (free & turns, free & ~turns):
+            for factor in (row, column):
+                known = factor[one & (factor > 0.0)]
+                factor[one & (factor == 0.0)] = np.median(known) if known.size else 0.0
     alone = ~joined & (diagonal > 0.0)
     column[column == 0.0] = row[row == 0.0] = 1.0
     row[alone] = 1.0 / (once * diagonal * column)[alone]
