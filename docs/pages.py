@@ -113,7 +113,7 @@ def palette() -> Any:
     from matplotlib.colors import to_rgb
     from PIL import Image
 
-    from fastbeam.drawing import COLOURS
+    from fastbeam.results.plots.drawing import COLOURS
     lines = [np.array(to_rgb(colour)) for colour in (*COLOURS, "black")]
     time = [np.array(mpl.colormaps["viridis"](x)[:3]) for x in np.linspace(0.0, 0.92, 40)]
     shades = [x + share * (1.0 - x) for x in lines for share in np.linspace(0.0, 1.0, 14)]

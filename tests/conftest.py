@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fastbeam import _background
+from fastbeam.kernels.jit import background as _background
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # the other processor compiles for tests of its own; a second process would take as long to start as it saves

@@ -47,7 +47,7 @@ def main(side: str) -> None:
     from test_sliders_on_nets import CASES, STEP, scene
 
     import fastbeam as fb
-    from fastbeam.newton import Stepper
+    from fastbeam.stepping.stepper import Stepper
     scenes = {name: (scene(**CASES[name]), {"condense": True, "planar": "auto" if "plane" in name else False})
               for name in ("quadratic", "ball joints", "forces along the beams", "sleeves and a border", "sleeves in a plane",
                            "a border, too", "end on a body by a ball")}

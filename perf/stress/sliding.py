@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import fastbeam as fb
-from fastbeam.newton import AUGMENTATION
+from fastbeam.stepping.stepper import AUGMENTATION
 from small_scenes import SECTION, straight
 from table import Row
 

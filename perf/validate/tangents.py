@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import fastbeam as fb
-from fastbeam.newton import Stepper
+from fastbeam.stepping.stepper import Stepper
 
 from .equilibria import plain
 from .invariants import mass_scene

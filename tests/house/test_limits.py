@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import fastbeam as fb
-from fastbeam.synonyms import ABSENT
+from fastbeam.interface.synonyms import ABSENT
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")

@@ -3,7 +3,7 @@
     make api        after a change of a public name or argument: writes public_api.txt anew
 
 Public is what pages of docs/api show: names of the package, and the members that they name. What is taken away or renamed there
-needs an entry in `fastbeam.deprecation` (CONTRIBUTING.md).
+needs an entry in `fastbeam.interface.deprecation` (CONTRIBUTING.md).
 """
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fastbeam as fb
-from fastbeam.run import Result
+from fastbeam.dynamics.time_loop import Result
 
 Array = np.ndarray
 MASS, INERTIA = 1.0, np.array([0.2, 0.5, 0.6])

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import fastbeam as fb
-from fastbeam.mapping import follow
+from fastbeam.model.mapping import follow
 
 Array = np.ndarray
 SIXTH = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import empty_arrays
-from fastbeam.newton import Stepper
-from fastbeam.reactions import Reactions
+from fastbeam.dynamics.reactions import Reactions
+from fastbeam.kernels import empty_arrays
+from fastbeam.stepping.stepper import Stepper
 
 sys.path.insert(0, str(Path(__file__).parent))
 import test_adjoint_sliders  # noqa: E402

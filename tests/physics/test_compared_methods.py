@@ -11,7 +11,7 @@ from validate.invariants import rail
 from validate.time_order import T_END, soft_scene
 
 import fastbeam as fb
-from fastbeam.model import Model
+from fastbeam.model.model import Model
 
 Array = np.ndarray
 METHODS: dict[str, dict[str, Any]] = {

@@ -67,9 +67,9 @@ def test_it_is_the_limit_of_a_light_mass() -> None:
 
 
 def test_the_mass_in_the_tangent_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    import fastbeam.compile
+    import fastbeam.compile.compile
     wanted = run(fb.compile_scene(scene()), t_end=0.1)
-    monkeypatch.setattr(fastbeam.compile, "KNOT_SHARE", 1e-3)
+    monkeypatch.setattr(fastbeam.compile.compile, "KNOT_SHARE", 1e-3)
     found = run(fb.compile_scene(scene()), t_end=0.1)
     np.testing.assert_allclose(found.state.q, wanted.state.q, atol=1e-12)
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import fastbeam as fb
-from fastbeam.response import at_shape
+from fastbeam.statics.linear_response import at_shape
 
 Array = np.ndarray
 # central differences of order 8

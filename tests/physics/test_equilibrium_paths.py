@@ -10,8 +10,8 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ellipe, ellipk
 
 import fastbeam as fb
-from fastbeam import critical_points, path_walk
-from fastbeam.arc_length import PathSolver
+from fastbeam.statics.arc_length import PathSolver
+from fastbeam.statics.paths import critical_points, walk as path_walk
 
 Array = np.ndarray
 

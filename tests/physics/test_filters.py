@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.filtering import filter_factors
+from fastbeam.dynamics.filtering import filter_factors
 
 Array = np.ndarray
 ROUND_OFF = 1e-12

@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg as dense
 
 import fastbeam as fb
-from fastbeam.mode_shapes import DampedModes
+from fastbeam.results.mode_shapes import DampedModes
 
 Array = np.ndarray
 L, EA, GA, EI, RHO_A, RHO_I = 2.0, 1e4, 4e3, 30.0, 1.3, 0.01

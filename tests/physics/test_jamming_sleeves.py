@@ -10,10 +10,10 @@ from scene_strategies import Drawn, build
 from sliding_checks import settings_of
 
 import fastbeam as fb
-from fastbeam import projection
-from fastbeam.kernels.doubt import LEVEL, MOST_FLIPS, WITHIN
-from fastbeam.kernels.step import OK
-from fastbeam.newton import Stepper
+from fastbeam.compile import projection
+from fastbeam.kernels.contact.friction_fallback import LEVEL, MOST_FLIPS, WITHIN
+from fastbeam.kernels.loop import OK
+from fastbeam.stepping.stepper import Stepper
 
 SOFT: dict[str, float] = dict(EA=10.0, GA2=10.0, GA3=10.0, GJ=10.0, EI2=10.0, EI3=10.0, rhoA=0.1, rhoI2=1e-3, rhoI3=1e-3,
                               coupling=0)

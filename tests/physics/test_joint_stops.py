@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fastbeam as fb
-from fastbeam.impacts import strike_joint
-from fastbeam.kernels.joint_coordinates import WORK
-from fastbeam.kernels.joint_friction import AGAINST, STOP_LOSS
+from fastbeam.dynamics.impacts import strike_joint
+from fastbeam.kernels.joints.coordinates import WORK
+from fastbeam.kernels.joints.friction import AGAINST, STOP_LOSS
 from restarts import assert_goes_on
 
 Array = np.ndarray

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kinks import between
-from fastbeam.spring_laws import kinks_of
+from fastbeam.dynamics.kinks import between
+from fastbeam.model.forces.spring_laws import kinks_of
 
 Array = np.ndarray
 G = 9.81

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.resultants import Sections
+from fastbeam.results.observe.resultants import Sections
 
 G = np.array([0.0, 0.0, -9.81])
 TAU = 0.02

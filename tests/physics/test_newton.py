@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from fastbeam.kernels.step import has_converged, next_increment
+from fastbeam.kernels.loop import has_converged, next_increment
 from validate import Row, misses
 from validate.tangents import check_newton, exponent
 

@@ -8,8 +8,8 @@ import pytest
 
 import fastbeam as fb
 from exchange import balanced
-from fastbeam.locking import Locking
-from fastbeam.mapping import shapes_at
+from fastbeam.dynamics.locks import Locking
+from fastbeam.model.mapping import shapes_at
 
 G = 9.81
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)

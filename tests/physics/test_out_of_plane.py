@@ -8,7 +8,7 @@ import pytest
 
 import fastbeam as fb
 from buckling_scenes import KINDS, buckling_scene
-from fastbeam.critical_points import CriticalPoint, PathStep
+from fastbeam.statics.paths.critical_points import CriticalPoint, PathStep
 
 LATERAL = 4.0126
 STRIP = dict(EA=1e6, GA2=1e6, GA3=1e6, GJ=1.0, EI2=1e4, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.2)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels.work import State
-from fastbeam.starting import mended
+from fastbeam.kernels.state import State
+from fastbeam.model.start import mended
 
 Array = np.ndarray
 SOFT = fb.Section(EA=1e3, GA2=500.0, GA3=500.0, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)

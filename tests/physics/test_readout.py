@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.reactions import ReactingStepper
+from fastbeam.dynamics.reactions import ReactingStepper
 
 BAR = fb.Section.circle(radius=0.05, E=2e9, rho=1000.0)
 G = np.array([0.0, 0.0, -9.81])
@@ -123,7 +123,7 @@ def test_momenta_of_the_steps_balance_with_reactions_and_loads(planar):
 
 
 def momentum(model, state):
-    from fastbeam.observe import Observer
+    from fastbeam.results.observe.observer import Observer
     return Observer(model, ("momentum",), None).row(0.0, state)["lin_mom"]
 
 

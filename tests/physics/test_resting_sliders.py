@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels.along import AGAINST, HELD, HISTORY, LOCKED, STICKS
+from fastbeam.kernels.contact.slider_forces import AGAINST, HELD, HISTORY, LOCKED, STICKS
 
 sys.path.insert(0, str(Path(__file__).parent))
 from test_slider_forces import G, STIFF, rigid_rail  # noqa: E402

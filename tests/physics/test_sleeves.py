@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.mapping import contact
+from fastbeam.model.mapping import contact
 from validate.rows import reference
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -96,7 +96,7 @@ def test_energy_momenta_and_conditions_stay_and_the_way_back_is_the_same(kind: s
 
 @pytest.mark.parametrize("keyed", [True, False], ids=["keyed", "twist free"])
 def test_directions_stay_to_the_last_digit(keyed: bool) -> None:
-    from fastbeam.sections_held import sections
+    from fastbeam.model.contact.sleeve_conditions import sections
     model = fb.compile_scene(scene("body", keyed=keyed), planar=False)
     state = run(model, 0.4).state
     found = sections(model, state.s, state.q.reshape(-1, 4, 3))[0]

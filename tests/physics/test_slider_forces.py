@@ -8,11 +8,11 @@ import pytest
 
 import fastbeam as fb
 from exchange import balanced, exchanged, unit_of_strains
-from fastbeam.kernels import step as kernels
-from fastbeam.kernels.along import AGAINST
-from fastbeam.kernels.doubt import MOST_FLIPS
-from fastbeam.newton import Stepper
-from fastbeam.scene.sliding import initial_rate
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.contact.friction_fallback import MOST_FLIPS
+from fastbeam.kernels.contact.slider_forces import AGAINST
+from fastbeam.scene.slider_forces import initial_rate
+from fastbeam.stepping.stepper import Stepper
 
 G = 9.81
 # light: its nodes are held, the weight of steel would add nothing but its round-off to the balance

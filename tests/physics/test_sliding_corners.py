@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import projection
+from fastbeam.compile import projection
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / "perf" / "stress")]
 import sliding  # noqa: E402

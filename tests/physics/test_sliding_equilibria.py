@@ -176,7 +176,7 @@ def tips(at: float, elements: int) -> tuple[float, float, float]:
     result = fb.solve_static(model, held="s0")
     q = result.state.q.reshape(-1, 4, 3)
     d = q[0, 1], q[rod.n_nodes - 1, 1]
-    from fastbeam.mapping import contact
+    from fastbeam.model.mapping import contact
     tangent = contact(model, 0, result.state.s[0], q, 0.0 * q)[1]
     return float(tangent @ result.state.force[:3] / np.linalg.norm(tangent)), 1.0 * float(d[0][2]), -1.5 * float(d[1][2])
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.mapping import contact
+from fastbeam.model.mapping import contact
 
 sys.path.insert(0, str(Path(__file__).parent))
 from test_slider_forces import G, rigid_rail  # noqa: E402

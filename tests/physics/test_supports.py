@@ -12,8 +12,8 @@ from naive import Step, Twin, cayley_vector
 from restarts import assert_goes_on
 
 import fastbeam as fb
-from fastbeam.observe import Observer
-from fastbeam.reactions import ReactingStepper
+from fastbeam.dynamics.reactions import ReactingStepper
+from fastbeam.results.observe.observer import Observer
 
 Array = np.ndarray
 SOFT = fb.Section(EA=1e3, GA2=500.0, GA3=500.0, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)

@@ -11,7 +11,7 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / 
 
 import fastbeam as fb  # noqa: E402
 import taut  # noqa: E402
-from fastbeam.load_steps import LoadSteps  # noqa: E402
+from fastbeam.statics.load_steps import LoadSteps  # noqa: E402
 
 
 def wrong(rows: object) -> list[str]:

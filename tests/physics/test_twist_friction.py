@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.sections_held import sections
+from fastbeam.model.contact.sleeve_conditions import sections
 
 sys.path.insert(0, str(Path(__file__).parent))
 from test_sleeves import scene as flying  # noqa: E402

@@ -11,7 +11,7 @@ import scipy.linalg as dense
 from scipy.optimize import brentq
 
 import fastbeam as fb
-from fastbeam.mode_shapes import Modes
+from fastbeam.results.mode_shapes import Modes
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import spectral  # noqa: E402
 

@@ -266,8 +266,8 @@ def test_modes_of_a_taut_rope_are_those_of_its_segments_and_of_a_string() -> Non
 
 
 def test_ropes_are_drawn_as_lines(tmp_path: Any) -> None:
-    from fastbeam.drawing import Shapes
-    from fastbeam.lines import Lines
+    from fastbeam.results.lines import Lines
+    from fastbeam.results.plots.drawing import Shapes
     bob = fb.PointMass("bob", mass=10.0, position=(0, 0, -10.0))
     rope = fb.Winch("rope", ORIGIN, bob, stiffness=2e4, mass_per_length=0.1, segments=4, length_at=lambda t: 9.9 + 0.1 * t * t)
     beam = fb.Beam.straight("beam", (5, 0, 0), (5, 0, -1), section=fb.Section.circle(radius=0.1, E=1e9, rho=1.0), elements=2)

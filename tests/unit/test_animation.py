@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import expm
 
 import fastbeam as fb
-from fastbeam import animation
-from fastbeam.mode_shapes import DampedModes, Modes
-from fastbeam.result import Result
+from fastbeam.results.mode_shapes import DampedModes, Modes
+from fastbeam.results.plots import animation
+from fastbeam.results.result import Result
 
 pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")

@@ -15,7 +15,7 @@ from test_bad_input import (
 )
 
 import fastbeam as fb
-from fastbeam.kernels.work import State
+from fastbeam.kernels.state import State
 
 # what stands in place of an entry
 BAD = {name: {**NUMBERS, **ARRAYS, **WRONG}[name] for name in (
@@ -228,12 +228,12 @@ def test_no_bad_entry_is_taken_or_ends_in_something_raw(tmp_path: Path, monkeypa
 @pytest.mark.parametrize("value", [[1.0, True], (1, np.True_), [[0, 1], [True, 2]], [np.array([True, False]), [0, 1]],
                                    [[0.0, np.ma.masked], [1.0, 2.0]], [0.0] * 5000 + [True], [[[0, 1]], [[0, False]]]])
 def test_truth_values_and_masked_ones_among_numbers_are_found_at_any_depth(value: Any) -> None:
-    from fastbeam.arguments import numbers
+    from fastbeam.interface.arguments import numbers
     assert numbers(value) is None
 
 
 def test_numbers_stay_what_they_are() -> None:
-    from fastbeam.arguments import numbers
+    from fastbeam.interface.arguments import numbers
     for value in ([1, 2.5], [[1, 2], [3, 4]], (np.float32(1.0), 2), [np.arange(3), np.zeros(3)], [], [[]], [[], []],
                   [(0, 1), [2, 3]]):
         np.testing.assert_array_equal(numbers(value), np.asarray(value, dtype=float))

@@ -21,10 +21,10 @@ import pytest
 
 import fastbeam as fb
 from fastbeam import __main__ as front
-from fastbeam.kernels.work import State
-from fastbeam.mode_shapes import DampedModes, Modes, SteadyModes
-from fastbeam.model import Model
-from fastbeam.responses import FrequencyResponse
+from fastbeam.kernels.state import State
+from fastbeam.model.model import Model
+from fastbeam.results.mode_shapes import DampedModes, Modes, SteadyModes
+from fastbeam.results.responses import FrequencyResponse
 
 SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
 BEAM = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=2, degree=2)

@@ -10,8 +10,8 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from counted import calls
-from fastbeam.basis import Basis, CurveBasis, build_basis, gll_nodes
-from fastbeam.errors import SceneError
+from fastbeam.interface.errors import SceneError
+from fastbeam.scene.interpolation.basis import Basis, CurveBasis, build_basis, gll_nodes
 
 Array = NDArray[np.float64]
 LENGTH = 2.5
@@ -148,7 +148,7 @@ def test_quasi_interpolant_stays_local(degree: int, nn: int) -> None:
 @pytest.mark.parametrize("degree", [2, 3, 4, 5])
 @pytest.mark.parametrize("mesh", ["two", "equal", "unequal"])
 def test_end_triads_are_met_exactly(degree: int, mesh: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fastbeam.basis.points_of", lambda degree, sizes: None)
+    monkeypatch.setattr("fastbeam.scene.interpolation.basis.points_of", lambda degree, sizes: None)
     basis = build_basis("bspline", degree, MESHES[mesh], LENGTH)
     # the slopes at p Gauss points fix the slope of degree p - 1; its integral leads from the first Gauss point to the end
     xi, _ = legendre.leggauss(degree)
@@ -516,6 +516,7 @@ def test_many_elements_are_built_at_once() -> None:
 
 
 def test_building_needs_neither_scipy_nor_numba() -> None:
-    code = ("import sys; from fastbeam.basis import build_basis; build_basis('bspline', 3, 4, 1.0).curve('c1'); "
+    code = ("import sys; from fastbeam.scene.interpolation.basis import build_basis; "
+            "build_basis('bspline', 3, 4, 1.0).curve('c1'); "
             "print(sorted({'scipy', 'numba', 'matplotlib', 'h5py'} & set(sys.modules)))")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"

@@ -5,13 +5,13 @@ import numba
 import numpy as np
 import pytest
 
-from fastbeam.kernels.blocks import SIX, THREE, lu_rows, lu_two
-from fastbeam.kernels.border import fill_panel, solve_border, solve_dense
-from fastbeam.kernels.kinds import SPACE
-from fastbeam.kernels.chain import HIGH, LOW, NoSide, OneSide, RightSides, back_substitute, factor, multiply, solve
-from fastbeam.kernels.nodes import Held, clear_held
-from fastbeam.kernels.contact_entries import Contact
-from fastbeam.pattern import Pattern, build_pattern
+from fastbeam.kernels.algebra.blocks import SIX, THREE, lu_rows, lu_two
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.beams.nodes import Held, clear_held
+from fastbeam.kernels.entries.dense import Contact
+from fastbeam.kernels.linalg.border import fill_panel, solve_border, solve_dense
+from fastbeam.kernels.linalg.chain import HIGH, LOW, NoSide, OneSide, RightSides, back_substitute, factor, multiply, solve
+from fastbeam.linalg.pattern import Pattern, build_pattern
 
 Array = np.ndarray
 BORDER = 7  # unknowns of a slider: force, position, mean gap

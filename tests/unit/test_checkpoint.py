@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import checkpoint as module
+from fastbeam.dynamics import checkpoint as module
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import bead, free_beam, straight  # noqa: E402

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import condensed, linsolve
-from fastbeam.errors import SceneError
-from fastbeam.kernels import substructures as beams
-from fastbeam.linsolve import SMALL
-from fastbeam.mkl import load_mkl
-from fastbeam.newton import Stepper
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.linalg import substructures as beams
+from fastbeam.linalg import linear_system as linsolve
+from fastbeam.linalg.linear_system import SMALL
+from fastbeam.linalg.mkl import load_mkl
+from fastbeam.stepping import condensed
+from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 TUBE = fb.Section.circle(radius=0.03, E=5e7, rho=1000.0)

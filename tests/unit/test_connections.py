@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fastbeam.compile import compile_scene
-from fastbeam.connections import ARM, HOLD_POSITION, HOLD_TRIAD, POSITION, TRIAD, Connections, connect
-from fastbeam.errors import SceneError
+from fastbeam.compile.compile import compile_scene
+from fastbeam.interface.errors import SceneError
+from fastbeam.model.connections import ARM, HOLD_POSITION, HOLD_TRIAD, POSITION, TRIAD, Connections, connect
+from fastbeam.model.workspace import contact_of
 from fastbeam.scene import BallJoint, Beam, Clamp, Pin, PointMass, RigidBody, RigidConnection, Scene, Section, Slider
-from fastbeam.workspace import contact_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import Twin, cay  # noqa: E402

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fastbeam.constraints import couplings_of, with_capacity
-from fastbeam.kernels.blocks import SIX, THREE
-from fastbeam.kernels.constraints import Constraints, fill_constraints, solve_constraints
-from fastbeam.kernels.nodes import Held, NoHeld
-from fastbeam.kernels.contact_entries import Contact
-from fastbeam.pattern import Pattern, build_pattern
+from fastbeam.kernels.algebra.blocks import SIX, THREE
+from fastbeam.kernels.beams.nodes import Held, NoHeld
+from fastbeam.kernels.entries.dense import Contact
+from fastbeam.kernels.linalg.constraints import Constraints, fill_constraints, solve_constraints
+from fastbeam.linalg.pattern import Pattern, build_pattern
+from fastbeam.stepping.constraint_rows import couplings_of, with_capacity
 
 Array = np.ndarray
 ACCURATE = 1e-9  # of the solution

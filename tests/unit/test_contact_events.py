@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import brentq
 
 import fastbeam as fb
-from fastbeam import ripples
-from fastbeam.basis import build_basis
+from fastbeam.results.observe import contact_ripples as ripples
+from fastbeam.scene.interpolation.basis import build_basis
 
 G = 9.81
 # of a cable of 10 m between pins 9.5 m apart: w^2 of a rider at its lowest point, whose place is on an ellipse, and with EI = 10

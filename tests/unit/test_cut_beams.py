@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.cut_beams import Acting, Cut, Element, moved, slots_of
+from fastbeam.compile.cut_beams import Acting, Cut, Element, moved, slots_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import beam_strains  # noqa: E402

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 import fastbeam as fb
-from fastbeam import deprecation
-from fastbeam.arguments import Number, checked
-from fastbeam.deprecation import RENAMED, Renamed, deprecated, gone
+from fastbeam.interface import deprecation
+from fastbeam.interface.arguments import Number, checked
+from fastbeam.interface.deprecation import RENAMED, Renamed, deprecated, gone
 
 
 @deprecated("0.1", dt="step")

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels.doubt import (FAILED, KNOWN, LATE, LATEST, LEVEL, LEVELS, MISSED, MOST_FAILED, MOST_FLIPS, PATIENCE,
-                                    SHARPER, SOFTER, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, no_doubt,
-                                    sticks_in_doubt)
-from fastbeam.kernels.work import IN_DOUBT, LastIncrement
-from fastbeam.newton import Stepper
-from fastbeam.watching import Watch, doubts_of
+from fastbeam.dynamics.warnings import Watch, doubts_of
+from fastbeam.kernels.contact.friction_fallback import (FAILED, KNOWN, LATE, LATEST, LEVEL, LEVELS, MISSED, MOST_FAILED,
+    MOST_FLIPS, PATIENCE, SHARPER, SOFTER, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt, is_sharp, no_doubt,
+    sticks_in_doubt)
+from fastbeam.kernels.state import IN_DOUBT, LastIncrement
+from fastbeam.stepping.stepper import Stepper
 
 FIRST = 8.0**-2
 FLIPS = np.full(2, MOST_FLIPS)

@@ -8,10 +8,10 @@ import pytest
 import scipy.linalg as dense
 from scipy import sparse
 
-from fastbeam import eigen, inertia
-from fastbeam.eigen import Pencil, Shifted, SingularError, lowest
-from fastbeam.linsolve import SuperLU
-from fastbeam.saddle import Saddle
+from fastbeam.linalg import eigen, inertia
+from fastbeam.linalg.eigen import Pencil, Shifted, SingularError, lowest
+from fastbeam.linalg.linear_system import SuperLU
+from fastbeam.linalg.saddle import Saddle
 
 Array = np.ndarray
 

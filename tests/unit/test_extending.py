@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import _jit, _outside, extend, links
-from fastbeam.kernels.spring import Springs, assemble_springs
+from fastbeam import extend
+from fastbeam.compile import links
+from fastbeam.kernels.forces.spring import Springs, assemble_springs
+from fastbeam.kernels.jit import decorators as _jit, sources as _outside
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
@@ -24,7 +26,7 @@ COMPARE = """
 import json, sys
 import numpy as np
 import fastbeam as fb
-from fastbeam import _jit
+from fastbeam.kernels.jit import decorators as _jit
 from my_spring import MySpring
 
 BAR = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
@@ -122,8 +124,8 @@ class Table(NamedTuple):
     x: np.ndarray
 """
 CODE = """
-from fastbeam._generic import generic
-from fastbeam._jit import compile_in_background, kernel
+from fastbeam.kernels.jit.generic import generic
+from fastbeam.kernels.jit.decorators import compile_in_background, kernel
 import factors
 import table
 
@@ -147,7 +149,7 @@ def whole(terms):
 compile_in_background(whole, lambda terms: [(twice, (terms,))])
 """
 FACTORS = """
-from fastbeam._jit import kernel
+from fastbeam.kernels.jit.decorators import kernel
 FACTOR = 3.0
 
 @kernel
@@ -158,7 +160,7 @@ CALL = """
 import json
 import numpy as np
 import code_of_table, table
-from fastbeam import _jit
+from fastbeam.kernels.jit import decorators as _jit
 value = code_of_table.whole((table.Table(np.ones(1)),))
 part = code_of_table.twice.part
 print(json.dumps([value, len(part.loaded), len(part.missed), _jit.compile_counts()[1]]))

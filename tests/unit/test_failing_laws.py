@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.newton import Stepper
+from fastbeam.stepping.stepper import Stepper
 
 SECTION = fb.Section.circle(radius=0.02, E=1e9, rho=1000.0)
 H = 1e-3

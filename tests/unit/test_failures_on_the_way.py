@@ -154,8 +154,8 @@ def test_support_that_fails_on_its_way_brings_everything_until_then() -> None:
     lambda model: fb.solve_static(model, load_step=0.2),
     lambda model: fb.relax(model, most_steps=10_000, finish=False)])
 def test_any_failure_in_statics_brings_the_result(run: Callable[[fb.Model], Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    from fastbeam.equilibrium import StaticSolver
-    from fastbeam.newton import Stepper
+    from fastbeam.statics.equilibrium import StaticSolver
+    from fastbeam.stepping.stepper import Stepper
     beam = straight("beam", (0, 0, 0), (3, 0, 0))
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, 20))))
     for of, name in ((StaticSolver, "_equilibrium"), (Stepper, "advance")):

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import _folder, _jit, _sealed, reading, store
+from fastbeam.kernels.jit import cache as _folder, decorators as _jit, sealed as _sealed
+from fastbeam.results import hdf5_reader as reading, hdf5_writer as store
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "perf" / "stress"))
@@ -356,7 +357,7 @@ import json, sys, warnings
 from pathlib import Path
 import numpy as np
 warnings.simplefilter("always")
-from fastbeam import _jit
+from fastbeam.kernels.jit import decorators as _jit
 sys.path.insert(0, sys.argv[1])
 import tiny
 out = [float(tiny.half(np.dtype(kind).type(3))) for kind in sys.argv[2:]]
@@ -369,7 +370,8 @@ def tiny(folder: Path, *kinds: str, wait: bool = True, **environment: str) -> An
     source = folder / "source"
     source.mkdir(exist_ok=True)
     if not (source / "tiny.py").exists():
-        (source / "tiny.py").write_text("from fastbeam._jit import kernel\n\n\n@kernel\ndef half(x):\n    return x / 2\n")
+        (source / "tiny.py").write_text("from fastbeam.kernels.jit.decorators import kernel\n"
+                                        "\n\n@kernel\ndef half(x):\n    return x / 2\n")
     child = subprocess.Popen([sys.executable, "-c", TINY, str(source), *kinds], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                              text=True, env={**os.environ, "FASTBEAM_CACHE_DIR": str(folder / "cache"), **environment})
     return answer(child) if wait else child

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from fastbeam import __main__ as front
-from fastbeam import progress
-from fastbeam.progress import Progress
+from fastbeam.results import progress
+from fastbeam.results.progress import Progress
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 EXAMPLE = '''"""A pendulum that swings.
@@ -205,7 +205,8 @@ def test_progress_needs_no_tqdm(clock: Clock, capsys: pytest.CaptureFixture[str]
 
 
 def test_warmup_compiles_what_a_scene_of_that_kind_needs(capsys: pytest.CaptureFixture[str]) -> None:
-    from fastbeam import _jit, warmup
+    from fastbeam import warmup
+    from fastbeam.kernels.jit import decorators as _jit
     assert front.main(["warmup", "planar-slider"]) == 0
     assert "1/1 planar-slider" in capsys.readouterr().out
     _, before = _jit.compile_counts()

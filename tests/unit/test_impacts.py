@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-import fastbeam.run
-from fastbeam.impacts import Impacts, along, strike
-from fastbeam.jumps import jump
-from fastbeam.kernels.along import DRIVE_WORK, HISTORY, STOP_LOSS
-from fastbeam.maps import mass_map
+import fastbeam.dynamics.time_loop
+from fastbeam.dynamics.impacts import Impacts, along, strike
+from fastbeam.dynamics.velocity_jumps import jump
+from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, HISTORY, STOP_LOSS
+from fastbeam.model.maps import mass_map
 from restarts import assert_goes_on
 
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
@@ -127,11 +127,11 @@ def test_an_impact_next_to_the_end_of_a_run_leaves_no_tiny_step() -> None:
 def test_progress_reaches_the_end_of_a_run_with_impacts(tolerance: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
     done = []
 
-    class Counted(fastbeam.run.Progress):
+    class Counted(fastbeam.dynamics.time_loop.Progress):
         def update(self, k: float = 1) -> None:
             done.append(k)
 
-    monkeypatch.setattr(fastbeam.run, "Progress", Counted)
+    monkeypatch.setattr(fastbeam.dynamics.time_loop, "Progress", Counted)
     model = rail(60.0, 2.0, stops=fb.Stops(1.0, 3.0, restitution=0.5))
     result = fb.simulate(model, t_end=1.0, step=1e-2, every=7, tolerance=tolerance, progress=False)
     assert len(impacts_of(result)) > 1

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels.blocks import SIX, THREE, lu_lanes, solve_lanes, subtract_lanes
-from fastbeam.kernels.inner import PIVOT
+from fastbeam.kernels.algebra.blocks import SIX, THREE, lu_lanes, solve_lanes, subtract_lanes
+from fastbeam.kernels.beams.inner_nodes import PIVOT
 
 Array = np.ndarray
 SECTION = fb.Section.circle(radius=0.02, E=5e6, rho=1000.0)

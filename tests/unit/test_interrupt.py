@@ -18,7 +18,10 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import _jit, _parts, interrupt, iteration, store
+from fastbeam.dynamics import interrupt
+from fastbeam.kernels.jit import decorators as _jit, parts as _parts
+from fastbeam.results import hdf5_writer as store
+from fastbeam.stepping import iteration
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import bead, cantilever, free_beam, straight  # noqa: E402

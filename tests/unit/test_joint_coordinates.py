@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam._records import Record
-from fastbeam.assembly import system_of
-from fastbeam.coordinates import Coordinate
-from fastbeam.joint_tables import frames_of
-from fastbeam.kernels import step as kernels
-from fastbeam.kernels.joint_coordinates import VALUE
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.joints.coordinates import VALUE
 from fastbeam.kernels.terms import Conserving, Equilibrium
-from fastbeam.scene.freedoms import ABOUT_A, ABOUT_B, COSINES, SWING, TWIST, distance_along
-from fastbeam.workspace import contact_of, work_of
+from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.joints.tables import frames_of
+from fastbeam.model.workspace import contact_of, work_of
+from fastbeam.scene.joint_freedoms import ABOUT_A, ABOUT_B, COSINES, SWING, TWIST, distance_along
+from fastbeam.stepping.terms import system_of
 
 Array = np.ndarray
 AXIS, ACROSS = np.array((1, 2, 3)) / np.sqrt(14.0), np.array((3, 0, -1)) / np.sqrt(10.0)

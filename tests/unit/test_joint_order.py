@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import constraints
-from fastbeam.joint_order import Joint, _Search, by_dissection, least_degree, places_of
-from fastbeam.mkl import load_mkl
-from fastbeam.newton import Stepper
-from fastbeam.pattern import elimination_cost
+from fastbeam.linalg.joint_ordering import Joint, _Search, by_dissection, least_degree, places_of
+from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.pattern import elimination_cost
+from fastbeam.stepping import constraint_rows as constraints
+from fastbeam.stepping.stepper import Stepper
 
 NONE = np.zeros((0, 2), np.int64)
 

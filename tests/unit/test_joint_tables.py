@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.joint_tables import Conditions, Coordinate
+from fastbeam.model.joints.tables import Conditions, Coordinate
 
 Array = np.ndarray
 

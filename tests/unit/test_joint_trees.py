@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.newton import Stepper
+from fastbeam.stepping.stepper import Stepper
 
 
 def links(n: int, *, both_ends: bool = False, alternating: bool = True, name: str = "") -> list[Any]:

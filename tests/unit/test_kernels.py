@@ -9,27 +9,26 @@ import numpy as np
 import pytest
 from numpy.polynomial import legendre as np_legendre
 
-from fastbeam.compile import compile_scene
-from fastbeam.kernels import algebra as al
-from fastbeam.kernels import lanes as rows
-from fastbeam.kernels.beam import ElementTables, element_groups
-from fastbeam.kernels.inner import NoInner
+from fastbeam.compile.compile import compile_scene
+from fastbeam.compile.tracks import Track
+from fastbeam.kernels.algebra import lanes as rows, vectors as al
+from fastbeam.kernels.algebra.blocks import SIX
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.beams.element_loop import ElementTables, element_groups
+from fastbeam.kernels.beams.inner_nodes import NoInner
+from fastbeam.kernels.beams.motions import OverStep, Still
+from fastbeam.kernels.beams.nodes import NO_VELOCITIES, NODES_SCRATCH, add_bodies, advance, predict, spread, update_nodes
+from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
+from fastbeam.kernels.beams.ties import tie_arm, tie_coordinates
+from fastbeam.kernels.contact.curves import Curves, find_element, legendre, point_on_curve, step_basis
+from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.layout import layout_of
-from fastbeam.kernels.motions import OverStep, Still
-from fastbeam.kernels.blocks import SIX
-from fastbeam.kernels.nodes import NODES_SCRATCH, NO_VELOCITIES, add_bodies, advance, predict, spread, update_nodes
-from fastbeam.kernels.curves import Curves, find_element, legendre, point_on_curve, step_basis
-from fastbeam.kernels.kinds import SPACE
-from fastbeam.kernels.contact_entries import Contact
-from fastbeam.kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
+from fastbeam.kernels.state import LastIncrement
 from fastbeam.kernels.terms import Conserving, Equilibrium, NoTies, tie_increments
-from fastbeam.kernels.ties import tie_arm, tie_coordinates
-from fastbeam.kernels.work import LastIncrement
-from fastbeam.model import Model
+from fastbeam.model.model import Model
+from fastbeam.model.tables import pack_curves
+from fastbeam.model.workspace import scratch_of
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
-from fastbeam.tables import pack_curves
-from fastbeam.tracks import Track
-from fastbeam.workspace import scratch_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import (Twin, beam_forms, beam_strains, cay, cayley_vector, form_matrix, increments, internal_forces,  # noqa: E402

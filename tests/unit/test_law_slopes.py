@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.newton import Stepper
+from fastbeam.model.forces.user_forces import check_slopes
 from fastbeam.scene.follower import turning, turning_slopes
-from fastbeam.user_forces import check_slopes
+from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.cut_beams import Acting, Element
-from fastbeam.unpacked import of_elements
+from fastbeam.compile.cut_beams import Acting, Element
+from fastbeam.compile.unpack import of_elements
 
 SECTION = fb.Section(EA=1e6, GA2=1e6, GA3=1e6, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=1e-6, rhoI3=1e-6)
 

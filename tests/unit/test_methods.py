@@ -16,7 +16,7 @@ import pytest
 from scipy import sparse
 
 import fastbeam as fb
-from fastbeam.model import Model
+from fastbeam.model.model import Model
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import naive_methods as twins  # noqa: E402

@@ -18,7 +18,7 @@ from test_bad_input import between, held_value, law, public, response, rubbing, 
 from test_bad_input import result as sliding
 
 import fastbeam as fb
-from fastbeam.synonyms import ABSENT, CONVERTED, WORDS, instead, known
+from fastbeam.interface.synonyms import ABSENT, CONVERTED, WORDS, instead, known
 
 SECTION = fb.Section.circle(radius=0.02, E=1e9, rho=1000.0)
 ROD = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2)

@@ -10,8 +10,8 @@ import pytest
 
 import fastbeam as fb
 from counted import calls
-from fastbeam.newton import Stepper
-from fastbeam.workspace import work_of
+from fastbeam.model.workspace import work_of
+from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 ROUND = fb.Section.circle(radius=0.03, E=2e8, rho=800.0, name="round")
@@ -228,10 +228,10 @@ def test_statics_of_a_ball_net_holds_the_spin_that_nothing_holds() -> None:
     assert model.static_held.mask.size > model.held.mask.size or model.static_held.mask.sum() > model.held.mask.sum()
     result = fb.solve_static(model)
     # all equations hold at the equilibrium, also those that were left out
-    from fastbeam._records import Record
-    from fastbeam.kernels import step as kernels
-    from fastbeam.assembly import system_of, terms_of
+    from fastbeam.kernels import loop as kernels
+    from fastbeam.kernels.jit.records import Record
     from fastbeam.kernels.terms import AtRest
+    from fastbeam.stepping.terms import system_of, terms_of
     work = work_of(model, rates=True)
     kernels.external_forces(model.loads, np.ones(1), work.f_ext)
     work.u[:] = 0.0

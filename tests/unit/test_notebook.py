@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import progress
-from fastbeam.progress import Progress
+from fastbeam.results import progress
+from fastbeam.results.progress import Progress
 from small_scenes import bead
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from fastbeam.orthonormal import orthonormal
+from fastbeam.linalg.orthonormal import orthonormal
 
 
 @pytest.mark.parametrize("case", ["plain", "little is left", "nearly dependent", "dependent", "known", "nothing"])

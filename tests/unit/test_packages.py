@@ -53,7 +53,7 @@ def test_the_archive_holds_tests_and_pages(packages: tuple[Path, Path]) -> None:
     with tarfile.open(packages[0]) as archive:
         names = {name.split("/", 1)[1] for name in archive.getnames() if "/" in name}
     wanted = {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "docs/theory.md",
-              "tests/naive.py", "src/fastbeam/run.py", "Makefile"}
+              "tests/naive.py", "src/fastbeam/dynamics/time_loop.py", "Makefile"}
     assert wanted - names == set()
     assert [name for name in names if name.startswith(("out/", ".venv", "docs/study/data"))] in ([], ["docs/study/data.json"])
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from fastbeam import _jit, _parts
+from fastbeam.kernels.jit import decorators as _jit, parts as _parts
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 PAIR = """
 from numba import int64
-from fastbeam._jit import ABSENT, compile_in_background, kernel, one_variant
+from fastbeam.kernels.jit.decorators import ABSENT, compile_in_background, kernel, one_variant
 
 
 @one_variant
@@ -42,7 +42,7 @@ folder, processors, program, patience = json.loads(sys.argv[1])
 sys.path.insert(0, folder)
 if processors == 1:
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-from fastbeam import _background, _jit
+from fastbeam.kernels.jit import background as _background, decorators as _jit
 import pair
 _background.PATIENCE = patience
 sys.executable = program or sys.executable
@@ -108,8 +108,8 @@ BEAM = """
 import json, sys
 import numpy as np
 import fastbeam as fb
-from fastbeam.kernels.beam import element_groups
-from fastbeam.kernels.chain import factor
+from fastbeam.kernels.beams.element_loop import element_groups
+from fastbeam.kernels.linalg.chain import factor
 section = fb.Section.circle(radius=0.01, E=1e7, rho=1000.0)
 beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=section, elements=2, degree=1)
 parts = [fb.Clamp(beam.start)] if sys.argv[1] == "held" else []

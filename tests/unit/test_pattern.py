@@ -4,9 +4,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fastbeam.compile import compile_scene
-from fastbeam.errors import SceneError
-from fastbeam.pattern import build_pattern
+from fastbeam.compile.compile import compile_scene
+from fastbeam.interface.errors import SceneError
+from fastbeam.linalg.pattern import build_pattern
 from fastbeam.scene import BallJoint, Beam, RigidConnection, Scene, Section, Slider
 
 Array = np.ndarray

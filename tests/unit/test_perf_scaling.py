@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels import beam, chain, green_lagrange, simo_reissner, strain_sets, strains
-from fastbeam.kernels.kinds import PLANE, SPACE
+from fastbeam.kernels.algebra.dimensions import PLANE, SPACE
+from fastbeam.kernels.beams import element_loop as beam, green_lagrange, simo_reissner, strain_measures as strain_sets, strains
+from fastbeam.kernels.beams.motions import OverStep
 from fastbeam.kernels.layout import layout_of
-from fastbeam.kernels.motions import OverStep
+from fastbeam.kernels.linalg import chain
 from fastbeam.kernels.terms import Conserving
-from fastbeam.newton import Stepper
-from fastbeam.workspace import work_of
+from fastbeam.model.workspace import work_of
+from fastbeam.stepping.stepper import Stepper
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "perf"))

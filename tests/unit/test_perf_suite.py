@@ -111,7 +111,7 @@ def test_memory_of_a_slider_keeps_its_bar_whatever_their_number(kind: str) -> No
     import sliders
 
     import fastbeam as fb
-    from fastbeam.newton import Stepper
+    from fastbeam.stepping.stepper import Stepper
     taken = {}
     for n in (16, 64, 128):
         model = fb.compile_scene(sliders.cable(n, 3, "c1"), planar=kind == "plane", condense=False)

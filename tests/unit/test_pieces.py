@@ -88,7 +88,7 @@ def test_ends_that_all_but_touch_for_a_reason_are_not_named() -> None:
 
 def test_many_ends_that_all_but_touch() -> None:
     # a tree finds the same as distances one by one
-    import fastbeam.pieces as searched
+    import fastbeam.compile.pieces as searched
     n = 200
     beams = [straight(f"{k}", (k, 0.2 * (k % 7), 0), (k + 1, 0.2 * ((k + 1) % 7) + 1e-5 * (k % 3), 0)) for k in range(n)]
     lines = says(*beams)

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from fastbeam import _jit
+from fastbeam.kernels.jit import decorators as _jit
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = """
 import json, sys, time
 import numpy as np
 import fastbeam as fb
-from fastbeam import _jit
+from fastbeam.kernels.jit import decorators as _jit
 
 BAR = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
 DOWN = (0.3, 0.2, -9.81)
@@ -117,7 +117,7 @@ import numba
 {change}
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
-    from fastbeam import _jit
+    from fastbeam.kernels.jit import decorators as _jit
 
 @_jit.inlined
 def part(x):
@@ -148,9 +148,9 @@ def test_terms_from_outside_switch_the_cache_of_the_plain_way_off(tmp_path: Path
 import json
 from typing import NamedTuple
 import numpy as np
-from fastbeam import _jit
-from fastbeam._generic import generic
-from fastbeam.kernels.kinds import SPACE
+from fastbeam.kernels.jit import decorators as _jit
+from fastbeam.kernels.jit.generic import generic
+from fastbeam.kernels.algebra.dimensions import SPACE
 
 class Mine(NamedTuple):
     x: np.ndarray

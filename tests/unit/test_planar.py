@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam._records import Record
-from fastbeam.kernels import step as kernels
-from fastbeam.assembly import system_of, terms_of
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import Conserving, Equilibrium
-from fastbeam.kernels.work import State
-from fastbeam.model import Model
-from fastbeam.newton import Stepper
-from fastbeam.workspace import contact_of, work_of
+from fastbeam.model.model import Model
+from fastbeam.model.workspace import contact_of, work_of
+from fastbeam.stepping.stepper import Stepper
+from fastbeam.stepping.terms import system_of, terms_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from planar_scenes import FLAT, SECTION, flight, mechanism, plane, wave  # noqa: E402

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.errors import BackendError, SceneError
-from fastbeam.plot import plot_balance, plot_invariants, plot_overview, plot_shapes, plot_slider
-from fastbeam.result import Result
+from fastbeam.interface.errors import BackendError, SceneError
+from fastbeam.results.plots.plots import plot_balance, plot_invariants, plot_overview, plot_shapes, plot_slider
+from fastbeam.results.result import Result
 
 matplotlib = pytest.importorskip("matplotlib")
 mpl_toolkits = pytest.importorskip("mpl_toolkits.mplot3d") and pytest.importorskip("mpl_toolkits")

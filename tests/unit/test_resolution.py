@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.resolution import Resolution, mesh_events
+from fastbeam.results.observe.resolution import Resolution, mesh_events
 
 WIRE = fb.Section.circle(radius=0.008, E=1e10, rho=5000.0)
 ROD = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)

@@ -11,8 +11,8 @@ import pytest
 import scipy.sparse as sparse
 
 import fastbeam as fb
-from fastbeam.damping_matrix import material_map
-from fastbeam.tables import strain_gradient, strains_of
+from fastbeam.model.forces.damping_matrix import material_map
+from fastbeam.model.tables import strain_gradient, strains_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import SECTION, cantilever, straight  # noqa: E402
@@ -134,7 +134,7 @@ def test_derivatives_of_strains(name: str) -> None:
 @pytest.mark.parametrize("name", ["simo_reissner", "green_lagrange"])
 def test_stiffness_of_the_material_is_the_tangent_without_stress(name: str) -> None:
     """By another way than the kernels': in the reference there is nothing else."""
-    from fastbeam.vibration import linearised_at
+    from fastbeam.vibration.natural_modes import linearised_at
     arc = fb.Beam.arc("arc", (0, 0, 0), (1, 0, 0), (0, 1, 0), radius=2.0, angle=1.0, section=SECTION, elements=3, degree=3,
                       strain=name)
     about, _ = linearised_at("test", fb.compile_scene(fb.Scene(arc, fb.Clamp(arc.start))), None, 1.0, None, False, None, "auto")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
 
-from fastbeam.errors import SceneError
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import Beam, NodeRef, Section
 
 BAR = Section.circle(radius=0.01, E=70e9, rho=2700.0)

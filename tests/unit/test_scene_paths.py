@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels import curves as kernels
-from fastbeam.mapping import shapes_at
-from fastbeam.numbering import NodeList
-from fastbeam.tracks import track_of
+from fastbeam.compile.tracks import track_of
+from fastbeam.kernels.contact import curves as kernels
+from fastbeam.model.mapping import shapes_at
+from fastbeam.model.numbering import NodeList
 
 SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
 A = fb.Beam.straight("a", (0, 0, 0), (2, 0, 0), section=SECTION, elements=3)
@@ -192,7 +192,7 @@ def test_tangents_at_joints(curve: str) -> None:
 def test_kernels_and_python_agree_on_shapes_and_divided_differences() -> None:
     path = TRIANGLE
     model = fb.compile_scene(joined(path, curve="c1"))
-    from fastbeam.workspace import contact_of
+    from fastbeam.model.workspace import contact_of
     curves, contact, length = model.curves, contact_of(model), path.length
     phi = np.random.default_rng(3).standard_normal((model.n_nodes, 3))
     for a, b in path.joints():

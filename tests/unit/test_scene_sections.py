@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from fastbeam.errors import SceneError
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import Section
 
 VALUES = dict(EA=1.0, GA2=2.0, GA3=3.0, GJ=4.0, EI2=5.0, EI3=6.0, rhoA=7.0, rhoI2=8.0, rhoI3=9.0)

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.drive_laws import given_to
-from fastbeam.load_times import mean_factors
-from fastbeam.scene.prescribed import largest_kink
+from fastbeam.model.contact.drive_laws import given_to
+from fastbeam.model.forces.loads import mean_factors
+from fastbeam.scene.prescribed_motion import largest_kink
 
 JUMPS = np.array([0.0, 1.0, 1.01, 1.5, 1.51, 3.0]), np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
 OFTEN = np.linspace(-0.5, 3.5, 2001)

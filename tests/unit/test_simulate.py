@@ -11,7 +11,8 @@ import pytest
 
 import fastbeam as fb
 from counted import peak_bytes
-from fastbeam import Result, newton
+from fastbeam import Result
+from fastbeam.stepping import stepper as newton
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import bead, cantilever, drifts, free_beam, straight  # noqa: E402

@@ -8,8 +8,8 @@ import pytest
 from scipy.interpolate import BSpline
 
 import fastbeam as fb
-from fastbeam.averaging import averaged_curve
-from fastbeam.basis import Basis, build_basis
+from fastbeam.scene.interpolation.averaged_curves import averaged_curve
+from fastbeam.scene.interpolation.basis import Basis, build_basis
 
 Array = np.ndarray
 SECTION = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=500.0, EI2=500.0, EI3=600.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.2)

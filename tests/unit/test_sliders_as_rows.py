@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels import step as kernels
-from fastbeam.newton import Stepper
+from fastbeam.kernels import loop as kernels
+from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 STEP = 2e-3

@@ -9,9 +9,10 @@ import pytest
 from test_condensed import ROD, grid
 
 import fastbeam as fb
-from fastbeam import carriers, workspace
-from fastbeam.kernels import step as kernels
-from fastbeam.newton import Stepper
+from fastbeam.compile import carriers
+from fastbeam.kernels import loop as kernels
+from fastbeam.model import workspace
+from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 STEP = 2e-3

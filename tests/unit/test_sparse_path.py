@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import linsolve
-from fastbeam.condensed import Team
-from fastbeam.halves import cut
-from fastbeam.kernels import sparse as kernels
-from fastbeam.kernels.blocks import SIX, THREE
-from fastbeam.kernels.sparse import block_residual, distance, solve_sparse
-from fastbeam.linsolve import Pardiso, SuperLU
-from fastbeam.mkl import load_mkl
+from fastbeam.kernels.algebra.blocks import SIX, THREE
+from fastbeam.kernels.linalg import pardiso as kernels
+from fastbeam.kernels.linalg.pardiso import block_residual, distance, solve_sparse
+from fastbeam.linalg import linear_system as linsolve
+from fastbeam.linalg.halves import cut
+from fastbeam.linalg.linear_system import Pardiso, SuperLU
+from fastbeam.linalg.mkl import load_mkl
+from fastbeam.stepping.condensed import Team
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import bead, cantilever, drifts, free_beam, grid, straight  # noqa: E402

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fastbeam as fb
-from fastbeam.observe import strain_energy
+from fastbeam.results.observe.observer import strain_energy
 
 Array = np.ndarray
 BAR = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)

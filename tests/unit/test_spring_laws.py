@@ -9,14 +9,14 @@ import pytest
 from scipy.integrate import quad
 
 import fastbeam as fb
-from fastbeam._records import Record
-from fastbeam.assembly import system_of, terms_of
-from fastbeam.kernels import step as kernels
-from fastbeam.kernels.kinds import SPACE
-from fastbeam.kernels.spring_laws import SpringLaws, damping_force, mean_force
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.forces.spring_laws import SpringLaws, damping_force, mean_force
+from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.terms import Conserving
-from fastbeam.spring_laws import laws_of
-from fastbeam.workspace import work_of
+from fastbeam.model.forces.spring_laws import laws_of
+from fastbeam.model.workspace import work_of
+from fastbeam.stepping.terms import system_of, terms_of
 from naive import cay, cayley_vector
 from restarts import assert_goes_on
 

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import compile as compiler
-from fastbeam import tables
-from fastbeam.condensing import Condensed, condense
-from fastbeam.model import Model
-from fastbeam.numbered import Numbered, number
-from fastbeam.ordering import Ordered, order
-from fastbeam.planar import Found, find_plane
-from fastbeam.unpacked import Unpacked, unpack
+from fastbeam.compile import compile as compiler
+from fastbeam.compile.condense import Condensed, condense
+from fastbeam.compile.numbered import Numbered, number
+from fastbeam.compile.order import Ordered, order
+from fastbeam.compile.planar import Found, find_plane
+from fastbeam.compile.unpack import Unpacked, unpack
+from fastbeam.model import tables
+from fastbeam.model.model import Model
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from planar_scenes import mechanism  # noqa: E402

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.mapping import contact, curve_at, follow
+from fastbeam.model.mapping import contact, curve_at, follow
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from planar_scenes import mechanism  # noqa: E402

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels.work import State
-from fastbeam.mapping import contact, follow
-from fastbeam.maps import free_unknowns, share_map
-from fastbeam.model import Model
-from fastbeam.observe import strain_energy
-from fastbeam.mkl import load_mkl
-from fastbeam.pattern import build_pattern
-from fastbeam.saddle import Saddle, equilibrated, factors_for
-from fastbeam.static_contact import Border, SaddleMatrix, StaticContacts
+from fastbeam.kernels.state import State
+from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.pattern import build_pattern
+from fastbeam.linalg.saddle import Saddle, equilibrated, factors_for
+from fastbeam.model.mapping import contact, follow
+from fastbeam.model.maps import free_unknowns, share_map
+from fastbeam.model.model import Model
+from fastbeam.results.observe.observer import strain_energy
+from fastbeam.statics.contact_equations import Border, SaddleMatrix, StaticContacts
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import SECTION, bead, cantilever, straight  # noqa: E402

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fastbeam.errors import BackendError, ResultFileError, SceneError
-from fastbeam.result import Result, ResultBuffer, ResultHeader
-from fastbeam.rows import RowBuffer
-from fastbeam.store import ResultWriter, load_result
+from fastbeam.interface.errors import BackendError, ResultFileError, SceneError
+from fastbeam.results.hdf5_writer import ResultWriter, load_result
+from fastbeam.results.result import Result, ResultBuffer, ResultHeader
+from fastbeam.results.rows import RowBuffer
 
 h5py = pytest.importorskip("h5py")
 SOURCE = Path(__file__).resolve().parents[2] / "src"
@@ -146,7 +146,7 @@ import sys
 import numpy as np
 sys.path.insert(0, {tests!r})
 import test_store as ts
-from fastbeam import store
+from fastbeam.results import hdf5_writer as store
 store.FLUSH_TIME = 0.002
 writer = store.ResultWriter({path!r}, ts.header(n_nodes=60))
 k = 0

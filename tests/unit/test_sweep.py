@@ -274,7 +274,7 @@ def test_columns_of_a_table_are_arrays_of_numbers() -> None:
 
 
 def test_a_file_is_read_again_while_its_writer_is_at_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from fastbeam import sweep_file
+    from fastbeam.results import sweep_file
     wanted = fb.sweep(slow, {"a": [1, 2]}, workers=1, file=tmp_path / "s.h5", progress=False)
     tried = []
 
@@ -289,10 +289,10 @@ def test_a_file_is_read_again_while_its_writer_is_at_it(tmp_path: Path, monkeypa
             raise OSError("addr overflow")
         return read(raw, numbers)
 
-    monkeypatch.setattr("fastbeam.reading.check_file", half_written)
+    monkeypatch.setattr("fastbeam.results.hdf5_reader.check_file", half_written)
     monkeypatch.setattr(sweep_file, "_row", row)
     assert same(wanted, fb.load_sweep(tmp_path / "s.h5")) and len(tried) == 3
-    monkeypatch.setattr("fastbeam.reading.check_file", lambda path: bool(tried.append(path)))
+    monkeypatch.setattr("fastbeam.results.hdf5_reader.check_file", lambda path: bool(tried.append(path)))
     tried.clear()
     with pytest.raises(fb.ResultFileError, match="damaged .* addr overflow"):
         fb.load_sweep(tmp_path / "s.h5")

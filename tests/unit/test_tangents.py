@@ -14,19 +14,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fastbeam._records import Record
-from fastbeam.compile import compile_scene
-from fastbeam.constraints import constraints_of
-from fastbeam.kernels import step as kernels
-from fastbeam.assembly import system_of, terms_of
-from fastbeam.kernels.kinds import SPACE
-from fastbeam.kernels.slider import predict_sliders
+from fastbeam.compile.compile import compile_scene
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.contact.slider import predict_sliders
+from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.terms import Conserving, Equilibrium
-from fastbeam.model import Model
+from fastbeam.model.forces.loads import load_factors
+from fastbeam.model.model import Model
+from fastbeam.model.workspace import contact_of, work_of
 from fastbeam.scene import (AddedMass, BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody,
-                            RigidConnection, Scene, Section, Slider)
-from fastbeam.load_times import load_factors
-from fastbeam.workspace import contact_of, work_of
+    RigidConnection, Scene, Section, Slider)
+from fastbeam.stepping.constraint_rows import constraints_of
+from fastbeam.stepping.terms import system_of, terms_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, dissipation, increments, turn  # noqa: E402

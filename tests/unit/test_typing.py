@@ -19,15 +19,15 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.adjoint import AdjointRun, RunGradient, RunSectionGradient, RunSliderGradient
-from fastbeam.checkpoint import Checkpoint
-from fastbeam.critical_slopes import CriticalSlopes
-from fastbeam.mode_shapes import DampedModes, Modes
-from fastbeam.model import Model
-from fastbeam.responses import FrequencyResponse
-from fastbeam.resultants import SectionForces
-from fastbeam.section_gradient import SectionGradient
-from fastbeam.sensitivities import Gradient, Sensitivity
+from fastbeam.dynamics.checkpoint import Checkpoint
+from fastbeam.gradients.adjoint import AdjointRun, RunGradient, RunSectionGradient, RunSliderGradient
+from fastbeam.gradients.critical_loads import CriticalSlopes
+from fastbeam.gradients.equilibria import Gradient, Sensitivity
+from fastbeam.gradients.section_gradient import SectionGradient
+from fastbeam.model.model import Model
+from fastbeam.results.mode_shapes import DampedModes, Modes
+from fastbeam.results.observe.resultants import SectionForces
+from fastbeam.results.responses import FrequencyResponse
 
 ROOT = Path(__file__).resolve().parents[2]
 IDIOMS = """

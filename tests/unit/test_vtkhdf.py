@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.lines import Lines
-from fastbeam.mode_shapes import DampedModes
-from fastbeam.result import Result
+from fastbeam.results.lines import Lines
+from fastbeam.results.mode_shapes import DampedModes
+from fastbeam.results.result import Result
 from small_scenes import SECTION, bead
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
@@ -320,7 +320,7 @@ def test_tables_have_a_column_for_every_number_of_a_row() -> None:
 
 
 def test_three_sliders_are_not_three_components() -> None:
-    from fastbeam.exports import columns_of
+    from fastbeam.results.exports import columns_of
     names = {"sliders": ["a", "b", "c"]}
     columns = columns_of({"gap": np.zeros((2, 3)), "lin_mom": np.ones((2, 3)), "contact_force": np.zeros((2, 3, 3))}, names)
     assert list(columns)[:6] == ["gap[a]", "gap[b]", "gap[c]", "lin_mom.x", "lin_mom.y", "lin_mom.z"]
@@ -328,7 +328,7 @@ def test_three_sliders_are_not_three_components() -> None:
 
 
 def test_columns_are_named_after_what_they_belong_to() -> None:
-    from fastbeam.exports import columns_of
+    from fastbeam.results.exports import columns_of
     names = {"points": ["tip"], "reactions": ["wall"], "joints": ["hinge", "hinge"], "sliders": ["a"]}
     columns = columns_of({"point_velocity": np.zeros((2, 1, 3)), "section_moment": np.zeros((2, 1, 3)),
                           "reaction": np.arange(12.0).reshape(2, 1, 2, 3), "joint_value": np.zeros((2, 2))}, names)

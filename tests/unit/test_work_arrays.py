@@ -16,12 +16,18 @@ from test_sliders_on_nets import CASES as NETS
 from test_sliders_on_nets import scene as net
 
 import fastbeam as fb
-from fastbeam import (carrying, constraints, equilibrium, filtering, joint_drives, linsolve, methods, newton, observe, prescribed,
-                      reactions, resolution, sleeves, slider_forces, workspace)
-from fastbeam.kernels import substructures
+from fastbeam.dynamics import filtering, reactions
 from fastbeam.kernels.layout import NODES, POINTS
-from fastbeam.kernels.work import State
-from fastbeam.model import Model
+from fastbeam.kernels.linalg import substructures
+from fastbeam.kernels.state import State
+from fastbeam.linalg import linear_system as linsolve
+from fastbeam.model import moving_supports as prescribed, workspace
+from fastbeam.model.contact import sleeves, slider_forces
+from fastbeam.model.joints import drives as joint_drives
+from fastbeam.model.model import Model
+from fastbeam.results.observe import observer as observe, resolution
+from fastbeam.statics import equilibrium
+from fastbeam.stepping import carriers as carrying, constraint_rows as constraints, methods, stepper as newton
 
 Array = np.ndarray
 H = 0.01

@@ -4,10 +4,12 @@ All files are imported at once: an implementation of a generic function is found
 compiled without it would stay on the disk like that.
 """
 from importlib import import_module
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 
-from .._collection import held
+from fastbeam.interface.lazy_import import held
+
+__all__: list[str] = []
 
 with held():
-    for _found in iter_modules(__path__):
-        import_module(f"{__name__}.{_found.name}")
+    for _found in walk_packages(__path__, f"{__name__}."):
+        import_module(_found.name)
