@@ -260,9 +260,9 @@ def test_public_names_do_not_depend_on_which_module_was_imported_first() -> None
     code = """
 import importlib, json, pkgutil, types
 import fastbeam
-for module in pkgutil.iter_modules(fastbeam.__path__):
-    if module.name != "__main__":
-        importlib.import_module(f"fastbeam.{module.name}")
+for module in pkgutil.walk_packages(fastbeam.__path__, "fastbeam."):
+    if module.name != "fastbeam.__main__":
+        importlib.import_module(module.name)
 print(json.dumps([name for name in fastbeam.__all__ if isinstance(getattr(fastbeam, name), types.ModuleType)]))
 """
     assert python(code) == []

@@ -408,7 +408,7 @@ class SteadyModes(DampedModes):
         return int(np.sum(self.decay < 0.0))
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
-    def state(self, k: int, amplitude: float, phase: float = 0.0) -> Any:
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
         """A state to start a run from, in space: the scene with the velocities of its spin, moved by amplitude Re(x e^(i phase)),
         with the velocities of the motion.
 

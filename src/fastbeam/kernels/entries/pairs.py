@@ -1,4 +1,7 @@
-"""A force between the two points of a link, and its derivative."""
+"""A force between the two points of a link, and its derivative.
+
+Arrays: q [12 N], in a plane [4 N].
+"""
 from __future__ import annotations
 
 from fastbeam.kernels.algebra.dimensions import add_stiffness, add_to, position
