@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 # the order of files is that of tests/conftest.py; a process that crashes is a defect (CONTRIBUTING.md): the run ends there
 PARALLEL := -q -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart=0
 # what `make test-plain` runs: masses on rods by every method and solver; numba alone compiles for minutes
-PLAIN_TESTS ?= tests/unit/test_distance_joint.py
+PLAIN_TESTS ?= tests/validation/test_distance_joint.py
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
 .PHONY: help demo test test-slow test-plain lint api docs pictures study peers perf perf-compare perf-limits clean
@@ -31,8 +31,8 @@ demo: $(VENV)/.installed
 	$(BIN)/python -m fastbeam run ring_on_cable --out $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest $(PARALLEL) tests/unit
-	$(BIN)/python -m pytest $(PARALLEL) tests/physics tests/house
+	$(BIN)/python -m pytest $(PARALLEL) --ignore tests/validation --ignore tests/house tests
+	$(BIN)/python -m pytest $(PARALLEL) tests/validation tests/house
 
 test-slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest $(PARALLEL) -m slow

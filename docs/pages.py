@@ -5,7 +5,7 @@
     python docs/pages.py --write rope     # and put what a tutorial printed into its page
 
 The blocks ```python of a page are one program, run from top to bottom in an empty folder. A block ```text after them is what they
-print there, and a picture of the page is a file that they write. tests/unit/test_pages.py runs the same and compares.
+print there, and a picture of the page is a file that they write. tests/project/test_pages.py runs the same and compares.
 """
 from __future__ import annotations
 

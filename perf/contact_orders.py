@@ -15,7 +15,7 @@ import numpy as np
 import fastbeam as fb
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path += [str(ROOT / "examples" / "study"), str(ROOT / "tests"), str(ROOT / "tests" / "physics")]
+sys.path += [str(ROOT / "examples" / "study"), str(ROOT / "tests"), str(ROOT / "tests" / "validation")]
 RUNS = (("mass_on_cable", 0.5, 2.5e-3), ("mass_on_cantilever", 2.0, 1e-2), ("body_on_beam", 1.0, 5e-3),
         ("beam_on_beam", 1.0, 5e-3))
 

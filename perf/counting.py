@@ -4,7 +4,7 @@ A kernel is compiled from a plain function of Python; `twin` gives that function
 by their twins, operations on registers by counters. Divisions, multiplications and additions count as one each, so that a fused
 multiply-add is two; additions to zero count as well. What works on 8 elements at a time is counted once, that is for one of them.
 
-The block elimination does not run on lanes and has formulas, which tests/unit/test_perf_scaling.py compares with a twin.
+The block elimination does not run on lanes and has formulas, which tests/project/test_perf_scaling.py compares with a twin.
 """
 from __future__ import annotations
 

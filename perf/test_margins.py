@@ -1,7 +1,7 @@
 """How far the numbers that tests compare are from their bars: lists small tolerances that are met by less than a factor of three.
 
     python perf/test_margins.py                        the default tests
-    python perf/test_margins.py tests/physics -m slow  arguments of pytest
+    python perf/test_margins.py tests/validation -m slow  arguments of pytest
     python perf/test_margins.py --of out/test_margins.jsonl   of a run before
     python perf/test_margins.py --of A.jsonl B.jsonl   of A without what is the same in B, a run with OPENBLAS_CORETYPE=Haswell
 

@@ -2,7 +2,7 @@
 
     rm -rf the folder of compiled kernels (`python -m fastbeam doctor` says where), then
     python perf/test_times.py                      the default tests; 40 longest tests, and files
-    python perf/test_times.py tests/unit -m slow   arguments of pytest
+    python perf/test_times.py tests/statics -m slow arguments of pytest
     python perf/test_times.py --of out/test_times.jsonl   of a run before
 
 What compiles first pays for those behind it: after moving a test to `tests/slow_variants.txt`, measure again.

@@ -15,8 +15,8 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     _background._processors = lambda: 1
 
 # files of few tests that take long: begun last, they would keep one processor alone
-FIRST = ("unit/test_plain_numba.py", "physics/test_full_table.py", "physics/test_taut.py", "unit/test_packages.py",
-         "unit/test_start.py", "unit/test_typing.py", "house/test_compiled_code.py")
+FIRST = ("kernels/test_plain_numba.py", "validation/test_full_table.py", "validation/test_taut.py", "project/test_packages.py",
+         "dynamics/test_start.py", "interface/test_typing.py", "house/test_compiled_code.py")
 VARIANTS = [line for line in (Path(__file__).parent / "slow_variants.txt").read_text().splitlines() if line and line[0] != "#"]
 
 

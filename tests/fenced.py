@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE / "unit")]
+sys.path[:0] = [str(HERE), str(HERE / "stepping")]
 ZEROS, PAGE = np.zeros, mmap.PAGESIZE
 
 

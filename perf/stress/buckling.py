@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[2] / "tests"
-sys.path[:0] = [str(TESTS / "physics"), str(TESTS)]
+sys.path[:0] = [str(TESTS / "validation"), str(TESTS)]
 
 from buckling_scenes import KINDS  # noqa: E402
 from table import Row  # noqa: E402

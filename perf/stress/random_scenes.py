@@ -1,4 +1,4 @@
-"""Three thousand random scenes (tests/scene_strategies.py) against the properties of tests/physics/test_scene_properties.py,
+"""Three thousand random scenes (tests/scene_strategies.py) against the properties of tests/validation/test_scene_properties.py,
 and as many with sleeves, friction, drives and stops against those of tests/sliding_checks.py."""
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from hypothesis import given, settings
 
 TESTS = Path(__file__).resolve().parents[2] / "tests"
-sys.path[:0] = [str(TESTS / "physics"), str(TESTS)]
+sys.path[:0] = [str(TESTS / "validation"), str(TESTS)]
 
 import sliding_checks as sliding  # noqa: E402
 from scene_strategies import scenes, sliding_paths  # noqa: E402

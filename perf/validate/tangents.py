@@ -1,4 +1,4 @@
-"""Newton converges quadratically, which it does only with the exact tangent; the comparison entry by entry is in tests/unit."""
+"""Newton converges quadratically, as it does with the exact tangent alone; entry by entry: tests/kernels."""
 from __future__ import annotations
 
 import math

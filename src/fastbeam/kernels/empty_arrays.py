@@ -1,7 +1,7 @@
 """Arrays that are written before they are read: work of a run, and its results.
 
 They begin with zeros. With `FASTBEAM_FILL=nan` in the environment they begin with NaN, and every result has the same bits, or
-something was read that nobody wrote (tests/unit/test_work_arrays.py). What has to begin with zero is made by `np.zeros`.
+something was read that nobody wrote (tests/stepping/test_work_arrays.py). What has to begin with zero is made by `np.zeros`.
 """
 from __future__ import annotations
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union, dataclass_transf
 
 import numpy as np
 
-from fastbeam.interface.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take
+from fastbeam.interface.arguments import (  # noqa: F401
+    LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take)
 from fastbeam.interface.errors import SceneError
 
 if TYPE_CHECKING:

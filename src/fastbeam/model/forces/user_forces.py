@@ -163,7 +163,7 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
     on_line = isinstance(force, LineForce)
     make = _tension_slopes if on_line else _slopes
     address, compiled = machine_code(who, "derivative", lambda: make(force.derivative, n, *_time_of(force)))
-    # that of loads that follow is the package's own: tests/unit/test_law_slopes.py
+    # that of loads that follow is the package's own: tests/kernels/test_law_slopes.py
     if force.derivative is not turning_slopes:
         check_slopes(who, law, compiled, given, rows_of(force)[0], on_line)
     return address

@@ -343,7 +343,7 @@ def test_a_run_goes_on_bit_for_bit(name: str, tmp_path: Any) -> None:
     run(model, 0.05, checkpoint=tmp_path / "c")
     rest = run(model, 0.1, start=fb.load_checkpoint(tmp_path / "c"))
     if name == "rigid stops":
-        # steps are counted anew from an impact on, so that the half run ends with another step; tests/unit/test_impacts.py
+        # steps are counted anew from an impact on, so that the half run ends with another step; tests/dynamics/test_impacts.py
         np.testing.assert_allclose(rest.state.s, whole.state.s, atol=1e-3)
         return
     for x, y in zip(rest.state, whole.state):

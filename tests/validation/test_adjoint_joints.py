@@ -12,7 +12,7 @@ import pytest
 import fastbeam as fb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from physics.test_adjoint_run import AWAY, SIXTH  # noqa: E402
+from validation.test_adjoint_run import AWAY, SIXTH  # noqa: E402
 
 Array = np.ndarray
 STEPS, STEP = 20, 0.01

@@ -13,7 +13,7 @@ import fastbeam as fb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive_adjoint import NaiveAdjoint  # noqa: E402
-from physics.test_adjoint_run import AWAY, SIXTH, swing  # noqa: E402
+from validation.test_adjoint_run import AWAY, SIXTH, swing  # noqa: E402
 
 Array = np.ndarray
 STEPS, STEP = 12, 0.01
