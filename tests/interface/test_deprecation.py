@@ -46,6 +46,16 @@ def test_an_old_public_name_is_the_new_one_and_says_so(monkeypatch: pytest.Monke
     assert Bead is fb.Slider and "Bead" not in fb.__all__ and "Bead" not in vars(fb)
 
 
+def test_classes_of_old_modules_are_names_of_the_package() -> None:
+    with pytest.warns(FutureWarning, match=r"fastbeam\.mode_shapes\.Modes is called fastbeam\.Modes now; .* until 0\.4") as said:
+        from fastbeam.mode_shapes import Modes  # type: ignore[import-not-found]
+    assert Modes is fb.Modes and said[0].filename == __file__
+    with pytest.raises(ImportError):
+        from fastbeam.errors import Modus  # type: ignore[import-not-found]  # noqa: F401
+    with pytest.raises(ModuleNotFoundError):
+        import fastbeam.newton  # type: ignore[import-not-found]  # noqa: F401
+
+
 def test_a_name_that_never_was_is_no_old_name() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'Bead'"):
         fb.Bead  # noqa: B018

@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import wraps
+from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T", bound=Callable[..., Any])
@@ -24,6 +25,8 @@ class Renamed(NamedTuple):
 
 # old public name of the package -> Renamed
 RENAMED: dict[str, Renamed] = {}
+# modules that pages of 0.1 named; their classes and errors are names of the package now
+MODULES = ("adjoint", "critical_slopes", "errors", "mode_shapes", "responses", "sensitivities")
 
 
 def gone(since: str) -> str:
@@ -47,6 +50,34 @@ def new_name(old: str) -> str | None:
         return None
     _warn(f"fastbeam.{old} is called fastbeam.{found.new} now", found.since, 4)
     return found.new
+
+
+class OldModules:
+    """Finds and loads `MODULES`, whose names are those of the package, with a FutureWarning."""
+
+    @staticmethod
+    def find_spec(name: str, path: Any = None, target: Any = None) -> Any:
+        """The spec of one of `MODULES`; None of others."""
+        package, _, module = name.partition(".")
+        if package != "fastbeam" or module not in MODULES:
+            return None
+        from importlib.util import spec_from_loader
+        return spec_from_loader(name, OldModules)  # type: ignore[arg-type]
+
+    @staticmethod
+    def create_module(spec: Any) -> None:
+        """Leave it to Python."""
+
+    @staticmethod
+    def exec_module(module: ModuleType) -> None:
+        """Give the module the public names of the package."""
+        def get(name: str) -> Any:
+            import fastbeam
+            if name not in fastbeam.__all__:
+                raise AttributeError(f"module {module.__name__!r} has no attribute {name!r}")
+            _warn(f"{module.__name__}.{name} is called fastbeam.{name} now", "0.2", 3)
+            return getattr(fastbeam, name)
+        module.__getattr__ = get  # type: ignore[method-assign]
 
 
 def deprecated(since: str, /, *, instead: str = "", **renamed: str) -> Callable[[T], T]:
