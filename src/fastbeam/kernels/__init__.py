@@ -1,7 +1,7 @@
 """Pure compiled functions of arrays.
 
-All files are imported at once: an implementation of a generic function is found only when its file has been imported, and what is
-compiled without it would stay on the disk like that.
+All files but those of `jit` are imported at once: an implementation of a generic function is found only when its file has been
+imported, and what is compiled without it would stay on the disk like that.
 """
 from importlib import import_module
 from pkgutil import walk_packages
@@ -12,4 +12,5 @@ __all__: list[str] = []
 
 with held():
     for _found in walk_packages(__path__, f"{__name__}."):
-        import_module(_found.name)
+        if not _found.name.startswith(f"{__name__}.jit."):
+            import_module(_found.name)
