@@ -502,7 +502,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "AdjointRun.point": Call(short().point, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.velocity": Call(short().velocity, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.gradient": Call(short().gradient, dict(points={"tip": (0, 0, 1)}), dict(
-            points=one_of(Mapping), velocities=one_of(Mapping))),
+            points=one_of(Mapping), velocities=one_of(Mapping), build=callable, values=one_of(Mapping), scale=one_of(Mapping))),
         "Sensitivity.point": Call(bars().point, dict(name="tip"), dict(name=is_text)),
         "Sensitivity.slider": Call(bars().slider, dict(name="none"), dict(name=is_text)),
         "Sensitivity.contact_force": Call(bars().contact_force, dict(name="none"), dict(name=is_text)),
@@ -706,8 +706,8 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "ResultWarning", "SceneError", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 # objects of these are made by calls alone
-MADE = {"AdjointRun", "CriticalSlopes", "DampedModes", "FrequencyResponse", "Modes", "RunGradient", "RunSliderGradient", "Sensitivity",
-        "SteadyModes", "Sweep"}
+MADE = {"AdjointRun", "CriticalSlopes", "DampedModes", "FrequencyResponse", "Modes", "RunGradient", "RunSliderGradient",
+        "Sensitivity", "SteadyModes", "Sweep"}
 
 
 def public() -> Iterator[tuple[str, Any]]:
