@@ -18,6 +18,7 @@ import resource  # noqa: E402
 import sys  # noqa: E402
 import time  # noqa: E402
 from collections.abc import Callable  # noqa: E402
+from typing import Any  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
@@ -45,7 +46,7 @@ def square_net(cells: int, elements: int, degree: int, joints: str) -> fb.Scene:
     return fb.Scene(net, gravity=(0, 0, -9.81))
 
 
-def iteration(model: fb.model.Model, threads: int) -> Callable[[], float]:
+def iteration(model: Any, threads: int) -> Callable[[], float]:
     """A function that takes a step and returns seconds of one of its Newton iterations."""
     stepper = Stepper(model, np.ones(1), threads=threads)
 
@@ -60,7 +61,7 @@ def iteration(model: fb.model.Model, threads: int) -> Callable[[], float]:
     return run
 
 
-def solver(model: fb.model.Model, threads: int) -> Callable[[], float]:
+def solver(model: Any, threads: int) -> Callable[[], float]:
     """A function that factors the matrix of the first iteration by PARDISO, solves once and returns the seconds."""
     stepper = Stepper(model, np.ones(1), threads=threads)
     if stepper.linear.tables is None:

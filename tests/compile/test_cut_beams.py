@@ -11,6 +11,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.compile.cut_beams import Acting, Cut, Element, moved, slots_of
+from fastbeam.scene.interpolation.basis import build_basis
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import beam_strains  # noqa: E402
@@ -50,7 +51,7 @@ def test_slopes_of_an_element_are_those_of_the_twin(strain: str, a: float, b: fl
     load = fb.DistributedLoad("wind", arc, force=lambda s: np.stack((0 * s, 1.0 + s, s**2), axis=1))
     weight = 1.5 * np.array((0.3, 0.0, -9.81))
     rng = np.random.default_rng(3)
-    nodes = a + (b - a) * fb.basis.build_basis("lagrange", 3, 1, 1.0).node_s
+    nodes = a + (b - a) * build_basis("lagrange", 3, 1, 1.0).node_s
     q = np.concatenate([x.reshape(4, -1, 3) for x in arc.reference(nodes)], axis=1)
     q[:, 0] += 0.05 * rng.standard_normal((4, 3))
     q[:, 1:] += 0.05 * rng.standard_normal((4, 3, 3))

@@ -19,6 +19,7 @@ from fastbeam.kernels.beams.motions import OverStep
 from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.linalg import chain
 from fastbeam.kernels.terms import Conserving
+from fastbeam.model.model import Model
 from fastbeam.model.workspace import work_of
 from fastbeam.stepping.stepper import Stepper
 
@@ -38,11 +39,11 @@ import traffic  # noqa: E402
 STEP = 1e-3
 
 
-def compiled(elements: int, degree: int, **options: Any) -> fb.model.Model:
+def compiled(elements: int, degree: int, **options: Any) -> Model:
     return fb.compile_scene(scaling.chain_scene(elements, degree), planar=False, **options)
 
 
-def run(model: fb.model.Model, **options: Any) -> tuple[Stepper, float, float]:
+def run(model: Model, **options: Any) -> tuple[Stepper, float, float]:
     """(stepper, iterations a step, share of mixed iterations) of two steps."""
     stepper = Stepper(model, np.ones(1), **options)
     outcome = stepper.advance(0.0, STEP, 2)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.model.model import Model
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "study"))
@@ -28,7 +29,7 @@ def bead_scene(each: int, gravity: tuple[float, ...], **options: object) -> fb.S
                     gravity=gravity)
 
 
-def ends(model: fb.compile.Model, state: object, table: object) -> Ends:
+def ends(model: Model, state: object, table: object) -> Ends:
     q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
     nodes, place = slice(table.place[1], table.place[1] + table.place[2]), table.places[0]
     return Ends(q[nodes], v[nodes], float(q[place, 0, 0]), float(v[place, 0, 0]))
