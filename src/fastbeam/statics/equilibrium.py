@@ -62,6 +62,8 @@ class StaticSolver:
         self.share = 0.0
         # coordinates to which that takes the scene, before Newton's method on everything
         self._led: Array | None = None
+        # load factors of the last equilibrium; without loads at the start
+        self._factors_before: Any = 0.0
         # whether another equilibrium counts where none is next to these, and load factors and extents of such leaps, in
         # sizes of the scene and rad
         self.may_leap, self.leaps = True, list[tuple[float, float]]()
@@ -149,17 +151,19 @@ class StaticSolver:
             status, sizes = self.fallback.equilibrium(factors)
             self._led = self.fallback._led
             self.linear.fallbacks += status == OK
-        if status == OK and self._leaps(before):
+        if status == OK and self._leaps(before, factors):
             status = NOT_CONVERGED
         if status != OK:
             state.q[:] = before
         self.longest = len(sizes)
         return status, sizes
 
-    def _leaps(self, before: Array) -> bool:
-        """Whether the present equilibrium lies further from where moving supports have taken the coordinates `before` than these
-        have gone, and may not: another one. One that may is kept in `leaps`."""
-        if self._led is None:
+    def _leaps(self, before: Array, factors: Array) -> bool:
+        """Whether the present equilibrium, under load factors [K], lies further from where moving supports have taken the
+        coordinates `before` than these have gone, and may not: another one. One that may is kept in `leaps`. Where loads change
+        too, as on a slack rope, nothing tells."""
+        changed, self._factors_before = bool(np.any(factors != self._factors_before)), factors.copy()
+        if self._led is None or changed:
             return False
         q, size, dim = self.stepper.core_state.q, 12 if self.stepper.plane is None else 4, self.core.dim
         weight = np.where(np.arange(size) < dim, 1.0 / self.core.length, 1.0) * np.sqrt(size / q.size)

@@ -46,7 +46,7 @@ class SlidingSolver(SaddleSolver):
         try:
             self._led = None
             status, sizes = self._equilibrium(factors)
-            if status == OK and self._leaps(before[0]):
+            if status == OK and self._leaps(before[0], factors):
                 status = NOT_CONVERGED
         finally:
             if status != OK:
