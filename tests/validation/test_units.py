@@ -53,7 +53,8 @@ def compared_in(family: str, numbers: range) -> list[str]:
     """What differs in analyses of scenes of a family."""
     found = [(number, name, compared(name, family, features, number))
              for number in numbers for features, analyses in [scene_of(family, number)] for name in analyses]
-    assert sum(bool(one.difference) for *_, one in found) > len(found) / 2
+    # of the others the words of a refusal are compared
+    assert sum(bool(one.difference) for *_, one in found) > len(found) / 3
     return [f"{number}, {name}: {one.wrong}" for number, name, one in found if one.wrong]
 
 
