@@ -68,7 +68,7 @@ QUESTIONS = (
                                             "how-to.html#springs-dampers-bushings"), "spring("),
     ("what is a director", ("questions.html#what-is-a-director", "glossary.html", "theory.html#1-configuration"), "d1"),
     ("rotation angles of a node", ("questions.html#what-is-a-director",), "Rotation.from_matrix"),
-    ("change a parameter and run again", ("questions.html#how-do-i-change", "questions.html#how-do-i-run-100"), "sweep("),
+    ("change a parameter and run again", ("questions.html#how-do-i-run-100",), "sweep("),
     ("how do I use several cores", ("questions.html#how-do-i-use",), "threads="),
     ("how do I cite", ("questions.html#how-do-i-cite",), "CITATION"),
     # names lead to their entries
@@ -120,6 +120,21 @@ def test_entries_of_the_reference_show_arguments_defaults_and_errors(sections: d
     assert all(x in shown["simulate"] for x in ("rho_inf = None", "checkpoint_every", "ConvergenceError", "ResultFileError"))
     assert shown["Result.slider"].startswith("slider ( name )")
     assert sections["api/results.html#fastbeam.Result.slider"]["title"] == "Result.slider"
+
+
+def test_the_architecture_lists_every_file_with_what_it_holds(sections: dict[str, dict[str, str]]) -> None:
+    shown = "\n".join(found["text"] for place, found in sections.items() if place.startswith("architecture.html"))
+    package = ROOT / "src" / "fastbeam"
+    files = [path for path in package.rglob("*.py") if path.name != "__init__.py"]
+    assert len(files) > 300
+    missing = []
+    for path in files:
+        parts = path.relative_to(package).parts
+        begin = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").split("`")[0].split("\n")[0]
+        words = "/".join(parts[1:] or parts) + " " + begin
+        if len(begin) < 12 and "`" not in path.read_text(encoding="utf-8")[:40] or words.strip() not in shown.replace("\n", " "):
+            missing.append(words)
+    assert missing == []
 
 
 def test_answers_name_what_is_there() -> None:
