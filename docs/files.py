@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from markdown import markdown
+
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fastbeam"
 MARKER = "<!-- files -->"
 
@@ -31,6 +33,6 @@ def all_files() -> str:
     return "\n\n".join(out)
 
 
-def on_page_markdown(markdown: str, **more: Any) -> str:
-    """Put the tables where the marker stands."""
-    return markdown.replace(MARKER, all_files()) if MARKER in markdown else markdown
+def on_post_page(output: str, **more: Any) -> str:
+    """Put the tables where the marker stands: behind the search, whose answers are for users."""
+    return output.replace(MARKER, markdown(all_files(), extensions=["tables"])) if MARKER in output else output
