@@ -20,11 +20,11 @@ help:
 	@echo "make api        write the list of public names and arguments anew (tests/public_api.txt)"
 	@echo "make docs       the pages of docs/ as a site in $(OUT)/site"
 	@echo "make pictures   run all tutorials and examples of the gallery, and draw their pictures anew"
-	@echo "make study      compare methods of time integration, and error against run time (docs/study.md, docs/work-precision.md)"
-	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/peers.png)"
+	@echo "make study      compare methods of time integration, and error against run time (docs/reports)"
+	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/reports/peers.png)"
 	@echo "make perf       the benchmark suite (perf/suite.py); values as JSON in $(OUT)/perf.json"
 	@echo "make perf-compare BASE=revision   the suite on this state and on another in turn; fails where this one is slower"
-	@echo "make perf-limits   scaling, roofline and goals (docs/performance.md); needs a quiet machine and an hour"
+	@echo "make perf-limits   scaling, roofline and goals (docs/reports/performance.md); needs a quiet machine and an hour"
 	@echo "make clean      remove $(VENV), $(OUT) and caches"
 
 demo: $(VENV)/.installed

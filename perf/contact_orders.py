@@ -1,5 +1,5 @@
 """Places and contact forces of the study's sliding scenes (c), (d), (e) on finer and finer meshes, and of the bead of
-tests/naive_moving_mesh.py: docs/contacts-ahead.md A.7.
+tests/naive_moving_mesh.py: docs/reports/contacts-ahead.md A.7.
 
     python perf/contact_orders.py
 """

@@ -5,7 +5,7 @@
     python perf/goals.py --large              the chain and the nets at their full size, 1e5 and 1e6 elements
     python perf/goals.py --only dgbsv pardiso those whose names contain a word
     python perf/goals.py --quick              small sizes and short measurements
-    python perf/goals.py --markdown           the table ready to paste into docs/performance.md
+    python perf/goals.py --markdown           the table ready to paste into docs/reports/performance.md
 
 References run in the same process on the same matrices: LAPACK's band solver as SciPy has it, PARDISO on one thread or two, the
 step in plain NumPy of perf/plain_step.py. Ratios are therefore worth more than microseconds, which belong to the machine that the
@@ -464,7 +464,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="small sizes and short measurements")
     parser.add_argument("--seconds", type=float, help="time of one measurement, default 0.5")
     parser.add_argument("--strict", action="store_true", help="exit with the number of missed goals")
-    parser.add_argument("--markdown", action="store_true", help="print the table as it stands in docs/performance.md")
+    parser.add_argument("--markdown", action="store_true", help="print the table as it stands in docs/reports/performance.md")
     parser.add_argument("--json", type=Path, help="write all values to this file")
     options = parser.parse_args()
     if options.list:

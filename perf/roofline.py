@@ -2,7 +2,7 @@
 
     python perf/roofline.py                   chains of 20, 200 and 20000 elements of degree 1 to 3, a net on one and two threads
     python perf/roofline.py --quick           one small chain and a small net
-    python perf/roofline.py --markdown        tables ready to paste into docs/performance.md
+    python perf/roofline.py --markdown        tables ready to paste into docs/reports/performance.md
     python perf/roofline.py --json out.json
 
 Operations are counted by running the source of the kernels on numbers that count (perf/counting.py), those of PARDISO are its
@@ -220,7 +220,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="of condensed beams")
     parser.add_argument("--seconds", type=float, help="time of one measurement, default 1")
     parser.add_argument("--quick", action="store_true", help="one small chain and a small net, short measurements")
-    parser.add_argument("--markdown", action="store_true", help="print tables as they stand in docs/performance.md")
+    parser.add_argument("--markdown", action="store_true", help="print tables as they stand in docs/reports/performance.md")
     parser.add_argument("--json", type=Path, help="write all values to this file")
     options = parser.parse_args()
     if options.quick:

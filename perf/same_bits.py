@@ -7,8 +7,8 @@ small cases of perf/same_bits_cases.py.
     python perf/same_bits.py --twice                    this state with itself: the other way round, in another process
     python perf/same_bits.py main~5 --only joint net    cases whose names contain one of these words
 
-Errors, orders and drifts that were measured on a revision with the same bits (docs/study.md, docs/work-precision.md) are those of
-this state. A case, or a number of a case, that one of both does not have is named and does not count as different. Hashes are
+Errors, orders and drifts that were measured on a revision with the same bits (docs/reports/study.md, work-precision.md) are those
+of this state. A case, or a number of a case, that one of both does not have is named and does not count as different. Hashes are
 those of one machine: kernels are compiled for its processor. Exits with 1 where bits differ.
 """
 from __future__ import annotations

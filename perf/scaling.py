@@ -1,10 +1,10 @@
 """Time and memory of an element in a Newton iteration, from 1e2 to 1e6 elements: a chain (one beam) and a net, 1 and 2 threads.
 
-    python perf/scaling.py                    all sizes; prints the table, draws docs/scaling.png
+    python perf/scaling.py                    all sizes; prints the table, draws docs/reports/scaling.png
     python perf/scaling.py --quick            two small sizes, no picture
     python perf/scaling.py --kinds chain --degree 3 --sizes 1000 10000 --json out.json
-    python perf/scaling.py --markdown         the table ready to paste into docs/performance.md
-    python perf/scaling.py --from out.json --picture docs/scaling.png     draw what was measured before
+    python perf/scaling.py --markdown         the table ready to paste into docs/reports/performance.md
+    python perf/scaling.py --from out.json --picture docs/reports/scaling.png     draw what was measured before
 
 Every size runs in a process of its own, which first runs the smallest scene of its kind: memory is what comes on top of that. The
 limit is the time in which the bytes that all passes read and write (perf/traffic.py) go through the memory of this machine, as a
@@ -212,8 +212,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, help="time of the measurement of one size, default 2")
     parser.add_argument("--quick", action="store_true", help="two small sizes, short measurements, no picture")
     parser.add_argument("--json", type=Path, help="write all values to this file")
-    parser.add_argument("--picture", type=Path, help="file of the picture, default docs/scaling.png")
-    parser.add_argument("--markdown", action="store_true", help="print the table as it stands in docs/performance.md")
+    parser.add_argument("--picture", type=Path, help="file of the picture, default docs/reports/scaling.png")
+    parser.add_argument("--markdown", action="store_true", help="print the table as it stands in docs/reports/performance.md")
     parser.add_argument("--from", dest="source", type=Path, help="take the values of a run from its JSON file")
     parser.add_argument("--case", nargs=5, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -228,7 +228,7 @@ def main() -> None:
     report(found, options.markdown)
     if options.json:
         options.json.write_text(json.dumps(found, indent=1) + "\n")
-    picture = options.picture or (None if options.quick or options.source else HERE.parent / "docs" / "scaling.png")
+    picture = options.picture or (None if options.quick or options.source else HERE.parent / "docs" / "reports" / "scaling.png")
     if picture is not None:
         draw(found["rows"], picture)
         print(f"drawn: {picture.name}")

@@ -115,7 +115,7 @@ def main() -> int:
     parser.add_argument("--peers", default=",".join(PEERS), help="comma-separated (default: %(default)s)")
     parser.add_argument("--quick", action="store_true", help="a thin selection, a few minutes")
     parser.add_argument("--out", type=Path, default=HERE / "results.json", help="the runs; tables go beside it as .md")
-    parser.add_argument("--picture", type=Path, default=ROOT / "docs" / "peers.png")
+    parser.add_argument("--picture", type=Path, default=ROOT / "docs" / "reports" / "peers.png")
     parser.add_argument("--clock", choices=("wall", "processor"), default="wall",
                         help="'processor' where other programs share the machine")
     parser.add_argument("--resume", action="store_true", help="keep the runs that are in the file --out, add what is missing")

@@ -10,6 +10,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from test_pages import pages
 
 from fastbeam import load_result
 from fastbeam.__main__ import find_examples, list_examples, load_example
@@ -133,14 +134,31 @@ def test_tuning_fork_sounds_like_its_mode(example: ModuleType, tmp_path: Path) -
     assert is_picture(tmp_path / "tuning_fork.png")
 
 
-def readme_program() -> str:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    program, = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    return program
+def readme() -> str:
+    return (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def readme_blocks() -> list[str]:
+    """The program, and the end of what it prints."""
+    return re.findall(r"```(?:python|text)\n(.*?)```", readme(), flags=re.DOTALL)
+
+
+def test_the_readme_is_short_and_its_picture_moves() -> None:
+    assert len(readme().split()) <= 450
+    bullets = re.findall(r"^- (\*\*.*)$", readme(), flags=re.MULTILINE)
+    assert len(bullets) == 6 and max(len(bullet.split()) for bullet in bullets) <= 12
+    film = (ROOT / "docs" / "ring_on_cable.gif").read_bytes()
+    # a graphic control extension in front of every frame
+    assert film.startswith(b"GIF89a") and film.count(b"\x21\xf9\x04") >= 60 and len(film) < 1_500_000
+
+
+def test_the_readme_maps_every_package() -> None:
+    named = re.findall(r"^    (\w+) {2,}\w", readme(), flags=re.MULTILINE)
+    assert sorted(named) == sorted(path.parent.name for path in (ROOT / "src" / "fastbeam").glob("*/__init__.py"))
 
 
 def test_the_program_of_the_readme_is_short_and_runs_as_it_stands(tmp_path: Path) -> None:
-    program = readme_program()
+    program, shown = readme_blocks()
     assert len([line for line in program.splitlines() if line.strip()]) <= 15
     (tmp_path / "first.py").write_text(program, encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "FASTBEAM_PROGRESS": "0"}
@@ -149,12 +167,14 @@ def test_the_program_of_the_readme_is_short_and_runs_as_it_stands(tmp_path: Path
     assert done.returncode == 0, done.stderr
     drifts = [float(line.split()[-1]) for line in done.stdout.splitlines() if re.search(r"e[-+]\d\d$", line)]
     assert len(drifts) == 4 and max(drifts) < 1e-11
+    lines = done.stdout.splitlines(keepends=True)
+    assert pages.same(shown, "".join(lines[-len(shown.splitlines()):])) == ""
     assert is_picture(tmp_path / "first.png")
 
 
 def test_links_and_pictures_of_the_texts_exist() -> None:
     texts = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-    assert len(texts) == 35
+    assert len(texts) == 36
     links = [(text, target) for text in texts for target in re.findall(r"\]\(([^)#]+)", text.read_text(encoding="utf-8"))]
     inside = [(text, target) for text, target in links if "://" not in target]
     assert len(inside) >= 9

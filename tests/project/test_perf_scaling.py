@@ -237,7 +237,7 @@ def test_scenes_with_sliders_are_not_counted() -> None:
 
 
 def test_counts_in_the_documentation_are_those_of_the_source() -> None:
-    lines = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8").splitlines()
+    lines = (ROOT / "docs" / "reports" / "performance.md").read_text(encoding="utf-8").splitlines()
     said = {cells[1]: [float(x) for x in cells[2:5]] for cells in ([x.strip() for x in line.split("|")] for line in lines)
             if len(cells) == 6 and all(x[:1].isdigit() and " " not in x for x in cells[2:5])}
     found: dict[str, list[float]] = {}

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import ast
+import html
 import inspect
 import json
 import os
@@ -68,7 +69,7 @@ QUESTIONS = (
                                             "how-to.html#springs-dampers-bushings"), "spring("),
     ("what is a director", ("questions.html#what-is-a-director", "glossary.html", "theory.html#1-configuration"), "d1"),
     ("rotation angles of a node", ("questions.html#what-is-a-director",), "Rotation.from_matrix"),
-    ("change a parameter and run again", ("questions.html#how-do-i-change", "questions.html#how-do-i-run-100"), "sweep("),
+    ("change a parameter and run again", ("questions.html#how-do-i-run-100",), "sweep("),
     ("how do I use several cores", ("questions.html#how-do-i-use",), "threads="),
     ("how do I cite", ("questions.html#how-do-i-cite",), "CITATION"),
     # names lead to their entries
@@ -82,8 +83,8 @@ QUESTIONS = (
 
 
 @pytest.fixture(scope="module")
-def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
-    """What the search of the built site knows: sections by their address."""
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the built site."""
     pytest.importorskip("mkdocs")
     pytest.importorskip("mkdocstrings_handlers.python")
     place = tmp_path_factory.mktemp("site")
@@ -91,7 +92,13 @@ def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, st
     done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(place)], cwd=ROOT,
                           env=os.environ | {"PYTHONPATH": str(ROOT / "src")}, capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "WARNING" not in done.stdout + done.stderr, done.stdout + done.stderr
-    return {found["location"]: found for found in json.loads((place / "search" / "search_index.json").read_text())["docs"]}
+    return place
+
+
+@pytest.fixture(scope="module")
+def sections(site: Path) -> dict[str, dict[str, str]]:
+    """What the search of the built site knows: sections by their address."""
+    return {found["location"]: found for found in json.loads((site / "search" / "search_index.json").read_text())["docs"]}
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +127,22 @@ def test_entries_of_the_reference_show_arguments_defaults_and_errors(sections: d
     assert all(x in shown["simulate"] for x in ("rho_inf = None", "checkpoint_every", "ConvergenceError", "ResultFileError"))
     assert shown["Result.slider"].startswith("slider ( name )")
     assert sections["api/results.html#fastbeam.Result.slider"]["title"] == "Result.slider"
+
+
+def test_the_architecture_lists_every_file_with_what_it_holds(site: Path) -> None:
+    page = html.unescape(re.sub(r"<[^>]*>", " ", (site / "architecture.html").read_text(encoding="utf-8")))
+    shown = " ".join(page.split())
+    package = ROOT / "src" / "fastbeam"
+    files = [path for path in package.rglob("*.py") if path.name != "__init__.py"]
+    assert len(files) > 300
+    missing = []
+    for path in files:
+        parts = path.relative_to(package).parts
+        # up to the first sentence's end, or to code in it
+        begin = re.split(r"`|\. |\n", ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "?")[0].strip()
+        if f"{'/'.join(parts[1:] or parts)} {begin}" not in shown:
+            missing.append(f"{path.name}: {begin}")
+    assert missing == []
 
 
 def test_answers_name_what_is_there() -> None:

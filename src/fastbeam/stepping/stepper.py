@@ -41,7 +41,7 @@ from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.terms import Corner, Growing, put_limits, system_of, terms_of
 
 Array = np.ndarray
-# of theory.md (5.5), chosen by docs/stress.md
+# of theory.md (5.5), chosen by docs/reports/stress.md
 AUGMENTATION = 1e7
 # a force moves nothing where the compliance of the parts that it joins is below this share of h^2/(mass of the scene)
 LEAST_COMPLIANCE = 1e-14
