@@ -22,7 +22,7 @@ help:
 	@echo "make pictures   run all tutorials and examples of the gallery, and draw their pictures anew"
 	@echo "make study      compare methods of time integration, and error against run time (docs/reports)"
 	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/reports/peers.png)"
-	@echo "make perf       the benchmark suite (perf/suite.py); values as JSON in $(OUT)/perf.json"
+	@echo "make perf       the benchmark suite (perf/suite/regression.py); values as JSON in $(OUT)/perf.json"
 	@echo "make perf-compare BASE=revision   the suite on this state and on another in turn; fails where this one is slower"
 	@echo "make perf-limits   scaling, roofline and goals (docs/reports/performance.md); needs a quiet machine and an hour"
 	@echo "make clean      remove $(VENV), $(OUT) and caches"
@@ -66,17 +66,17 @@ peers: $(VENV)/.installed .peers/.installed
 
 perf: $(VENV)/.installed
 	@mkdir -p $(OUT)
-	$(BIN)/python perf/suite.py --large --json $(OUT)/perf.json
+	$(BIN)/python perf/suite/regression.py --large --json $(OUT)/perf.json
 
 perf-compare: $(VENV)/.installed
 	@test -n "$(BASE)" || { echo "perf-compare: name a revision, as in make perf-compare BASE=main~5"; exit 2; }
-	$(BIN)/python perf/compare.py $(BASE)
+	$(BIN)/python perf/suite/compare.py $(BASE)
 
 perf-limits: $(VENV)/.installed
 	@mkdir -p $(OUT)
-	$(BIN)/python perf/roofline.py --json $(OUT)/roofline.json
-	$(BIN)/python perf/goals.py --large --json $(OUT)/goals.json
-	$(BIN)/python perf/scaling.py --json $(OUT)/scaling.json
+	$(BIN)/python perf/limits/roofline.py --json $(OUT)/roofline.json
+	$(BIN)/python perf/limits/goals.py --large --json $(OUT)/goals.json
+	$(BIN)/python perf/limits/scaling.py --json $(OUT)/scaling.json
 
 # the first Python in the list that is recent enough makes the environment
 $(BIN)/python:

@@ -1,5 +1,5 @@
 """Tests that run for long, or compile kernels of their own for long beside others of their kind, are slow ones:
-`slow_variants.txt` lists them, `python perf/test_times.py` measures them."""
+`slow_variants.txt` lists them, `python perf/suite/test_times.py` measures them."""
 from __future__ import annotations
 
 import os

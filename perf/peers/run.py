@@ -16,13 +16,13 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-sys.path.insert(0, str(HERE))
+sys.path.insert(0, str(ROOT))
 
-from cases import BAR, ERRORS, PEERS, QUICK_REFERENCE, REFERENCE, SCENES, Sweep, full, quick  # noqa: E402
-from environments import trouble  # noqa: E402
-from front import distance  # noqa: E402
-from judge import LENGTH, TITLE, Verdict, fronts, notes, points, ratio, table, verdict  # noqa: E402
-from session import key, machine, mixed, run, short  # noqa: E402
+from perf.peers.cases import BAR, ERRORS, PEERS, QUICK_REFERENCE, REFERENCE, SCENES, Sweep, full, quick  # noqa: E402
+from perf.peers.environments import trouble  # noqa: E402
+from perf.peers.front import distance  # noqa: E402
+from perf.peers.judge import LENGTH, TITLE, Verdict, fronts, notes, points, ratio, table, verdict  # noqa: E402
+from perf.peers.session import key, machine, mixed, run, short  # noqa: E402
 
 ENERGY = {"fastbeam": {"elements": 8, "degree": 3, "step": 0.01, "order": 2, "cable": True, "energy": True},
           "exudyn": {"elements": 8, "step": 0.0005, "solver": "trapezoidal", "dim": 2}}
@@ -133,7 +133,7 @@ def main() -> int:
     out = options.redo or options.out
     out.with_suffix(".md").write_text(text)
     try:
-        from picture import draw
+        from perf.peers.picture import draw
         draw(verdicts, options.clock, options.picture)
     except ImportError as error:
         print(f"no picture: {error}")

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cases import Settings
-from environments import environment, interpreter
+from perf.peers.cases import Settings
+from perf.peers.environments import environment, interpreter
 
 PROGRAMS = Path(__file__).resolve().parent / "programs"
 TIMEOUT = 900.0  # s

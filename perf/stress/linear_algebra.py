@@ -21,7 +21,7 @@ from fastbeam.linalg.linear_system import LinearSystem
 from fastbeam.linalg.mkl import load_mkl
 from fastbeam.linalg.pattern import Pattern, build_pattern
 from fastbeam.stepping.stepper import Stepper
-from table import Row
+from perf.stress.table import Row
 
 Array = np.ndarray
 QUIET: dict[str, Any] = {"every": 1, "snapshots": 0, "progress": False}

@@ -45,6 +45,12 @@ def test_no_file_names_an_absolute_path() -> None:
     assert [f"{name_of(path)}:{k}" for path in TEXT_FILES for k, line in enumerate(lines(path), 1) if ABSOLUTE.search(line)] == []
 
 
+def test_files_of_perf_that_texts_name_exist() -> None:
+    named = {(name_of(path), file) for path in [*TEXT_FILES, ROOT / "CHANGELOG.md"]
+             for file in re.findall(r"\bperf/[\w/]+\.py\b", path.read_text(encoding="utf-8"))}
+    assert len(named) > 100 and [pair for pair in named if not (ROOT / pair[1]).exists()] == []
+
+
 def test_nothing_is_left_unfinished() -> None:
     found = [f"{name_of(path)}:{k}: {word}" for path in PYTHON_FILES for k, line in enumerate(lines(path), 1)
              for word in FORBIDDEN if word in line]

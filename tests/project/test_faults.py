@@ -21,14 +21,12 @@ import fastbeam as fb
 from fastbeam.kernels.jit import cache as _folder, decorators as _jit, sealed as _sealed
 from fastbeam.results import hdf5_reader as reading, hdf5_writer as store
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-sys.path.insert(0, str(Path(__file__).parents[2] / "perf" / "stress"))
-from small_scenes import bead  # noqa: E402
+from small_scenes import bead
 
 pytest.importorskip("h5py")
-from counted import peak_bytes
+from counted import peak_bytes  # noqa: E402
 from hostile_files import HOSTILE, make_hostile  # noqa: E402
-from victims import long_rail  # noqa: E402
+from perf.stress.victims import long_rail  # noqa: E402
 
 H = 0.01
 VICTIMS = Path(__file__).parents[2] / "perf" / "stress" / "victims.py"

@@ -1,30 +1,16 @@
 """Fronts, times at wanted errors and extrapolated limits of perf/peers, without any peer."""
 from __future__ import annotations
 
-import importlib.util
 import math
 import re
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
+from perf.peers import front as peers, names
+from perf.peers.environments import trouble
 
-def load() -> ModuleType:
-    """perf/peers/front.py; perf is no package."""
-    path = Path(__file__).resolve().parents[2] / "perf" / "peers" / "front.py"
-    spec = importlib.util.spec_from_file_location("peers_front", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # dataclasses look their module up
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-peers = load()
 Run = peers.Run
 
 
@@ -96,11 +82,8 @@ def test_distance_is_the_largest_over_all_points_relative_to_the_length() -> Non
 @pytest.mark.slow  # where the environment of the peer is made
 def test_names_and_program_of_the_page_for_those_who_come_from_exudyn(
         capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "perf" / "peers"))
     # Exudyn writes a folder `solution` where it stands
     monkeypatch.chdir(tmp_path)
-    names = importlib.import_module("names")
-    trouble = importlib.import_module("environments").trouble
     if trouble("exudyn"):
         pytest.skip("exudyn is not installed: python perf/peers/environments.py exudyn")
     assert len(names.names()) > 25

@@ -1,4 +1,4 @@
-"""perf/scaling.py, roofline.py and goals.py: counted operations and bytes against sums by hand, verdicts on made-up numbers, and
+"""Scaling, roofline and goals of perf/limits: counted operations and bytes against sums by hand, verdicts on made-up numbers, and
 quick forms for real."""
 from __future__ import annotations
 
@@ -22,20 +22,11 @@ from fastbeam.kernels.terms import Conserving
 from fastbeam.model.model import Model
 from fastbeam.model.workspace import work_of
 from fastbeam.stepping.stepper import Stepper
+from perf import printing
+from perf.cases import net_step
+from perf.limits import ceilings, counting, goals, parts, roofline, scaling, traffic
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "perf"))
-
-import ceilings  # noqa: E402
-import counting  # noqa: E402
-import goals  # noqa: E402
-import net_step  # noqa: E402
-import parts  # noqa: E402
-import printing  # noqa: E402
-import roofline  # noqa: E402
-import scaling  # noqa: E402
-import traffic  # noqa: E402
-
 STEP = 1e-3
 
 
@@ -313,9 +304,9 @@ def test_a_table_and_a_picture_come_from_a_file(tmp_path: Path, capsys: pytest.C
 
 
 def command(name: str, tmp_path: Path, *options: str) -> dict[str, Any]:
-    """What a command of perf/ writes to its JSON file."""
+    """What a command of perf/limits writes to its JSON file."""
     file = tmp_path / "out.json"
-    done = subprocess.run([sys.executable, str(ROOT / "perf" / name), "--quick", "--json", str(file), *options],
+    done = subprocess.run([sys.executable, str(ROOT / "perf" / "limits" / name), "--quick", "--json", str(file), *options],
                           capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads(file.read_text())

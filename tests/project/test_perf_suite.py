@@ -8,11 +8,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "perf"))
+from perf.suite import compare, regression
 
-import compare  # noqa: E402
-import suite  # noqa: E402
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize(("pairs", "verdict"), [
@@ -39,7 +37,7 @@ def made_up(base: dict[str, dict[str, float] | str], here: dict[str, dict[str, f
         values = (base if source else here)[name]
         return values if isinstance(values, str) else {key: (x, "us") for key, x in values.items()}
 
-    monkeypatch.setattr(suite, "measure", measure)
+    monkeypatch.setattr(regression, "measure", measure)
     monkeypatch.setattr(compare, "checkout", lambda revision, folder: folder / "src")
     monkeypatch.setattr(sys, "argv", ["compare.py", "base", *here, *options])
     return compare.main()
@@ -76,11 +74,11 @@ def test_a_bar_is_a_ratio(bar: str, monkeypatch: pytest.MonkeyPatch, capsys: pyt
 
 
 def test_cases_are_chosen_by_name_or_size() -> None:
-    assert suite.chosen(["planar", "beam"], False) == ["beam", "planar"]
-    assert "large net" not in suite.chosen([], False)
-    assert suite.chosen([], True) == list(suite.CASES)
+    assert regression.chosen(["planar", "beam"], False) == ["beam", "planar"]
+    assert "large net" not in regression.chosen([], False)
+    assert regression.chosen([], True) == list(regression.CASES)
     with pytest.raises(SystemExit, match="no case is called 'bean': choose from beam, "):
-        suite.chosen(["bean"], False)
+        regression.chosen(["bean"], False)
 
 
 def test_an_unknown_revision_is_named(tmp_path: Path) -> None:
@@ -89,7 +87,7 @@ def test_an_unknown_revision_is_named(tmp_path: Path) -> None:
 
 
 def test_a_case_runs_in_its_own_process() -> None:
-    found = suite.measure("statics")
+    found = regression.measure("statics")
     assert not isinstance(found, str), found
     assert found["whole"][0] > 0.0 and found["whole"][1] == "ms"
     assert found["iterations"][0] >= 3.0
@@ -97,21 +95,22 @@ def test_a_case_runs_in_its_own_process() -> None:
 
 def test_a_case_that_fails_says_why(tmp_path: Path) -> None:
     (tmp_path / "fastbeam.py").write_text("raise RuntimeError('not this one')\n")
-    assert suite.measure("beam", tmp_path) == "RuntimeError: not this one"
+    assert regression.measure("beam", tmp_path) == "RuntimeError: not this one"
 
 
 def test_the_list_names_every_case() -> None:
-    done = subprocess.run([sys.executable, str(ROOT / "perf" / "suite.py"), "--list"], capture_output=True, text=True, check=True)
-    assert [line[:16].strip() for line in done.stdout.splitlines()] == list(suite.CASES)
+    command = [sys.executable, str(ROOT / "perf" / "suite" / "regression.py"), "--list"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert [line[:16].strip() for line in done.stdout.splitlines()] == list(regression.CASES)
 
 
 @pytest.mark.parametrize("kind", ["plane", "space"])
 def test_memory_of_a_slider_keeps_its_bar_whatever_their_number(kind: str) -> None:
     import numpy as np
-    import sliders
 
     import fastbeam as fb
     from fastbeam.stepping.stepper import Stepper
+    from perf.cases import sliders
     taken = {}
     for n in (16, 64, 128):
         model = fb.compile_scene(sliders.cable(n, 3, "c1"), planar=kind == "plane", condense=False)

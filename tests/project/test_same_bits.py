@@ -1,18 +1,11 @@
-"""perf/same_bits.py: hashes see the last bit, verdicts count what both have, and private modules are found where they are."""
+"""Comparison of bits: hashes see the last bit, verdicts count what both have, and private modules are found where they are."""
 from __future__ import annotations
-
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "perf"))
-
-import places  # noqa: E402
-import same_bits  # noqa: E402
-import same_bits_cases  # noqa: E402
+from perf import places
+from perf.suite import same_bits, same_bits_cases
 
 
 def test_hashes_see_the_last_bit_and_no_clock() -> None:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from validate.invariants import rail
-from validate.time_order import T_END, soft_scene
+from perf.validation.invariants import rail
+from perf.validation.time_order import T_END, soft_scene
 
 import fastbeam as fb
 from fastbeam.model.model import Model

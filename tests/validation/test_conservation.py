@@ -3,8 +3,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from validate import misses
-from validate.invariants import check_beam_slider, check_body_slider, check_mass_slider, fly, mass_scene
+from perf.validation import misses
+from perf.validation.invariants import check_beam_slider, check_body_slider, check_mass_slider, fly, mass_scene
 
 
 def test_a_mass_sliding_on_a_free_beam_conserves_energy_momenta_and_gap() -> None:

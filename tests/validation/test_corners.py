@@ -1,18 +1,11 @@
 """Corners of parameters and of linear algebra: the fast core of `perf/stress`; right, or refused with the reason."""
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import fastbeam as fb
-
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / "perf" / "stress")]
-import drift  # noqa: E402
-import linear_algebra  # noqa: E402
-import parameters  # noqa: E402
+from perf.stress import drift, linear_algebra, parameters
 
 
 def wrong(rows: object) -> list[str]:

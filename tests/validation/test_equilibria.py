@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from validate import check, misses
-from validate.equilibria import check_bend45, check_cantilever, check_helix, check_rollup, check_slenderness, helix
-from validate.rows import reference
+from perf.validation import check, misses
+from perf.validation.equilibria import check_bend45, check_cantilever, check_helix, check_rollup, check_slenderness, helix
+from perf.validation.rows import reference
 
 
 def test_cantilevers_agree_with_exact_reissner_values_to_ten_digits() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from validate.rows import reference
+from perf.validation.rows import reference
 
 Array = np.ndarray
 EXACT = reference("sliding_exact")

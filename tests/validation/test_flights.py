@@ -1,9 +1,9 @@
 """Dynamics without sliders meets a spectral code; the step has its orders."""
 from __future__ import annotations
 
-from validate import misses
-from validate.flights import check_free_flight, check_frequencies, check_spaghetti
-from validate.time_order import check_time_order
+from perf.validation import misses
+from perf.validation.flights import check_free_flight, check_frequencies, check_spaghetti
+from perf.validation.time_order import check_time_order
 
 
 def test_positions_converge_with_orders_two_and_four_in_time() -> None:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import pytest
-from validate import CHECKS, STUDIES, check, misses
+from perf.validation import CHECKS, STUDIES, check, misses
 
 
 @pytest.mark.slow

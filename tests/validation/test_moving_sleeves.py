@@ -2,18 +2,12 @@
 bent rod drives a sleeve with (both exact), telescopes, and meshes that stand still, which come to the same."""
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import fastbeam as fb
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "perf"))
-from moving_mesh import ROD as SECTION  # noqa: E402
-from moving_mesh import driven  # noqa: E402
+from perf.cases.moving_mesh import ROD as SECTION, driven
 
 Array = np.ndarray
 
@@ -86,7 +80,7 @@ def test_a_stiff_rod_in_a_body_that_turns() -> None:
 
 @pytest.mark.parametrize(("at", "force"), [(1.0, 0.0), (1.04, 2.0), (1.13, 0.0)])
 def test_a_bent_rod_drives_a_sleeve_with_the_same_force_everywhere(at: float, force: float) -> None:
-    """`python perf/moving_mesh.py driven`: at 20 places, and elements that stand, which are off by percents."""
+    """`python perf/cases/moving_mesh.py driven`: at 20 places, and elements that stand, which are off by percents."""
     found, exact = driven(at, True, force)
     print(f"at {at} m: {found:.9f} N, exact {exact:.9f} N")
     assert abs(found / exact - 1.0) < 2e-7

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 from fastbeam.kernels.loop import has_converged, next_increment
-from validate import Row, misses
-from validate.tangents import check_newton, exponent
+from perf.validation import Row, misses
+from perf.validation.tangents import check_newton, exponent
 
 
 def test_newton_converges_quadratically_in_every_kind_of_scene() -> None:

@@ -2,8 +2,6 @@
 from __future__ import annotations
 
 import os
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +9,10 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 
 import fastbeam as fb
-
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / "perf")]
-import ropeway  # noqa: E402
-from exchange import balanced  # noqa: E402
-from naive import Step, Twin, cayley_vector  # noqa: E402
-from scene_strategies import DrawnPath, build_path, paths  # noqa: E402
+from exchange import balanced
+from naive import Step, Twin, cayley_vector
+from perf.cases import ropeway
+from scene_strategies import DrawnPath, build_path, paths
 
 SECTION = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=500, EI2=500, EI3=500, rhoA=1, rhoI2=0.1, rhoI3=0.1)
 SOFT = fb.Section(EA=1e6, GA2=4e5, GA3=4e5, GJ=10, EI2=10, EI3=10, rhoA=1, rhoI2=1e-4, rhoI3=1e-4)

@@ -8,8 +8,8 @@ import fastbeam as fb
 import numpy as np
 import pytest
 from restarts import assert_goes_on
-from validate import misses
-from validate.sections import check_sections
+from perf.validation import misses
+from perf.validation.sections import check_sections
 
 Array = np.ndarray
 BAR = fb.Section.circle(radius=0.02, E=2e8, rho=1200.0)

@@ -10,7 +10,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.model.mapping import contact
-from validate.rows import reference
+from perf.validation.rows import reference
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from exchange import balanced  # noqa: E402

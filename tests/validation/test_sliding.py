@@ -1,9 +1,9 @@
 """Sliding contact meets exact solutions and other programs."""
 from __future__ import annotations
 
-from validate import misses
-from validate.beads import check_beads
-from validate.sliding import check_ring_on_cable, check_slide_cantilever, check_slide_isolated
+from perf.validation import misses
+from perf.validation.beads import check_beads
+from perf.validation.sliding import check_ring_on_cable, check_slide_cantilever, check_slide_isolated
 
 
 def test_a_ring_on_a_hanging_cable_agrees_with_another_program() -> None:

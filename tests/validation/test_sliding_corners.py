@@ -1,18 +1,13 @@
 """Corners of sliding contact: cases of `perf/stress/sliding.py`, and what was wrong there once."""
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import fastbeam as fb
 from fastbeam.compile import projection
-
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / "perf" / "stress")]
-import sliding  # noqa: E402
-from naive import Step, Twin, cayley_vector  # noqa: E402
+from naive import Step, Twin, cayley_vector
+from perf.stress import sliding
 
 CASES = {case.name: case for part in sliding.PARTS for case in part()}
 QUICK = ["contact force swings through zero", "at rest without load", "mass of 1e-12 kg", "mass of 1e+09 kg",

@@ -1,17 +1,12 @@
 """Taut thin ropes: right by default. Once invariants stayed at round-off while a rope let its load fall by 40 m."""
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / "perf" / "stress")]
-
-import fastbeam as fb  # noqa: E402
-import taut  # noqa: E402
-from fastbeam.statics.load_steps import LoadSteps  # noqa: E402
+import fastbeam as fb
+from fastbeam.statics.load_steps import LoadSteps
+from perf.stress import taut
 
 
 def wrong(rows: object) -> list[str]:
