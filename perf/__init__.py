@@ -7,6 +7,6 @@
 - `stress`: attempts to break the package
 - `validation`: every bar of accuracy
 
-Modules are imported from the top of the repository, as `perf.suite.compare`, which commands put on the path. `places`, `printing`
-and `processes` are for all of them.
+Modules are imported from the top of the repository, as `perf.suite.compare`, which commands put on the path. `machine`, `places`,
+`printing` and `processes` are for all of them.
 """

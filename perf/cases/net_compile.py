@@ -14,7 +14,6 @@ os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", 
 
 import argparse  # noqa: E402
 import json  # noqa: E402
-import resource  # noqa: E402
 import subprocess  # noqa: E402
 import sys  # noqa: E402
 import time  # noqa: E402
@@ -28,6 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "src")]
 
 import fastbeam as fb  # noqa: E402
+from perf.machine import peak  # noqa: E402
 from perf.places import module, private  # noqa: E402
 
 numbered = module("numbered")
@@ -64,11 +64,6 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float]:
     begin = time.perf_counter()
     result = work()
     return result, time.perf_counter() - begin
-
-
-def peak() -> float:
-    """Largest resident memory of this process so far, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 def watched(spent: dict[str, float]) -> None:

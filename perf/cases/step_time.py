@@ -12,7 +12,6 @@ import os
 os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")})
 
 import argparse  # noqa: E402
-import subprocess  # noqa: E402
 import sys  # noqa: E402
 import tempfile  # noqa: E402
 import time  # noqa: E402
@@ -34,17 +33,6 @@ SAME = 1e-9  # of the length, after COMPARED steps
 COMPARED = 40
 STEP = 0.01
 ELEMENTS = 20
-SMALL_SCENE = """
-import time
-begin = time.perf_counter()
-import fastbeam as fb
-section = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
-beam = fb.Beam.straight("rail", (0, 0, 0), (1, 0, 0), section=section, elements=4)
-mass = fb.PointMass("bead", mass=0.1)
-model = fb.compile_scene(fb.Scene(beam, mass, fb.Slider("run", mass, beam, at=0.3, rate=1.0)))
-fb.simulate(model, t_end=0.001, step=0.001, progress=False)
-print(time.perf_counter() - begin)
-"""
 
 
 def spinning_beam(degree: int, elements: int = ELEMENTS) -> tuple[fb.Beam, fb.Model]:
@@ -98,22 +86,17 @@ def difference(beam: fb.Beam, model: fb.Model) -> float:
     return float(np.max(np.abs(stepper.state.q - plain.q.reshape(-1)))) / beam.length
 
 
-def fresh(code: str, **environment: str) -> float:
-    """Number that a fresh process prints last."""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
-                          env={**os.environ, "PYTHONPATH": str(ROOT / "src"), **environment})
-    return float(done.stdout.split()[-1])
-
-
 def start_up(cold: bool) -> None:
     """Print what a fresh process takes."""
-    light = "import time; t = time.perf_counter(); import fastbeam; print(time.perf_counter() - t)"
-    print(f"import fastbeam                            {1e3 * float(np.median([fresh(light) for _ in range(5)])):8.1f} ms")
-    fresh(SMALL_SCENE)
-    print(f"import to first step with a slider, warm   {float(np.median([fresh(SMALL_SCENE) for _ in range(5)])):8.2f} s")
+    from perf.suite.regression import fresh
+    source = {"PYTHONPATH": str(ROOT / "src")}
+    fresh(**source)
+    light, whole = np.median([fresh(**source) for _ in range(5)], axis=0)
+    print(f"import fastbeam                            {1e3 * light:8.1f} ms")
+    print(f"import to first step with a slider, warm   {whole:8.2f} s")
     if cold:
         with tempfile.TemporaryDirectory() as folder:
-            print(f"import to first step with a slider, cold   {fresh(SMALL_SCENE, FASTBEAM_CACHE_DIR=folder):8.2f} s")
+            print(f"import to first step with a slider, cold   {fresh(FASTBEAM_CACHE_DIR=folder, **source)[1]:8.2f} s")
 
 
 def main() -> int:

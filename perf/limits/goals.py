@@ -473,7 +473,7 @@ def main() -> int:
     found = [verdict for name in names for verdict in GOALS[name](m)]
     print(table(HEADER, [verdict.cells() for verdict in found], options.markdown, left=range(len(HEADER))))
     if options.json:
-        from perf.suite.regression import machine
+        from perf.machine import machine
         rows = [asdict(verdict) | {"verdict": verdict.word} for verdict in found]
         options.json.write_text(json.dumps({"machine": machine(), "goals": rows}, indent=1) + "\n")
     return sum(verdict.word == "missed" for verdict in found) if options.strict else 0

@@ -245,7 +245,7 @@ def main() -> None:
     for name, values in ceilings.facts().items():
         print(f"{name}: " + ", ".join(f"{key}: {value:.1f}" for key, value in values.items()))
     if options.json:
-        from perf.suite.regression import machine
+        from perf.machine import machine
         rows = [asdict(part) | {"share": part.share, "binds": part.binds} for part in parts]
         options.json.write_text(json.dumps({"machine": machine(), "ceilings": ceilings.facts(), "parts": rows}, indent=1) + "\n")
 

@@ -256,7 +256,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
                 rows.append(row)
                 print(f"measured: {kind}, {row['elements']} elements, {threads} threads", file=sys.stderr, flush=True)
     # sets threads of libraries when it is imported
-    from perf.suite.regression import machine
+    from perf.machine import machine
     return {"machine": machine(), "ceilings": ceilings.facts(), "largest ratio": ratio(rows), "rows": rows}
 
 

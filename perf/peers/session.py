@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import subprocess
 import time
 from collections.abc import Sequence
@@ -48,14 +47,3 @@ def mixed(queues: Sequence[Sequence[Any]]) -> list[Any]:
 def short(settings: Settings) -> str:
     """Settings as text."""
     return " ".join(f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in settings.items())
-
-
-def machine() -> dict[str, str]:
-    """What the session ran on."""
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
-        cpu = names[0] if names else cpu
-    return {"processor": cpu, "cores": str(os.cpu_count()), "system": platform.system(), "python": platform.python_version(),
-            "date": time.strftime("%Y-%m-%d")}

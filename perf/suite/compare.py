@@ -26,6 +26,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from perf.machine import machine  # noqa: E402
 from perf.suite import regression  # noqa: E402
 
 LEAST_NOISE = 0.02
@@ -104,7 +105,7 @@ def main() -> int:
         parser.error(f"--bar: must be a ratio > 0, got {options.bar}")
     names = regression.chosen(options.cases, options.large)
     failed = 0
-    report: dict[str, Any] = {"machine": regression.machine(), "base": options.base, "rounds": options.rounds, "bar": options.bar,
+    report: dict[str, Any] = {"machine": machine(), "base": options.base, "rounds": options.rounds, "bar": options.bar,
                               "values": [], "not compared": {}}
     with tempfile.TemporaryDirectory() as folder:
         found, missing = run(names, checkout(options.base, Path(folder)), options.rounds)

@@ -19,8 +19,6 @@ os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", 
 
 import argparse  # noqa: E402
 import json  # noqa: E402
-import platform  # noqa: E402
-import resource  # noqa: E402
 import subprocess  # noqa: E402
 import sys  # noqa: E402
 import tempfile  # noqa: E402
@@ -34,6 +32,9 @@ import numpy as np  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
+
+from perf.machine import machine, peak  # noqa: E402
+
 STEP = 1e-3
 Values = dict[str, tuple[float, str]]
 
@@ -69,11 +70,6 @@ def a_step(model: Any, step: float, steps: int, repeats: int = 9) -> float:
         if outcome.steps != steps:
             raise RuntimeError("the run stopped early: nothing was measured")
     return 1e6 * best
-
-
-def peak() -> float:
-    """Largest resident memory of this process so far, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 # --- cases ------------------------------------------------------------------------------------------------------------
@@ -244,21 +240,6 @@ def measure(name: str, source: Path | None = None, timeout: float = 1800.0) -> d
     if done.returncode:
         return (done.stderr.strip().splitlines() or ["no message"])[-1]
     return {key: (value, unit) for key, (value, unit) in json.loads(done.stdout.splitlines()[-1]).items()}
-
-
-def machine() -> dict[str, Any]:
-    """Processor, cores and versions."""
-    import numba
-    import scipy
-    model = platform.processor()
-    try:
-        model = next(line.split(":", 1)[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines()
-                     if line.startswith("model name"))
-    except (OSError, StopIteration):
-        pass
-    return {"processor": model, "cores": os.cpu_count(), "system": platform.system(), "python": platform.python_version(),
-            "numpy": np.__version__, "scipy": scipy.__version__, "numba": numba.__version__,
-            "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None}
 
 
 def chosen(names: list[str], large: bool) -> list[str]:
