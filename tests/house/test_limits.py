@@ -64,7 +64,7 @@ def test_words_that_one_searches_for_are_found(word: str) -> None:
     assert re.search(rf"\b{word}\b", PAGE, re.IGNORECASE)
 
 
-@pytest.mark.parametrize(("page", "link"), [("README.md", "docs/limits.md"), ("docs/how-to.md", "limits.md"),
+@pytest.mark.parametrize(("page", "link"), [("README.md", "docs/limits.md"), ("docs/how-to/index.md", "../limits.md"),
                                             ("docs/reference.md", "limits.md")])
 def test_the_page_is_linked(page: str, link: str) -> None:
     assert f"]({link})" in (ROOT / page).read_text(encoding="utf-8")

@@ -20,53 +20,56 @@ import fastbeam as fb
 ROOT = Path(__file__).resolve().parents[2]
 # what a new user types; sections that answer it; what such an answer has to name
 QUESTIONS = (
-    ("how do I damp a vibration", ("questions.html#how-do-i-damp", "how-to.html#damping", "how-to.html#drag"), "damping"),
-    ("how do I drive a slider", ("questions.html#how-do-i-drive", "how-to.html#friction-drives-and-stops"), "Drive("),
-    ("how do I stop a run", ("questions.html#how-do-i-stop", "how-to.html#stop-a-run"), "Ctrl-C"),
-    ("how do I stop a slider at the end", ("questions.html#how-do-i-stop", "how-to.html#friction-drives-and-stops",
-                                           "how-to.html#locks-releases-and-one-sided-contact",
+    ("how do I damp a vibration", ("questions.html#how-do-i-damp", "how-to/loads.html#damping",
+                                   "how-to/loads.html#drag"), "damping"),
+    ("how do I drive a slider", ("questions.html#how-do-i-drive", "how-to/sliding.html#friction-drives-and-stops"), "Drive("),
+    ("how do I stop a run", ("questions.html#how-do-i-stop", "how-to/running.html#stop-a-run"), "Ctrl-C"),
+    ("how do I stop a slider at the end", ("questions.html#how-do-i-stop", "how-to/sliding.html#friction-drives-and-stops",
+                                           "how-to/sliding.html#locks-releases-and-one-sided-contact",
                                            "tutorials/crane.html#what-if-nobody-stops-it",
                                            "tutorials/telescope.html#at-its-stop-it-latches"), "Stops("),
-    ("how do I read a moment", ("questions.html#how-do-i-read", "how-to.html#read-forces-out"), "section_forces"),
-    ("how do I export", ("questions.html#how-do-i-export", "how-to.html#paraview-pandas"), "to_vtk"),
-    ("how do I find modes", ("questions.html#how-do-i-find-natural", "how-to.html#find-frequencies-and-modes"), "modes("),
-    ("how do I run 100 cases", ("questions.html#how-do-i-run-100", "how-to.html#many-runs"), "sweep("),
-    ("how do I restart", ("questions.html#how-do-i-restart", "how-to.html#go-on-from-where-a-run-stopped"), "checkpoint"),
-    ("why is it not planar", ("questions.html#why-is-it-not-planar", "how-to.html#scenes-in-a-plane"), "not_planar"),
-    ("how do I add my force", ("questions.html#how-do-i-add-my-force", "how-to.html#forces-of-your-own"), "UserForce("),
+    ("how do I read a moment", ("questions.html#how-do-i-read", "how-to/results.html#read-forces-out"), "section_forces"),
+    ("how do I export", ("questions.html#how-do-i-export", "how-to/results.html#paraview-pandas"), "to_vtk"),
+    ("how do I find modes", ("questions.html#how-do-i-find-natural", "how-to/statics.html#find-frequencies-and-modes"), "modes("),
+    ("how do I run 100 cases", ("questions.html#how-do-i-run-100", "how-to/nets.html#many-runs"), "sweep("),
+    ("how do I restart", ("questions.html#how-do-i-restart", "how-to/running.html#go-on-from-where-a-run-stopped"), "checkpoint"),
+    ("why is it not planar", ("questions.html#why-is-it-not-planar", "how-to/scenes.html#scenes-in-a-plane"), "not_planar"),
+    ("how do I add my force", ("questions.html#how-do-i-add-my-force", "how-to/loads.html#forces-of-your-own"), "UserForce("),
     ("how do I install fastbeam", ("questions.html#how-do-i-install",), "pip install"),
     ("python version", ("questions.html#which-python",), "Python 3.11"),
-    ("how long does it take to compile", ("questions.html#why-is-the-first-run-slow", "how-to.html#environment"), "warmup"),
+    ("how long does it take to compile", ("questions.html#why-is-the-first-run-slow", "how-to/nets.html#environment"), "warmup"),
     ("how do I define a cross section", ("questions.html#how-do-i-define",), "Section.circle("),
     ("how do I make a curved beam", ("questions.html#how-do-i-make",), "Beam.arc("),
-    ("how do I model a cable", ("questions.html#how-do-i-model-a-cable", "how-to.html#ropes-and-cables"), "Section.circle"),
+    ("how do I model a cable", ("questions.html#how-do-i-model-a-cable",
+                                "how-to/scenes.html#ropes-and-cables"), "Section.circle"),
     ("natural frequency of a string", ("questions.html#how-do-i-model-a-cable",
                                        "questions.html#how-do-i-find-natural"), "modes("),
     ("how do I connect two beams", ("questions.html#how-do-i-connect",), "RigidConnection("),
-    ("how do I model a hinge with a motor", ("questions.html#how-do-i-model-a-hinge", "how-to.html#joints-with-axes"), "torque="),
+    ("how do I model a hinge with a motor", ("questions.html#how-do-i-model-a-hinge",
+                                              "how-to/joints.html#joints-with-axes"), "torque="),
     ("how do I fix a node", ("questions.html#how-do-i-fix",), "Clamp("),
-    ("reaction force at a support", ("questions.html#how-do-i-fix", "how-to.html#read-forces-out"), "reaction"),
+    ("reaction force at a support", ("questions.html#how-do-i-fix", "how-to/results.html#read-forces-out"), "reaction"),
     ("how do I add gravity", ("questions.html#how-do-i-add-gravity",), "gravity=("),
     ("how do I apply a force that changes in time", ("questions.html#how-do-i-apply-a-force",), "time=lambda"),
     ("follower force", ("questions.html#how-do-i-apply-a-follower", "limits.html#forces"), "UserForce"),
-    ("how do I set the initial velocity", ("questions.html#how-do-i-set", "how-to.html#build-a-scene"), "RigidMotion"),
+    ("how do I set the initial velocity", ("questions.html#how-do-i-set", "how-to/scenes.html#build-a-scene"), "RigidMotion"),
     ("how do I choose the time step", ("questions.html#how-do-i-choose",), "tolerance="),
-    ("how many elements", ("questions.html#how-many", "how-to.html#ropes-and-cables"), "elements"),
+    ("how many elements", ("questions.html#how-many", "how-to/scenes.html#ropes-and-cables"), "elements"),
     ("why does my simulation not converge", ("questions.html#why-does-my-simulation",
-                                             "how-to.html#when-a-step-fails"), "smaller step"),
+                                             "how-to/running.html#when-a-step-fails"), "smaller step"),
     ("how do I add friction", ("questions.html#how-do-i-add-friction",), "friction=0.3"),
     ("how do I model a pulley", ("questions.html#how-do-i-model-a-pulley",), "Slider("),
     ("contact between beams", ("questions.html#how-do-i-model-contact", "limits.html#supports-joints-contact"), "Crossing"),
     ("how do I do a static analysis", ("questions.html#how-do-i-do-a-static",
-                                      "how-to.html#find-an-equilibrium"), "solve_static("),
-    ("buckling load", ("questions.html#how-do-i-do-a-static", "how-to.html#go-through-a-snap"), "solve_path("),
+                                      "how-to/statics.html#find-an-equilibrium"), "solve_static("),
+    ("buckling load", ("questions.html#how-do-i-do-a-static", "how-to/statics.html#go-through-a-snap"), "solve_path("),
     ("how do I plot the shape", ("questions.html#how-do-i-plot",), "plot_shapes("),
-    ("how do I make a video", ("questions.html#how-do-i-plot", "how-to.html#pictures-and-films"), "animate("),
-    ("how do I save a result to a file", ("questions.html#how-do-i-save", "how-to.html#files"), "save("),
-    ("how do I load a result", ("questions.html#how-do-i-save", "how-to.html#files"), "load_result("),
+    ("how do I make a video", ("questions.html#how-do-i-plot", "how-to/results.html#pictures-and-films"), "animate("),
+    ("how do I save a result to a file", ("questions.html#how-do-i-save", "how-to/results.html#files"), "save("),
+    ("how do I load a result", ("questions.html#how-do-i-save", "how-to/results.html#files"), "load_result("),
     ("how do I print the energy", ("questions.html#how-do-i-print",), "table()"),
     ("how do I get the force in a spring", ("questions.html#how-do-i-get-the-force",
-                                            "how-to.html#springs-dampers-bushings"), "spring("),
+                                            "how-to/joints.html#springs-dampers-bushings"), "spring("),
     ("what is a director", ("questions.html#what-is-a-director", "glossary.html", "theory.html#1-configuration"), "d1"),
     ("rotation angles of a node", ("questions.html#what-is-a-director",), "Rotation.from_matrix"),
     ("change a parameter and run again", ("questions.html#how-do-i-run-100",), "sweep("),
@@ -145,22 +148,23 @@ def test_the_architecture_lists_every_file_with_what_it_holds(site: Path) -> Non
     assert missing == []
 
 
-def test_answers_name_what_is_there() -> None:
-    """Every call of an answer exists and has the arguments that it is given."""
-    text = (ROOT / "docs" / "questions.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"(?:^    .*\n(?:\n(?=    ))?)+", text, flags=re.MULTILINE)
-    assert len(blocks) >= 25
+@pytest.mark.parametrize(("pages", "least"), [("questions.md", 40), ("how-to/*.md", 180)])
+def test_answers_and_recipes_name_what_is_there(pages: str, least: int) -> None:
+    """Every call of a program on these pages exists and has the arguments that it is given."""
     calls = 0
-    for block in blocks:
-        for node in ast.walk(ast.parse(textwrap.dedent(block))):
-            if isinstance(node, ast.Call) and re.fullmatch(r"fb(\.\w+)+", ast.unparse(node.func)):
-                call = fb
-                for name in ast.unparse(node.func).split(".")[1:]:
-                    call = getattr(call, name)
-                given = {x.arg for x in node.keywords}
-                assert given <= set(inspect.signature(call).parameters), ast.unparse(node)
-                calls += 1
-    assert calls > 40
+    for page in sorted((ROOT / "docs").glob(pages)):
+        for block in re.findall(r"(?:^    .*\n(?:\n(?=    ))?)+", page.read_text(encoding="utf-8"), flags=re.MULTILINE):
+            if re.match(r"    (python -m|fastbeam:) ", block):                # commands, and what they print
+                continue
+            for node in ast.walk(ast.parse(textwrap.dedent(block))):
+                if isinstance(node, ast.Call) and re.fullmatch(r"fb(\.\w+)+", ast.unparse(node.func)):
+                    call = fb
+                    for name in ast.unparse(node.func).split(".")[1:]:
+                        call = getattr(call, name)
+                    given = {x.arg for x in node.keywords}
+                    assert given <= set(inspect.signature(call).parameters), f"{page.name}: {ast.unparse(node)}"
+                    calls += 1
+    assert calls > least
 
 
 def test_every_address_of_an_answer_exists(sections: dict[str, dict[str, str]]) -> None:

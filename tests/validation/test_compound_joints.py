@@ -319,9 +319,9 @@ def test_a_cross_in_its_plane_moves_as_in_space(about: int) -> None:
     assert np.all(ends[0][:, 1 - about] == ends[0][0, 1 - about])
 
 
-# ------------------------------------------------------------------------------------------------ how-to.md, refusals
+# ----------------------------------------------------------------------------------------- how-to/joints.md, refusals
 def test_the_recipe_runs() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "joints.md").read_text(encoding="utf-8")
     recipe = page.split("A shaft that a motor turns through a cross with dampers")[1].split("\n\n")[1]
     found: dict[str, Any] = {"fb": fb}
     exec(textwrap.dedent(recipe), found)

@@ -101,9 +101,9 @@ def test_what_a_controller_cannot_do_is_said() -> None:
         run(model, cart, 1.0, PERIOD)
 
 
-def recipe(title: str) -> dict[str, Any]:
-    """What the program of a section of the how-to page leaves behind."""
-    page = (Path(__file__).resolve().parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+def recipe(page_name: str, title: str) -> dict[str, Any]:
+    """What the program of a section of a how-to page leaves behind."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "how-to" / f"{page_name}.md").read_text(encoding="utf-8")
     body = page.split(f"## {title}\n")[1].split("\n## ")[0]
     code = "\n".join(line[4:] for line in body.split("\n- ")[0].splitlines() if line.startswith("    ") or not line)
     found: dict[str, Any] = {"fb": fb, "np": np}
@@ -112,13 +112,13 @@ def recipe(title: str) -> dict[str, Any]:
 
 
 def test_the_recipe_of_controllers_works() -> None:
-    found = recipe("Controllers")
+    found = recipe("loads", "Controllers")
     assert abs(found["moved"].point("cart")[-1, 0] - 0.2) < 0.02
 
 
 @pytest.mark.slow
 def test_the_recipe_of_winches_works() -> None:
-    found = recipe("Winches")
+    found = recipe("joints", "Winches")
     assert abs(found["rope"]["length"][-1] - (49.978 - 0.125)) < 1e-9 and found["lifted"].drift("balance") < 1e-12
     assert np.all(np.abs(found["pull"][1:-1] - 5500.0) < 800.0)
 

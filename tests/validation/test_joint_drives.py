@@ -393,9 +393,9 @@ def test_springs_of_a_cylindrical_joint_swing_with_both_frequencies() -> None:
     assert result.balance()["damper of joint 'guide'"][-1] == found["loss"][-1]
 
 
-# -------------------------------------------------------------------------------------------------------------- how-to.md
+# ------------------------------------------------------------------------------------------------------- how-to/joints.md
 def test_the_recipe_runs() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "joints.md").read_text(encoding="utf-8")
     recipe = page.split("An arm that is swung to a given angle")[1].split("\n\n")[1]
     found: dict[str, Any] = {"fb": fb}
     exec(textwrap.dedent(recipe), found)

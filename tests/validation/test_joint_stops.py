@@ -400,10 +400,10 @@ def test_a_controller_without_a_limit_is_of_order_four_by_two_runs() -> None:
     assert np.log2(errors[0] / errors[1]) > 3.7 and errors[1] < 1e-6
 
 
-# -------------------------------------------------------------------------------------------------------------- how-to.md
+# ------------------------------------------------------------------------------------------------------- how-to/joints.md
 @pytest.mark.slow
 def test_the_recipe_runs() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "joints.md").read_text(encoding="utf-8")
     recipe = page.split("A gate that a motor with a largest torque swings against its stops")[1].split("\n\n")[1]
     found: dict[str, Any] = {"fb": fb}
     exec(textwrap.dedent(recipe), found)

@@ -377,7 +377,7 @@ def test_a_cantilever_on_an_elastic_foundation_of_bushings(planar: bool) -> None
 
 def test_the_recipes_of_the_how_to() -> None:
     """The code of its section on springs runs, and gives what its text says."""
-    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "joints.md").read_text(encoding="utf-8")
     section = page.split("\n## Springs, dampers, bushings\n")[1].split("\n## ")[0]
     code = "\n".join(line[4:] for line in section.splitlines() if line.startswith("    "))
     found: dict[str, Any] = {"fb": fb}
