@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 # the order of files is that of tests/conftest.py; a process that crashes is a defect (CONTRIBUTING.md): the run ends there
 PARALLEL := -q -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart=0
 # what `make test-plain` runs: masses on rods by every method and solver; numba alone compiles for minutes
-PLAIN_TESTS ?= tests/unit/test_distance_joint.py
+PLAIN_TESTS ?= tests/validation/test_distance_joint.py
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
 .PHONY: help demo test test-slow test-plain lint api docs pictures study peers perf perf-compare perf-limits clean
@@ -20,19 +20,19 @@ help:
 	@echo "make api        write the list of public names and arguments anew (tests/public_api.txt)"
 	@echo "make docs       the pages of docs/ as a site in $(OUT)/site"
 	@echo "make pictures   run all tutorials and examples of the gallery, and draw their pictures anew"
-	@echo "make study      compare methods of time integration, and error against run time (docs/study.md, docs/work-precision.md)"
-	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/peers.png)"
-	@echo "make perf       the benchmark suite (perf/suite.py); values as JSON in $(OUT)/perf.json"
+	@echo "make study      compare methods of time integration, and error against run time (docs/reports)"
+	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/reports/peers.png)"
+	@echo "make perf       the benchmark suite (perf/suite/regression.py); values as JSON in $(OUT)/perf.json"
 	@echo "make perf-compare BASE=revision   the suite on this state and on another in turn; fails where this one is slower"
-	@echo "make perf-limits   scaling, roofline and goals (docs/performance.md); needs a quiet machine and an hour"
+	@echo "make perf-limits   scaling, roofline and goals (docs/reports/performance.md); needs a quiet machine and an hour"
 	@echo "make clean      remove $(VENV), $(OUT) and caches"
 
 demo: $(VENV)/.installed
 	$(BIN)/python -m fastbeam run ring_on_cable --out $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest $(PARALLEL) tests/unit
-	$(BIN)/python -m pytest $(PARALLEL) tests/physics tests/house
+	$(BIN)/python -m pytest $(PARALLEL) --ignore tests/validation --ignore tests/house tests
+	$(BIN)/python -m pytest $(PARALLEL) tests/validation tests/house
 
 test-slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest $(PARALLEL) -m slow
@@ -66,17 +66,17 @@ peers: $(VENV)/.installed .peers/.installed
 
 perf: $(VENV)/.installed
 	@mkdir -p $(OUT)
-	$(BIN)/python perf/suite.py --large --json $(OUT)/perf.json
+	$(BIN)/python perf/suite/regression.py --large --json $(OUT)/perf.json
 
 perf-compare: $(VENV)/.installed
 	@test -n "$(BASE)" || { echo "perf-compare: name a revision, as in make perf-compare BASE=main~5"; exit 2; }
-	$(BIN)/python perf/compare.py $(BASE)
+	$(BIN)/python perf/suite/compare.py $(BASE)
 
 perf-limits: $(VENV)/.installed
 	@mkdir -p $(OUT)
-	$(BIN)/python perf/roofline.py --json $(OUT)/roofline.json
-	$(BIN)/python perf/goals.py --large --json $(OUT)/goals.json
-	$(BIN)/python perf/scaling.py --json $(OUT)/scaling.json
+	$(BIN)/python perf/limits/roofline.py --json $(OUT)/roofline.json
+	$(BIN)/python perf/limits/goals.py --large --json $(OUT)/goals.json
+	$(BIN)/python perf/limits/scaling.py --json $(OUT)/scaling.json
 
 # the first Python in the list that is recent enough makes the environment
 $(BIN)/python:

@@ -1,11 +1,12 @@
-"""Runs the programs of the pages: tutorials, and the pictures of the gallery.
+"""Runs the programs of the pages: tutorials, the pictures of the gallery, and the film of the first page.
 
     python docs/pages.py                  # run every tutorial and every example of the gallery; write their pictures into docs/
     python docs/pages.py rope net         # some of them
+    python docs/pages.py film             # the film of README.md and docs/index.md alone
     python docs/pages.py --write rope     # and put what a tutorial printed into its page
 
 The blocks ```python of a page are one program, run from top to bottom in an empty folder. A block ```text after them is what they
-print there, and a picture of the page is a file that they write. tests/unit/test_pages.py runs the same and compares.
+print there, and a picture of the page is a file that they write. tests/project/test_pages.py runs the same and compares.
 """
 from __future__ import annotations
 
@@ -28,6 +29,8 @@ PICTURE = re.compile(r"!\[[^\]]*\]\(([\w./-]+\.png)\)")
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
 # bytes of a picture, and its width in pixels
 LARGEST, WIDTH = 60_000, 820
+# the film of the first page, and its width in pixels
+FILM, FILM_WIDTH = HERE / "ring_on_cable.gif", 560
 # numbers below this are round-off, of which only the size counts; those printed with few digits may differ in the last
 ROUND_OFF, DIGITS = 1e-9, 2e-3
 
@@ -113,7 +116,7 @@ def palette() -> Any:
     from matplotlib.colors import to_rgb
     from PIL import Image
 
-    from fastbeam.drawing import COLOURS
+    from fastbeam.results.plots.drawing import COLOURS
     lines = [np.array(to_rgb(colour)) for colour in (*COLOURS, "black")]
     time = [np.array(mpl.colormaps["viridis"](x)[:3]) for x in np.linspace(0.0, 0.92, 40)]
     shades = [x + share * (1.0 - x) for x in lines for share in np.linspace(0.0, 1.0, 14)]
@@ -160,6 +163,24 @@ def draw_gallery(names: list[str]) -> None:
         print(f"gallery: {example}")
 
 
+def draw_film() -> None:
+    """Write the film of the first page: the example ring_on_cable, about seven times slower than it is."""
+    from PIL import Image, ImageSequence
+
+    import fastbeam as fb
+    from fastbeam.__main__ import load_example
+    result = fb.simulate(fb.compile_scene(load_example("ring_on_cable").build()), t_end=0.6, step=5e-4, snapshots=80)
+    with tempfile.TemporaryDirectory() as folder:
+        fb.animate(result, Path(folder) / "large.gif", fps=20.0, progress=False)
+        with Image.open(Path(folder) / "large.gif") as film:
+            size = FILM_WIDTH, round(film.height * FILM_WIDTH / film.width)
+            small = [frame.convert("RGB").resize(size, Image.Resampling.LANCZOS) for frame in ImageSequence.Iterator(film)]
+    first, *later = [frame.quantize(palette=palette(), dither=Image.Dither.NONE) for frame in small]
+    # the last frame stays for a second
+    first.save(FILM, save_all=True, append_images=later, duration=[50] * len(later) + [1000], loop=0, optimize=True)
+    print(f"film: {FILM.name}")
+
+
 def keep(made: Path, place: Path) -> None:
     """Shrink a picture and put it into docs."""
     shrink(made)
@@ -168,7 +189,7 @@ def keep(made: Path, place: Path) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", help="tutorials and examples (default: all)")
+    parser.add_argument("names", nargs="*", help="tutorials, examples, film (default: all)")
     parser.add_argument("--write", action="store_true", help="put what tutorials print into their pages")
     chosen = parser.parse_args()
     different = 0
@@ -185,8 +206,9 @@ def main() -> int:
         else:
             different += len(wrong)
         print("\n".join([f"page: {page.stem}", *([] if chosen.write else wrong)]))
-    if (HERE / "gallery.md").exists():
-        draw_gallery(chosen.names)
+    draw_gallery(chosen.names)
+    if not chosen.names or "film" in chosen.names:
+        draw_film()
     return 1 if different else 0
 
 

@@ -22,7 +22,7 @@ PACKAGED = {
     "kernels.terms": "kernels.terms", "kernels.work": "kernels.state", "linsolve": "linalg.linear_system",
     "methods": "stepping.methods", "mkl": "linalg.mkl", "newton": "stepping.stepper", "numbered": "compile.numbered",
     "observe": "results.observe.observer", "ordering": "compile.order", "outcome": "stepping.outcome",
-    "substructuring": "compile.condense", "tables": "model.tables", "unpacked": "compile.unpack",
+    "substructuring": "compile.substructuring", "tables": "model.tables", "unpacked": "compile.unpack",
     "vibration": "vibration.natural_modes", "workspace": "model.workspace",
 }
 

@@ -1,5 +1,5 @@
 """Tests that run for long, or compile kernels of their own for long beside others of their kind, are slow ones:
-`slow_variants.txt` lists them, `python perf/test_times.py` measures them."""
+`slow_variants.txt` lists them, `python perf/suite/test_times.py` measures them."""
 from __future__ import annotations
 
 import os
@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from fastbeam import _background
+from fastbeam.kernels.jit import background as _background
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # the other processor compiles for tests of its own; a second process would take as long to start as it saves
     _background._processors = lambda: 1
 
 # files of few tests that take long: begun last, they would keep one processor alone
-FIRST = ("unit/test_plain_numba.py", "physics/test_full_table.py", "physics/test_taut.py", "unit/test_packages.py",
-         "unit/test_start.py", "unit/test_typing.py", "house/test_compiled_code.py")
+FIRST = ("kernels/test_plain_numba.py", "validation/test_full_table.py", "validation/test_taut.py", "project/test_packages.py",
+         "dynamics/test_start.py", "interface/test_typing.py", "house/test_compiled_code.py")
 VARIANTS = [line for line in (Path(__file__).parent / "slow_variants.txt").read_text().splitlines() if line and line[0] != "#"]
 
 

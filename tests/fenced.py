@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE / "unit")]
+sys.path[:0] = [str(HERE), str(HERE / "stepping")]
 ZEROS, PAGE = np.zeros, mmap.PAGESIZE
 
 
@@ -47,10 +47,10 @@ def main(side: str) -> None:
     from test_sliders_on_nets import CASES, STEP, scene
 
     import fastbeam as fb
-    from fastbeam.newton import Stepper
+    from fastbeam.stepping.stepper import Stepper
     scenes = {name: (scene(**CASES[name]), {"condense": True, "planar": "auto" if "plane" in name else False})
-              for name in ("quadratic", "ball joints", "forces along the beams", "sleeves and a border", "sleeves in a plane",
-                           "a border, too", "end on a body by a ball")}
+              for name in ("quadratic", "ball joints", "sleeves and forces along the beams", "sleeves, forces and a border",
+                           "sleeves and forces along the beams in a plane", "end on a body by a ball")}
     scenes |= {some.name: (some, {}) for some in (bead(), cantilever(), grid(3))}
     models = {name: fb.compile_scene(some, **options) for name, (some, options) in scenes.items()}
     others = {f"{name}, uneliminated": model.uneliminated(planar=False) for name, model in models.items()}

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.basis import CurveBasis
 from fastbeam.scene import AddedMass, Beam, Drag, Path, PointMass, RigidBody, Scene, Slider
 from fastbeam.scene.added_mass import added_masses
+from fastbeam.scene.interpolation.basis import CurveBasis
 
 Array = np.ndarray
 

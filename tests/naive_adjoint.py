@@ -8,12 +8,12 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from fastbeam.kernels import step as kernels
-from fastbeam.load_times import load_factors, mean_factors
-from fastbeam.maps import mass_map, tie_map
-from fastbeam.newton import Stepper
-from fastbeam.section_gradient import TINY, Lanes, beam_numbers, lanes_of
-from fastbeam.tables import strains_of
+from fastbeam.gradients.section_gradient import TINY, Lanes, beam_numbers, lanes_of
+from fastbeam.kernels import loop as kernels
+from fastbeam.model.forces.loads import load_factors, mean_factors
+from fastbeam.model.maps import mass_map, tie_map
+from fastbeam.model.tables import strains_of
+from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 

@@ -15,9 +15,9 @@ import numpy as np
 from naive import Step, Twin, beam_strains, increments, skew
 from naive_methods import newton, spins
 
-from fastbeam.averaging import averaged_curve
-from fastbeam.basis import CurveBasis
 from fastbeam.scene import Beam, Scene
+from fastbeam.scene.interpolation.averaged_curves import averaged_curve
+from fastbeam.scene.interpolation.basis import CurveBasis
 
 Array = np.ndarray
 Ends = tuple[Array, Array]  # the same quantity at the start and at the end of a step

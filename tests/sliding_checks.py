@@ -13,7 +13,7 @@ from hypothesis import assume
 
 import fastbeam as fb
 
-sys.path.insert(0, str(Path(__file__).parent / "physics"))
+sys.path.insert(0, str(Path(__file__).parent / "validation"))
 from exchange import balanced, exchanged, largest, unit_of_strains  # noqa: E402
 from restarts import assert_goes_on  # noqa: E402
 from scene_strategies import Drawn, DrawnPath, build, build_path, moving_scenes, sliding_scenes  # noqa: E402

@@ -5,9 +5,9 @@
     python examples/study/run.py --quick           a few steps of a few scenes, written to out
     python examples/study/run.py --only a,c        some scenes; the others keep their numbers
     python examples/study/run.py --kinds largest   some measurements
-    python examples/study/run.py --draw            tables and pictures again from docs/study/data.json
+    python examples/study/run.py --draw            tables and pictures again from docs/reports/study/data.json
 
-Writes docs/study.md, docs/study/*.png and docs/study/data.json (`--out` for another folder). Every number and every failure in
+Writes study.md, study/*.png and study/data.json in docs/reports (`--out` for another folder). Every number and every failure in
 the text comes from that file.
 """
 from __future__ import annotations
@@ -149,9 +149,9 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--quick", action="store_true", help="three scenes, few steps")
     parser.add_argument("--draw", action="store_true", help="only tables and pictures, from the stored numbers")
     parser.add_argument("--jobs", type=int, default=1, help="measurements at a time")
-    parser.add_argument("--out", help="folder of study.md and study/ (default: docs, of a quick run: out)")
+    parser.add_argument("--out", help="folder of study.md and study/ (default: docs/reports, of a quick run: out)")
     chosen = parser.parse_args(arguments)
-    folder = Path(chosen.out or ROOT / ("out" if chosen.quick else "docs"))
+    folder = Path(chosen.out or ROOT / ("out" if chosen.quick else "docs/reports"))
     (folder / "study").mkdir(parents=True, exist_ok=True)
     file = folder / "study" / "data.json"
     data = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {"cases": {}}

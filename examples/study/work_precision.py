@@ -5,7 +5,7 @@
     python examples/study/work_precision.py --only mass_on_cable    one scene; the others keep their numbers
     python examples/study/work_precision.py --draw    pictures and text again from the stored numbers
 
-Writes docs/work-precision.md, docs/study/work_precision*.png and docs/study/work_precision.json (`--out` for another folder).
+Writes work-precision.md, study/work_precision*.png and study/work_precision.json in docs/reports (`--out` for another folder).
 Times are those of `simulate` with nothing recorded, best of three, in one thread and with warm kernels; the first run on a
 machine compiles kernels for several minutes. Errors come from a second, observed run of the same kind.
 """
@@ -295,9 +295,10 @@ def main(arguments: list[str] | None = None) -> Numbers:
     parser.add_argument("--quick", action="store_true", help="a few meshes of two scenes")
     parser.add_argument("--draw", action="store_true", help="only pictures and text, from the stored numbers")
     parser.add_argument("--repeats", type=int, default=3, help="timed runs of every point, the fastest counts")
-    parser.add_argument("--out", default="", help="folder of work-precision.md and study/ (docs; out/work_precision if --quick)")
+    parser.add_argument("--out", default="",
+                        help="folder of work-precision.md and study/ (docs/reports; out/work_precision if --quick)")
     chosen = parser.parse_args(arguments)
-    folder = Path(chosen.out) if chosen.out else ROOT / ("out/work_precision" if chosen.quick else "docs")
+    folder = Path(chosen.out) if chosen.out else ROOT / ("out/work_precision" if chosen.quick else "docs/reports")
     (folder / "study").mkdir(parents=True, exist_ok=True)
     file = folder / "study" / "work_precision.json"
     data: Numbers = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {"scenes": {}}

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cases import BAR, ERRORS, Sweep
-from front import Crossing, Limit, Run, distance, front, limit, time_at
-from scenes import Sliding, Spaghetti
-from session import key, short
+from perf.peers.cases import BAR, ERRORS, Sweep
+from perf.peers.front import Crossing, Limit, Run, distance, front, limit, time_at
+from perf.peers.scenes import Sliding, Spaghetti
+from perf.peers.session import key, short
 
 Array = np.ndarray
 LENGTH = {"spaghetti3d": Spaghetti.LENGTH, "sliding": Sliding.LENGTH}

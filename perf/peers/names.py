@@ -49,8 +49,8 @@ def names() -> list[str]:
 
 def main() -> int:
     """1 where a name is missing or the program fails."""
-    sys.path.insert(0, str(Path(__file__).resolve().parent))
-    from environments import environment, interpreter, trouble
+    sys.path.insert(0, str(ROOT))
+    from perf.peers.environments import environment, interpreter, trouble
     reason = trouble("exudyn")
     if reason:
         print(f"exudyn: {reason}")

@@ -9,8 +9,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
-from cases import ERRORS  # noqa: E402
-from judge import TITLE, Verdict  # noqa: E402
+from perf.peers.cases import ERRORS  # noqa: E402
+from perf.peers.judge import TITLE, Verdict  # noqa: E402
 
 COLOR = {"fastbeam": "#c8102e", "exudyn": "#1f5fa8", "pyelastica": "#2e8b57", "opensees": "#8a6d3b"}
 MARK = {"fastbeam": "o", "exudyn": "s", "pyelastica": "^", "opensees": "D"}

@@ -11,18 +11,20 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-sys.path.insert(0, str(HERE))
+sys.path.insert(0, str(ROOT))
 
-from cases import BAR, ERRORS, PEERS, QUICK_REFERENCE, REFERENCE, SCENES, Sweep, full, quick  # noqa: E402
-from environments import trouble  # noqa: E402
-from front import distance  # noqa: E402
-from judge import LENGTH, TITLE, Verdict, fronts, notes, points, ratio, table, verdict  # noqa: E402
-from session import key, machine, mixed, run, short  # noqa: E402
+from perf.machine import machine  # noqa: E402
+from perf.peers.cases import BAR, ERRORS, PEERS, QUICK_REFERENCE, REFERENCE, SCENES, Sweep, full, quick  # noqa: E402
+from perf.peers.environments import trouble  # noqa: E402
+from perf.peers.front import distance  # noqa: E402
+from perf.peers.judge import LENGTH, TITLE, Verdict, fronts, notes, points, ratio, table, verdict  # noqa: E402
+from perf.peers.session import key, mixed, run, short  # noqa: E402
 
 ENERGY = {"fastbeam": {"elements": 8, "degree": 3, "step": 0.01, "order": 2, "cable": True, "energy": True},
           "exudyn": {"elements": 8, "step": 0.0005, "solver": "trapezoidal", "dim": 2}}
@@ -36,7 +38,8 @@ def measure(scenes: list[str], peers: list[str], is_quick: bool, out: Path, befo
         if reason:
             print(f"{TITLE[name]} is left out: {reason}", flush=True)
     programs = ["fastbeam", *(name for name in peers if not reasons[name])]
-    session: dict[str, Any] = {"quick": is_quick, "machine": machine(), "left_out": {k: v for k, v in reasons.items() if v},
+    session: dict[str, Any] = {"quick": is_quick, "machine": {**machine(), "date": time.strftime("%Y-%m-%d")},
+                               "left_out": {k: v for k, v in reasons.items() if v},
                                "reference": before.get("reference", {}), "energy": before.get("energy", {}),
                                "runs": [line for line in before.get("runs", []) if line["ok"]]}
     have = {(line["program"], line["scene"], key(line["settings"])) for line in session["runs"]}
@@ -115,7 +118,7 @@ def main() -> int:
     parser.add_argument("--peers", default=",".join(PEERS), help="comma-separated (default: %(default)s)")
     parser.add_argument("--quick", action="store_true", help="a thin selection, a few minutes")
     parser.add_argument("--out", type=Path, default=HERE / "results.json", help="the runs; tables go beside it as .md")
-    parser.add_argument("--picture", type=Path, default=ROOT / "docs" / "peers.png")
+    parser.add_argument("--picture", type=Path, default=ROOT / "docs" / "reports" / "peers.png")
     parser.add_argument("--clock", choices=("wall", "processor"), default="wall",
                         help="'processor' where other programs share the machine")
     parser.add_argument("--resume", action="store_true", help="keep the runs that are in the file --out, add what is missing")
@@ -133,7 +136,7 @@ def main() -> int:
     out = options.redo or options.out
     out.with_suffix(".md").write_text(text)
     try:
-        from picture import draw
+        from perf.peers.picture import draw
         draw(verdicts, options.clock, options.picture)
     except ImportError as error:
         print(f"no picture: {error}")

@@ -3,15 +3,14 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cases import Settings
-from environments import environment, interpreter
+from perf.peers.cases import Settings
+from perf.peers.environments import environment, interpreter
 
 PROGRAMS = Path(__file__).resolve().parent / "programs"
 TIMEOUT = 900.0  # s
@@ -48,14 +47,3 @@ def mixed(queues: Sequence[Sequence[Any]]) -> list[Any]:
 def short(settings: Settings) -> str:
     """Settings as text."""
     return " ".join(f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in settings.items())
-
-
-def machine() -> dict[str, str]:
-    """What the session ran on."""
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
-        cpu = names[0] if names else cpu
-    return {"processor": cpu, "cores": str(os.cpu_count()), "system": platform.system(), "python": platform.python_version(),
-            "date": time.strftime("%Y-%m-%d")}

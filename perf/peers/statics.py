@@ -22,7 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from environments import environment, interpreter, trouble
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from perf.peers.environments import environment, interpreter, trouble  # noqa: E402
 
 LOAD_STEPS = 8
 REPEATS = 7
@@ -189,5 +191,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parent))
     raise SystemExit(main())

@@ -2,16 +2,11 @@
 both sides."""
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
-TESTS = Path(__file__).resolve().parents[2] / "tests"
-sys.path[:0] = [str(TESTS / "physics"), str(TESTS)]
-
-from buckling_scenes import KINDS  # noqa: E402
-from table import Row  # noqa: E402
-from test_out_of_plane import compared  # noqa: E402
+from buckling_scenes import KINDS
+from perf.stress.table import Row
+from test_out_of_plane import compared
 
 
 def rows(quick: bool = False) -> Iterator[Row]:

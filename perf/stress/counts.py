@@ -1,14 +1,10 @@
 """Two hundred random columns of any slenderness and mesh (tests/column_scenes.py): numbers of unstable and free directions."""
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[2] / "tests")]
-
-from column_scenes import counted, drawn  # noqa: E402
-from table import Row  # noqa: E402
+from column_scenes import counted, drawn
+from perf.stress.table import Row
 
 
 def rows(quick: bool = False) -> Iterator[Row]:

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 if __name__ == "__main__":
-    HERE = Path(__file__).resolve().parent
-    sys.path[:0] = [str(HERE), str(HERE.parents[1] / "src"), str(HERE.parents[1] / "tests")]
+    ROOT = Path(__file__).resolve().parents[2]
+    sys.path[:0] = [str(ROOT), str(ROOT / "src"), str(ROOT / "tests")]
 
 import fastbeam as fb
 from small_scenes import SECTION
-from table import Row
+from perf.stress.table import Row
 
 Array = np.ndarray
 BAR, EVERY = 1e-10, 20

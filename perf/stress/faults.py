@@ -20,8 +20,8 @@ import numpy as np
 import fastbeam as fb
 from hostile_files import HOSTILE, make_hostile
 from small_scenes import bead, cantilever, free_beam
-from table import Row
-from victims import RUN, damage, long_rail
+from perf.stress.table import Row
+from perf.stress.victims import RUN, damage, long_rail
 
 VICTIMS = Path(__file__).resolve().parent / "victims.py"
 H = 2e-3

@@ -12,16 +12,16 @@ import numpy as np
 from scipy.optimize import brentq
 
 import fastbeam as fb
-from fastbeam import linsolve
-from fastbeam.kernels import chain
-from fastbeam.kernels import step as kernels
-from fastbeam.kernels.blocks import SIX
-from fastbeam.kernels.sparse import REFUSE_AT
-from fastbeam.linsolve import LinearSystem
-from fastbeam.mkl import load_mkl
-from fastbeam.newton import Stepper
-from fastbeam.pattern import Pattern, build_pattern
-from table import Row
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.algebra.blocks import SIX
+from fastbeam.kernels.linalg import chain
+from fastbeam.kernels.linalg.pardiso import REFUSE_AT
+from fastbeam.linalg import linear_system as linsolve
+from fastbeam.linalg.linear_system import LinearSystem
+from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.pattern import Pattern, build_pattern
+from fastbeam.stepping.stepper import Stepper
+from perf.stress.table import Row
 
 Array = np.ndarray
 QUIET: dict[str, Any] = {"every": 1, "snapshots": 0, "progress": False}

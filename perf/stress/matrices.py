@@ -4,8 +4,8 @@ from __future__ import annotations
 import numpy as np
 
 import fastbeam as fb
-from fastbeam.kernels.work import State
-from fastbeam.newton import Stepper
+from fastbeam.kernels.state import State
+from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
 

@@ -15,9 +15,9 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import fastbeam as fb
-from matrices import matrices
+from perf.stress.matrices import matrices
 from small_scenes import bent
-from table import Row
+from perf.stress.table import Row
 
 Array = np.ndarray
 LENGTH, H = 3.0, 5e-3

@@ -13,7 +13,7 @@ import numpy as np
 
 import fastbeam as fb
 from small_scenes import bent, free_beam, straight
-from table import Row
+from perf.stress.table import Row
 
 Array = np.ndarray
 AWAY, ALONG = np.array((0.8, -0.5, 0.33)), np.array((0.6, 0.0, 0.8))

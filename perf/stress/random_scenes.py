@@ -1,21 +1,16 @@
-"""Three thousand random scenes (tests/scene_strategies.py) against the properties of tests/physics/test_scene_properties.py,
+"""Three thousand random scenes (tests/scene_strategies.py) against the properties of tests/validation/test_scene_properties.py,
 and as many with sleeves, friction, drives and stops against those of tests/sliding_checks.py."""
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 from hypothesis import given, settings
 
-TESTS = Path(__file__).resolve().parents[2] / "tests"
-sys.path[:0] = [str(TESTS / "physics"), str(TESTS)]
-
-import sliding_checks as sliding  # noqa: E402
-from scene_strategies import scenes, sliding_paths  # noqa: E402
-from table import Row  # noqa: E402
-from test_scene_properties import CHECKS, QUICK  # noqa: E402
+import sliding_checks as sliding
+from scene_strategies import scenes, sliding_paths
+from perf.stress.table import Row
+from test_scene_properties import CHECKS, QUICK
 
 
 def tried(what: str, strategy: Any, holds: Callable[[Any], None], examples: int) -> Row:

@@ -2,15 +2,11 @@
 accounted for, or the start is refused."""
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
-
-from random_restarts import BAR, restart  # noqa: E402
-from table import Row  # noqa: E402
+from random_restarts import BAR, restart
+from perf.stress.table import Row
 
 
 def rows(quick: bool = False) -> Iterator[Row]:

@@ -16,15 +16,15 @@ import time
 import traceback
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parents[1] / "src"), str(HERE.parents[1] / "tests")]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "src"), str(ROOT / "tests"), str(ROOT / "tests" / "validation")]
 
-from table import Row  # noqa: E402
+from perf.stress.table import Row  # noqa: E402
 
 
 def parts() -> list[str]:
     """Modules of this folder that define rows()."""
-    return [path.stem for path in sorted(HERE.glob("*.py"))
+    return [path.stem for path in sorted(Path(__file__).parent.glob("*.py"))
             if any(isinstance(node, ast.FunctionDef) and node.name == "rows" for node in ast.parse(path.read_text()).body)]
 
 
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"\n{name}\n{Row.head()}")
         found = 0
         try:
-            for row in importlib.import_module(name).rows(quick=options.quick):
+            for row in importlib.import_module(f"perf.stress.{name}").rows(quick=options.quick):
                 print(row, flush=True)
                 found += 1
                 wrong += not row.ok

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 import fastbeam as fb
-from fastbeam.newton import AUGMENTATION
+from fastbeam.stepping.stepper import AUGMENTATION
 from small_scenes import SECTION, straight
-from table import Row
+from perf.stress.table import Row
 
 Array = np.ndarray
 # soft enough that the steps below resolve all waves, so that errors shrink as they should

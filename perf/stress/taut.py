@@ -12,8 +12,8 @@ import numpy as np
 from scipy.linalg import eigh
 
 import fastbeam as fb
-from matrices import matrices
-from table import Row
+from perf.stress.matrices import matrices
+from perf.stress.table import Row
 
 Array = np.ndarray
 G = 9.81

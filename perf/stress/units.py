@@ -2,14 +2,10 @@
 results to round-off, closed books, and no law that fails without a word."""
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
-
-from table import Row  # noqa: E402
-from unit_systems import ASK_LAWS, BALANCE, FAMILIES, LAWS, compared, scene_of, silent  # noqa: E402
+from perf.stress.table import Row
+from unit_systems import ASK_LAWS, BALANCE, FAMILIES, LAWS, compared, scene_of, silent
 
 
 def rows(quick: bool = False) -> Iterator[Row]:

@@ -42,7 +42,7 @@ def run(path: str, order: str) -> None:
 
 def fill(path: str, limit: str) -> None:
     """Runs with files that may not grow beyond a limit (0: none)."""
-    from fastbeam import store
+    from fastbeam.results import hdf5_writer as store
     store.FLUSH_TIME = 0.02
     model = fb.compile_scene(long_rail())
     if int(limit):
@@ -61,7 +61,7 @@ def fill(path: str, limit: str) -> None:
 
 def read(path: str, original: str, kind: str, first: str, last: str) -> None:
     """Reads damaged copies of a result file: numbers of those refused, unchanged, and changed without a word."""
-    from fastbeam.errors import ResultFileError
+    from fastbeam.interface.errors import ResultFileError
     data = Path(original).read_bytes()
     good = fingerprint(fb.load_result(original))
     counts = {"refused": 0, "unchanged": 0, "WRONG": 0, "other error": 0}
@@ -113,7 +113,7 @@ def start(name: str, at: str) -> None:
     """Compiles and runs a scene at an agreed moment; tells a hash of the state."""
     import hashlib
 
-    from fastbeam import _jit
+    from fastbeam.kernels.jit import decorators as _jit
     time.sleep(max(0.0, float(at) - time.time()))
     result = fb.simulate(fb.compile_scene(SCENES[name]()), t_end=0.5, step=0.01, progress=False)
     say(hashlib.sha256(b"".join(x.tobytes() for x in result.state)).hexdigest(), *_jit.compile_counts(), _jit._FOLDER)

@@ -69,7 +69,7 @@ def program_version() -> str:
 
 def warm_up(kinds: list[str]) -> int:
     """Compile the kernels of kinds of scenes, all where none is named; returns the exit code."""
-    from . import warmup
+    from fastbeam import warmup
     unknown = [kind for kind in kinds if kind not in warmup.KINDS]
     if unknown:
         print(f"kind of scene '{unknown[0]}' does not exist; choose from: {', '.join(warmup.KINDS)}", file=sys.stderr)
@@ -92,7 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
     commands.add_parser("doctor", help="print what is installed, and test it for a few seconds")
     chosen = parser.parse_args(arguments)
     if chosen.command == "doctor":
-        from .doctor import examine
+        from fastbeam.doctor import examine
         return examine(lambda text: print(text, flush=True))
     if chosen.command == "warmup":
         return warm_up(chosen.kinds)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import __version__
+from fastbeam import __version__
 
 NEEDED = ("numpy", "scipy", "numba", "llvmlite", "h5py", "matplotlib", "tqdm")
 OPTIONAL = ("pypardiso", "mkl", "pandas", "vtk", "imageio-ffmpeg")
@@ -32,7 +32,7 @@ def examine(say: Callable[[str], None]) -> int:
             passed, text = False, f"{type(error).__name__}: {' '.join(str(error).split())}"
         failed += not passed
         say(f"{'ok    ' if passed else 'FAILED'}      {name}: {text} ({time.perf_counter() - begin:.1f} s)")
-    from ._jit import compile_counts
+    from fastbeam.kernels.jit.decorators import compile_counts
     loaded, compiled = compile_counts()
     say(f"kernels     {loaded} from the cache, {compiled} compiled now")
     return min(failed, 1)
@@ -61,10 +61,10 @@ def processor() -> Iterator[str]:
         name = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         pass
-    from .kernels.algebra import WIDTH
+    from fastbeam.kernels.algebra.vectors import WIDTH
     mine = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     yield f"processor   {name}, {mine} of {os.cpu_count()} processors for this process, kernels {WIDTH} numbers wide"
-    from .mkl import load_mkl
+    from fastbeam.linalg.mkl import load_mkl
     mkl = load_mkl()
     yield ("MKL         not found: nets and long loops are solved by SuperLU, several times slower; pip install pypardiso"
            if mkl is None else f"MKL         {mkl._name}, {mkl.MKL_Get_Max_Threads()} threads")
@@ -74,8 +74,8 @@ def processor() -> Iterator[str]:
 
 def cache() -> Iterator[str]:
     """Lines on the folder of compiled kernels."""
-    from . import _jit
-    from ._folder import is_private
+    from fastbeam.kernels.jit import decorators as _jit
+    from fastbeam.kernels.jit.cache import is_private
     folder = Path(_jit._FOLDER)
     entries = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(path.stat().st_size for path in entries) / 1e6
@@ -87,9 +87,9 @@ def cache() -> Iterator[str]:
 
 def conserving_run() -> tuple[bool, str]:
     """Whether a run conserves what it should."""
-    from .compile import compile_scene
-    from .run import simulate
-    from .scene import Beam, Clamp, PointMass, Scene, Section, Slider
+    from fastbeam.compile.compile import compile_scene
+    from fastbeam.dynamics.time_loop import simulate
+    from fastbeam.scene import Beam, Clamp, PointMass, Scene, Section, Slider
     rail = Beam.straight("rail", (0, 0, 0), (1, 0, 0), section=Section.circle(radius=0.01, E=1e8, rho=1000.0), elements=4)
     bead = PointMass("bead", mass=0.1)
     scene = Scene(rail, bead, Clamp(rail.start), Slider("run", bead, rail, at=0.3), gravity=(0.3, 0.2, -9.81))
@@ -102,7 +102,7 @@ def conserving_run() -> tuple[bool, str]:
 
 def sparse_solver() -> tuple[bool, str]:
     """Whether PARDISO solves a sparse system; its absence is no failure."""
-    from .mkl import load_mkl
+    from fastbeam.linalg.mkl import load_mkl
     if load_mkl() is None:
         return True, "not there"
     import pypardiso

@@ -4,16 +4,15 @@ These names stay. Everything else below `fastbeam` that is no public name may ch
 """
 from __future__ import annotations
 
-from ._jit import kernel
-from .arguments import Flag, Name, Number, Vector, checked
-from .errors import SceneError
-from .kernels.algebra import cross, dot
-from .kernels.kinds import add_stiffness, add_to, position
-from .kernels.terms import Conserving, assemble, potential_energy
-from .links import Ends
-from .links import register as register_link
-from .scene.links import Link
-from .scene.parts import Node
+from fastbeam.compile.links import Ends, register as register_link
+from fastbeam.interface.arguments import Flag, Name, Number, Vector, checked
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.algebra.dimensions import add_stiffness, add_to, position
+from fastbeam.kernels.algebra.vectors import cross, dot
+from fastbeam.kernels.jit.decorators import kernel
+from fastbeam.kernels.terms import Conserving, assemble, potential_energy
+from fastbeam.scene.bodies import Node
+from fastbeam.scene.links import Link
 
 __all__ = ["Conserving", "Ends", "Flag", "Link", "Name", "Node", "Number", "SceneError", "Vector", "add_stiffness", "add_to",
            "assemble", "checked", "cross", "dot", "kernel", "position", "potential_energy", "register_link"]

@@ -7,10 +7,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from .compile import compile_scene
-from .run import simulate
-from .scene import BallJoint, Beam, Clamp, Load, PointMass, RigidBody, RigidConnection, RigidMotion, Scene, Section, Slider
-from .statics import solve_static
+from fastbeam.compile.compile import compile_scene
+from fastbeam.dynamics.time_loop import simulate
+from fastbeam.scene import (BallJoint, Beam, Clamp, Load, PointMass, RigidBody, RigidConnection, RigidMotion, Scene, Section,
+    Slider)
+from fastbeam.statics.static_analysis import solve_static
 
 SECTION = Section.circle(radius=0.01, E=1e8, rho=1000.0)
 DOWN = (0.0, 0.0, -9.81)

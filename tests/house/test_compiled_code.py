@@ -63,7 +63,7 @@ import time
 begin = time.perf_counter()
 for scene in scenes.values():
     fb.simulate(fb.compile_scene(scene), t_end=0.1, step=0.01)
-from fastbeam import _jit
+from fastbeam.kernels.jit import decorators as _jit
 print(json.dumps([*_jit.compile_counts(), time.perf_counter() - begin]))
 """
 
@@ -77,7 +77,7 @@ def test_warm_process_compiles_nothing() -> None:
 
 
 COMPILED = """
-from fastbeam import _jit
+from fastbeam.kernels.jit import decorators as _jit
 print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS
                          if every or kernel.signatures or kernel.part.signatures) for every in (False, True)]))
 """
@@ -92,7 +92,7 @@ OTHER_KERNELS = {"external_forces", "apply_held", "add_bodies", "call_pardiso"}
 
 def compiled_kernels(name: str, folder: Path) -> set[str]:
     """Kernels that an empty cache has to compile for a scene, all of them in one process: there is no second on one processor."""
-    alone = "from fastbeam import _background\n_background._processors = lambda: 1\n"
+    alone = "from fastbeam.kernels.jit import background as _background\n_background._processors = lambda: 1\n"
     code = alone + SCENE + f"fb.simulate(fb.compile_scene(scenes['{name}']), t_end=0.02, step=0.01, observe=())" + COMPILED
     compiled, known = python(code, FASTBEAM_CACHE_DIR=str(folder))
     # a kernel that was renamed would be absent for the wrong reason
@@ -130,7 +130,7 @@ def test_scenes_of_these_tests_run_in_space_and_in_a_plane() -> None:
 
 def test_loop_of_a_beam_is_typed_without_absent_parts() -> None:
     code = SCENE + """
-from fastbeam.kernels import step
+from fastbeam.kernels import loop as step
 fb.simulate(fb.compile_scene(scenes["beam"]), t_end=0.02, step=0.01, observe=())
 (types,) = step.run.signatures
 system = dict(zip(types[2].of.fields, types[2].of))
@@ -144,14 +144,14 @@ def test_every_kernel_brings_all_implementations_of_generic_functions() -> None:
     # what is compiled without some of them, as in the second process, would stay on the disk like that
     code = """
 import gc, json
-from fastbeam.kernels import blocks
-from fastbeam._generic import GenericFunction
+from fastbeam.kernels.algebra import blocks
+from fastbeam.kernels.jit.generic import GenericFunction
 
 def known():
     return sorted((x.name, len(x.implementations)) for x in gc.get_objects() if isinstance(x, GenericFunction))
 
 alone = known()
-import fastbeam.compile, fastbeam.run, fastbeam.statics
+import fastbeam.compile.compile, fastbeam.dynamics.time_loop, fastbeam.statics.static_analysis
 print(json.dumps([len(alone), alone == known()]))
 """
     count, same = python(code)
@@ -161,8 +161,8 @@ print(json.dumps([len(alone), alone == known()]))
 PARTS = SCENE + """
 import os
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-from fastbeam import _background, _parts
-from fastbeam.kernels import step
+from fastbeam.kernels.jit import background as _background, parts as _parts
+from fastbeam.kernels import loop as step
 
 class Typed(Exception):
     pass
@@ -208,7 +208,7 @@ def test_time_loop_allocates_nothing() -> None:
 import numba
 import numpy as np
 from numba.core.runtime import _nrt_python, rtsys
-from fastbeam.newton import Stepper
+from fastbeam.stepping.stepper import Stepper
 _nrt_python.memsys_enable_stats()
 
 def allocations(work):
@@ -260,9 +260,9 @@ def test_public_names_do_not_depend_on_which_module_was_imported_first() -> None
     code = """
 import importlib, json, pkgutil, types
 import fastbeam
-for module in pkgutil.iter_modules(fastbeam.__path__):
-    if module.name != "__main__":
-        importlib.import_module(f"fastbeam.{module.name}")
+for module in pkgutil.walk_packages(fastbeam.__path__, "fastbeam."):
+    if module.name != "fastbeam.__main__":
+        importlib.import_module(module.name)
 print(json.dumps([name for name in fastbeam.__all__ if isinstance(getattr(fastbeam, name), types.ModuleType)]))
 """
     assert python(code) == []

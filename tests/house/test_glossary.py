@@ -45,7 +45,7 @@ def test_the_places_exist() -> None:
     assert gone == []
 
 
-@pytest.mark.parametrize(("page", "link"), [("README.md", "docs/glossary.md"), ("docs/architecture.md", "glossary.md")])
+@pytest.mark.parametrize(("page", "link"), [("docs/index.md", "glossary.md"), ("docs/architecture.md", "glossary.md")])
 def test_the_page_is_linked(page: str, link: str) -> None:
     assert f"]({link})" in (ROOT / page).read_text(encoding="utf-8")
 

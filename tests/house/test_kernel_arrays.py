@@ -18,7 +18,7 @@ DECORATORS = {"kernel", "one_variant", "inlined", "separate"}
 PLACES, ALWAYS = {"first", "node", "p", "f"}, {"source", "target", "index"}
 SEPARATOR = r"(?:,\s+|\s+and\s+)"
 SHAPES = re.compile(rf"((?:`?\w+`?{SEPARATOR})*`?\w+`?)\s\[[^\]]+\]")
-Name = tuple[str, str]  # (module, function)
+Name = tuple[str, str]  # (module with its packages, function)
 
 
 def parameters(node: ast.FunctionDef) -> list[str]:
@@ -48,7 +48,7 @@ class Sources:
         self.arrays: dict[Name, set[int]] = defaultdict(set)
         for module, tree in self.trees.items():
             self.imports[module] = {a.asname or a.name: (x.module or a.name, a.name) for x in tree.body
-                                    if isinstance(x, ast.ImportFrom) and x.level == 1 for a in x.names}
+                                    if isinstance(x, ast.ImportFrom) and x.module for a in x.names}
             self._take_functions(module, [x for x in tree.body if isinstance(x, ast.FunctionDef)])
             self._take_made(module, tree)
         for name, node in self.compiled.items():
@@ -90,7 +90,7 @@ class Sources:
         if isinstance(node, ast.Attribute) and node.attr in ("call", "each", "each_backward", "all"):
             return self._named(module, node.value)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in self.imports[module]:
-            return [(self.imports[module][node.value.id][1], node.attr)]
+            return [(".".join(self.imports[module][node.value.id]), node.attr)]
         return []
 
     def _propagate(self) -> bool:
@@ -146,7 +146,9 @@ def fields_without_shape(path: Path) -> list[str]:
             and not re.search(r"# (float64|int64|int32|int8) \[[^\]]+\]", lines[field.lineno - 1])]
 
 
-ALL = Sources({path.stem: path.read_text(encoding="utf-8") for path in sorted(KERNELS.glob("*.py"))})
+FILES = {".".join(("fastbeam.kernels", *path.relative_to(KERNELS).with_suffix("").parts)): path
+         for path in sorted(KERNELS.rglob("*.py"))}
+ALL = Sources({name: path.read_text(encoding="utf-8") for name, path in FILES.items()})
 
 
 def test_every_array_that_a_kernel_takes_has_a_shape() -> None:
@@ -155,13 +157,13 @@ def test_every_array_that_a_kernel_takes_has_a_shape() -> None:
 
 
 def test_every_array_of_a_record_has_a_shape() -> None:
-    found = [x for path in sorted(KERNELS.glob("*.py")) for x in fields_without_shape(path)]
+    found = [x for path in FILES.values() for x in fields_without_shape(path)]
     assert found == []
 
 
 def test_arrays_are_found_through_calls_generic_functions_and_loads() -> None:
     source = '''"""Arrays: q, v [12 N]."""
-from .algebra import vld as load
+from fastbeam.kernels.algebra.vectors import vld as load
 @generic
 def ask(term, x):
     """x [3]"""
@@ -177,7 +179,8 @@ def inner(a, n):
 def outer(q, z, i, term):
     return inner(q, i) + inner(z, i) + ask.call(term, z)
 '''
-    sources = Sources({"algebra": (KERNELS / "algebra.py").read_text(encoding="utf-8"), "some": source})
+    vectors = "fastbeam.kernels.algebra.vectors"
+    sources = Sources({vectors: FILES[vectors].read_text(encoding="utf-8"), "some": source})
     assert [x for x in sources.taken() if x[0][0] == "some"] == [
         (("some", "answer"), "x"), (("some", "inner"), "a"), (("some", "outer"), "q"), (("some", "outer"), "z"),
         (("some", "ask"), "x")]

@@ -13,10 +13,10 @@ MOST_ARGUMENTS, MEDIAN_ARGUMENTS, LONGEST = 12, 8, 60
 
 def kernels() -> Iterator[tuple[str, str, ast.FunctionDef]]:
     """(file, name, source) of all functions that are compiled from Python; intrinsics write LLVM code and are none."""
-    for path in sorted(KERNELS.glob("*.py")):
+    for path in sorted(KERNELS.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.FunctionDef) and DECORATORS & {ast.unparse(x) for x in node.decorator_list}:
-                yield path.name, node.name, node
+                yield path.relative_to(KERNELS).as_posix(), node.name, node
 
 
 def test_kernels_take_few_arguments() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import fastbeam as fb
-from fastbeam.synonyms import ABSENT
+from fastbeam.interface.synonyms import ABSENT
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")
@@ -64,7 +64,7 @@ def test_words_that_one_searches_for_are_found(word: str) -> None:
     assert re.search(rf"\b{word}\b", PAGE, re.IGNORECASE)
 
 
-@pytest.mark.parametrize(("page", "link"), [("README.md", "docs/limits.md"), ("docs/how-to.md", "limits.md"),
+@pytest.mark.parametrize(("page", "link"), [("README.md", "docs/limits.md"), ("docs/how-to/index.md", "../limits.md"),
                                             ("docs/reference.md", "limits.md")])
 def test_the_page_is_linked(page: str, link: str) -> None:
     assert f"]({link})" in (ROOT / page).read_text(encoding="utf-8")

@@ -11,7 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("src", "tests", "perf", "examples", "docs")
 PYTHON_FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py"))
-TEXT_FILES = PYTHON_FILES + [path for folder in FOLDERS for kind in ("md", "json") for path in (ROOT / folder).rglob(f"*.{kind}")]
+TEXT_FILES = PYTHON_FILES + [path for folder in FOLDERS for kind in ("md", "json", "pyi")
+                             for path in (ROOT / folder).rglob(f"*.{kind}")]
 TEXT_FILES += [path for path in (ROOT / name for name in ("Makefile", "pyproject.toml", "README.md")) if path.exists()]
 SOURCES = [path for path in PYTHON_FILES if ROOT / "src" in path.parents]
 TESTS = [path for path in PYTHON_FILES if path.name.startswith("test_")]
@@ -42,6 +43,12 @@ def test_no_line_is_longer_than_130_columns() -> None:
 
 def test_no_file_names_an_absolute_path() -> None:
     assert [f"{name_of(path)}:{k}" for path in TEXT_FILES for k, line in enumerate(lines(path), 1) if ABSOLUTE.search(line)] == []
+
+
+def test_files_of_perf_that_texts_name_exist() -> None:
+    named = {(name_of(path), file) for path in [*TEXT_FILES, ROOT / "CHANGELOG.md"]
+             for file in re.findall(r"\bperf/[\w/]+\.py\b", path.read_text(encoding="utf-8"))}
+    assert len(named) > 100 and [pair for pair in named if not (ROOT / pair[1]).exists()] == []
 
 
 def test_nothing_is_left_unfinished() -> None:
@@ -86,7 +93,7 @@ def test_the_search_for_empty_tests_finds_one() -> None:
     assert [asserts(f, {"check"}) for f in tree.body] == [False, True, True]
 
 
-@pytest.mark.parametrize("path", [path for path in SOURCES if path.parent.name != "kernels"], ids=name_of)
+@pytest.mark.parametrize("path", [path for path in SOURCES if "kernels" not in path.parts], ids=name_of)
 def test_every_public_function_and_class_above_the_kernels_has_a_docstring(path: Path) -> None:
     bare = []
     for node in ast.parse(path.read_text(encoding="utf-8")).body:

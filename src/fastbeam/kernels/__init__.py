@@ -1,13 +1,16 @@
 """Pure compiled functions of arrays.
 
-All files are imported at once: an implementation of a generic function is found only when its file has been imported, and what is
-compiled without it would stay on the disk like that.
+All files but those of `jit` are imported at once: an implementation of a generic function is found only when its file has been
+imported, and what is compiled without it would stay on the disk like that.
 """
 from importlib import import_module
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 
-from .._collection import held
+from fastbeam.interface.lazy_import import held
+
+__all__: list[str] = []
 
 with held():
-    for _found in iter_modules(__path__):
-        import_module(f"{__name__}.{_found.name}")
+    for _found in walk_packages(__path__, f"{__name__}."):
+        if not _found.name.startswith(f"{__name__}.jit."):
+            import_module(_found.name)

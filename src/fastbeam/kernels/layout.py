@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .._jit import inlined
+from fastbeam.kernels.jit.decorators import inlined
 
 # columns of `ElementTables.meta`
 NODES, POINTS, CONSTANTS, LIST, BLOCKS, COUPLED, FACTORS, REFERENCE = range(8)

@@ -2,7 +2,7 @@
 
 A scene is a tuple of terms, named tuples of arrays: beams of each strain set, the nodes eliminated inside elements, bodies, tied
 nodes, held unknowns, sliders, loads that change. What a scene lacks is not in its tuple, and no code of it is compiled. The step
-(step.py) calls the generic functions below for all terms; each file of physics registers implementations of those that concern
+(loop.py) calls the generic functions below for all terms; each file of physics registers implementations of those that concern
 it. `System` holds what all terms share.
 
 Order of the tuple: sliders, which act on nodes inside elements, elements, bodies; then what gathers the equations of nodes, ties
@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._generic import generic
-from .work import State, Work
+from fastbeam.kernels.jit.decorators import inlined
+from fastbeam.kernels.jit.generic import generic
+from fastbeam.kernels.state import State, Work
 
 
 class NoTies(NamedTuple):
@@ -54,10 +55,10 @@ class AtRest(NamedTuple):
 class System(NamedTuple):
     """What all terms share."""
 
-    dofs: Any             # kinds.Space or kinds.Plane
-    method: Any           # Conserving, Midpoint, alpha.Alpha, Equilibrium or AtRest
+    dofs: Any             # dimensions.Space or dimensions.Plane
+    method: Any           # Conserving, Midpoint, generalized_alpha.Alpha, Equilibrium or AtRest
     contact: Any          # slider.Contact or NoContact
-    solver: Any           # chain.Elimination, sparse.PardisoTables or SolverOutside
+    solver: Any           # chain.Elimination, pardiso.PardisoTables or SolverOutside
     row_of: np.ndarray    # int64 [N]: row of every node
     spinless: np.ndarray  # int8 [N]: 1 where a triad does not turn
     state: State
@@ -273,3 +274,9 @@ def begin_solver(solver):
 @generic
 def solve(solver, contact, system):
     """Solve the panel; False where the matrix is singular."""
+
+
+@inlined
+def known(work):
+    """The work of a law; 0 where it fails when a step is done, which ends the run."""
+    return work if work == work else 0.0

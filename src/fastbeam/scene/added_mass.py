@@ -4,13 +4,13 @@ from __future__ import annotations
 from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 
-from fastbeam.arguments import Name, Number, checked
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Name, Number, checked
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene.beams import Beam
+from fastbeam.scene.bodies import PointMass, RigidBody
 from fastbeam.scene.checks import noun
 from fastbeam.scene.drag import InAir
 from fastbeam.scene.nets import Net
-from fastbeam.scene.parts import PointMass, RigidBody
 
 NOT_NEGATIVE = Number(least=0.0)
 

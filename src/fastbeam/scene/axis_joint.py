@@ -7,15 +7,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Name, Vector, checked
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Name, Vector, checked
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, ArrayField, SideField, noun
 from fastbeam.scene.fixed import GROUND, Ground
-from fastbeam.scene.freedoms import Freedom, Shape, freedoms_of
+from fastbeam.scene.joint_freedoms import Freedom, Shape, freedoms_of
 from fastbeam.scene.links import Link
-from fastbeam.scene.parts import Node, PointMass
 
 JOINED = Name("a joint has two sides, write one for every pair")
 

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Required, TypedDict, Unpack
 
 import numpy as np
 
-from fastbeam.arguments import (
-    LARGEST, Anything, Instance, Name, Number, Numbers, Refusal, Vector, Word, checked, numbers, shown, spell_out, whole,
-)
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import (LARGEST, Anything, Instance, Name, Number, Numbers, Refusal, Vector, Word, checked,
+    numbers, shown, spell_out, whole)
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array, ArrayField, Takes, noun
 from fastbeam.scene.curves import Arc, Curve, FittedCurve, Helix, StraightLine, spline_through
@@ -20,9 +19,9 @@ from fastbeam.scene.sections import Section
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-    from fastbeam.basis import Basis
+    from fastbeam.scene.bodies import PointMass, RigidBody
     from fastbeam.scene.fixed import Ground
-    from fastbeam.scene.parts import PointMass, RigidBody
+    from fastbeam.scene.interpolation.basis import Basis
 
 DEGREES = {"lagrange": (1, 8), "bspline": (2, 5)}
 DIRECTORS = ("greville", "control")
@@ -396,7 +395,7 @@ class Beam:
     @cached_property
     def basis(self) -> Basis:
         """Interpolation tables of the beam, built once when first asked for."""
-        from fastbeam.basis import build_basis
+        from fastbeam.scene.interpolation.basis import build_basis
 
         return build_basis(self.interpolation, self.degree, self.elements, self.length, self.directors)
 

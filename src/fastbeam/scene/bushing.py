@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import LARGEST, Name, Refusal, checked, constant, numbers, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import LARGEST, Name, Refusal, checked, constant, numbers, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, ArrayField, FilledArray, Rotation, fill, noun
 from fastbeam.scene.links import Link, label_of
-from fastbeam.scene.parts import Node, PointMass
 
 # entries that couple forces and rotations, relative to those on the diagonal, that are round-off
 COUPLED = 1e-12

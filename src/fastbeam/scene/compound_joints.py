@@ -6,14 +6,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Number, Vector, checked
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Number, Vector, checked
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.axis_joint import JOINED, ONE_AXIS, SIDE, AxisJoint, Condition, OneAxisJoint
 from fastbeam.scene.checks import Array, ArrayField, OfTimeLike, SideField, noun
-from fastbeam.scene.freedoms import (ABOUT_A, ABOUT_B, COSINES, SWING, TWIST, ForEach, Freedom, Shape, distance_along,
-                                     drives_of, stops_of, times_of)
-from fastbeam.scene.sliding import ADrive, Drive, OfTime, SomeStops, Stops
+from fastbeam.scene.joint_freedoms import (ABOUT_A, ABOUT_B, COSINES, SWING, TWIST, ForEach, Freedom, Shape, distance_along,
+    drives_of, stops_of, times_of)
+from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 
 # largest deviation of two axes from a right angle, as the cosine of the angle
 UPRIGHT = 1e-9

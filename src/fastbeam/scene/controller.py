@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Function, Name, Names, Number, Numbers, checked
+from fastbeam.interface.arguments import Function, Name, Names, Number, Numbers, checked
 from fastbeam.scene import checks
 from fastbeam.scene.beams import NodeRef
-from fastbeam.scene.parts import PointMass, RigidBody
+from fastbeam.scene.bodies import PointMass, RigidBody
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -6,15 +6,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Name, Numbers, Refusal, Word, checked, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Name, Numbers, Refusal, Word, checked, shown
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bodies import PointMass
 from fastbeam.scene.checks import ArrayField, Takes, noun
-from fastbeam.scene.parts import PointMass
 from fastbeam.scene.paths import ATrack, Path
+from fastbeam.scene.slider_forces import AFriction, Friction
 from fastbeam.scene.sliders import CURVES, Slider
-from fastbeam.scene.sliding import AFriction, Friction
 from fastbeam.scene.switches import Switch
 
 FrictionLike = Friction | float

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from fastbeam.errors import SceneError
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array
 

@@ -3,10 +3,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from fastbeam.arguments import Name, checked
+from fastbeam.interface.arguments import Name, checked
+from fastbeam.scene.bodies import Node
 from fastbeam.scene.checks import noun
 from fastbeam.scene.links import Link
-from fastbeam.scene.parts import Node
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a distance joint has two ends, write one for every pair"))

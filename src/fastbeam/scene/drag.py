@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Function, Name, Number, Numbers, Refusal, checked, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Function, Name, Number, Numbers, Refusal, checked, shown
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bodies import FACTOR, ZERO, PointMass, RigidBody, Steady, TimeFactor
 from fastbeam.scene.checks import ArrayField, fill, noun
 from fastbeam.scene.nets import Net
-from fastbeam.scene.parts import FACTOR, ZERO, PointMass, RigidBody, Steady, TimeFactor
 
 NOT_NEGATIVE = Number(least=0.0)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Vector, checked, constant
+from fastbeam.interface.arguments import Vector, checked, constant
 from fastbeam.scene.beams import NodeRef
 from fastbeam.scene.checks import Array
 

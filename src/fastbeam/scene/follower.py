@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import take
+from fastbeam.interface.arguments import take
 from fastbeam.scene import checks
-from fastbeam.scene.parts import DistributedLoad, Load
+from fastbeam.scene.bodies import DistributedLoad, Load
 from fastbeam.scene.user_force import UserForce
 
 

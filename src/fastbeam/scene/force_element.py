@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Function, Name, Numbers, checked, constant
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Function, Name, Numbers, checked, constant
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
+from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import FilledArray, Rotation
 from fastbeam.scene.links import Link, label_of
-from fastbeam.scene.parts import Node, PointMass
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -4,12 +4,12 @@ from __future__ import annotations
 from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 
-from fastbeam.arguments import Number, Vector, checked
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Number, Vector, checked
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene.axis_joint import JOINED, ONE_AXIS, ONE_TRIAD, SIDE, Condition, OneAxisJoint
 from fastbeam.scene.checks import OfTimeLike, noun
-from fastbeam.scene.freedoms import ABOUT_A, ACTING, Shape, distance_along
-from fastbeam.scene.sliding import ADrive, Drive, OfTime, SomeStops, Stops
+from fastbeam.scene.joint_freedoms import ABOUT_A, ACTING, Shape, distance_along
+from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 
 
 def _check_pin(who: str, coefficient: float, length: float | None, radius: float | None) -> None:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Function, Name, Numbers, checked
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Function, Name, Numbers, checked
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
+from fastbeam.scene.bodies import Node
 from fastbeam.scene.links import Link, label_of
-from fastbeam.scene.parts import Node
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

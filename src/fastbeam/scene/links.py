@@ -3,12 +3,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from fastbeam.arguments import Name, checked
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Name, checked
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
+from fastbeam.scene.bodies import Node
 from fastbeam.scene.checks import NodeField, noun
-from fastbeam.scene.parts import Node
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a link has two sides, write one for every pair"))

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Flag, Number, Refusal, Vector, checked, real, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Flag, Number, Refusal, Vector, checked, real, shown
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene.checks import ArrayField, Condition, Takes, WhenLike, called_with, noun
-from fastbeam.scene.sliding import Place, Stops, needed_arguments
+from fastbeam.scene.slider_forces import Place, Stops, needed_arguments
 
 if TYPE_CHECKING:
     from fastbeam.scene.beams import Beam

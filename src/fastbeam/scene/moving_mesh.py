@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Refusal, checked, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Refusal, checked, shown
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
+from fastbeam.scene.bodies import FIELD, PointMass
 from fastbeam.scene.checks import OptionalField, Takes, noun
 from fastbeam.scene.fixed import Ground
-from fastbeam.scene.parts import FIELD, PointMass
 from fastbeam.scene.paths import ABeam
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Anything, Name, Word, checked, shown, whole
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Anything, Name, Word, checked, shown, whole
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import DEGREES, MOST_ELEMENTS, STRAINS, Beam, NodeRef, strained
 from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.curves import StraightLine
+from fastbeam.scene.interpolation.shapes import gll_nodes
 from fastbeam.scene.sections import Section
-from fastbeam.shapes import gll_nodes
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

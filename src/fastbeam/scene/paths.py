@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Flag, Name, Number, Refusal, Vector, checked, shown, whole
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Flag, Name, Number, Refusal, Vector, checked, shown, whole
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef, nearest_on
 from fastbeam.scene.checks import Array, Takes, noun

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from fastbeam.errors import SceneError
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bodies import BallJoint, PointMass, RigidBody, RigidConnection
 from fastbeam.scene.checks import Array
 from fastbeam.scene.fixed import Ground
-from fastbeam.scene.parts import BallJoint, PointMass, RigidBody, RigidConnection
 from fastbeam.scene.relations import held_nodes, who
 from fastbeam.scene.sliders import Slider
 

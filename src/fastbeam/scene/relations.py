@@ -5,17 +5,15 @@ from functools import partial
 from types import FunctionType, MethodType
 from typing import Any
 
-from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.controller import Controller
 from fastbeam.scene.added_mass import AddedMass
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bodies import BallJoint, DistributedLoad, InitialVelocity, Load, RigidConnection, RigidMotion
+from fastbeam.scene.controller import Controller
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.links import Link
-from fastbeam.scene.parts import (
-    BallJoint, DistributedLoad, InitialVelocity, Load, RigidConnection, RigidMotion,
-)
-from fastbeam.scene.prescribed import PrescribedMotion
+from fastbeam.scene.prescribed_motion import PrescribedMotion
+from fastbeam.scene.slider_forces import Drive
 from fastbeam.scene.sliders import Slider
-from fastbeam.scene.sliding import Drive
 from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch

@@ -7,28 +7,28 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
-from fastbeam import notebook
-from fastbeam.arguments import Flag, Name, Refusal, Vector, checked, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface import notebook
+from fastbeam.interface.arguments import Flag, Name, Refusal, Vector, checked, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.interface.synonyms import known
 from fastbeam.scene import checks
+from fastbeam.scene.added_mass import AddedMass
+from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bodies import (BallJoint, DistributedLoad, InitialVelocity, Load, Node, PointMass, RigidBody, RigidConnection,
+    RigidMotion)
 from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing, Knot
-from fastbeam.scene.added_mass import AddedMass
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.follower import as_force
-from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.moving_mesh import MovingMesh
 from fastbeam.scene.nets import Net, NetBeam
-from fastbeam.scene.parts import (
-    BallJoint, DistributedLoad, InitialVelocity, Load, Node, PointMass, RigidBody, RigidConnection, RigidMotion,
-)
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.placing import Placing
-from fastbeam.scene.prescribed import PrescribedMotion
+from fastbeam.scene.prescribed_motion import PrescribedMotion
 from fastbeam.scene.relations import controllers_of, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
@@ -36,7 +36,6 @@ from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch
-from fastbeam.synonyms import known
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import LARGEST, SMALLEST, Number, Numbers, Refusal, Word, checked, constant, numbers, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import LARGEST, SMALLEST, Number, Numbers, Refusal, Word, checked, constant, numbers, shown
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array, Takes, noun
 

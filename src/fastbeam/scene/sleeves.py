@@ -7,18 +7,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Flag, Name, Number, Vector, Word, checked
-from fastbeam.averaging import averaged_curve
-from fastbeam.basis import CurveBasis
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Flag, Name, Number, Vector, Word, checked
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
+from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, OptionalArray, noun
+from fastbeam.scene.interpolation.averaged_curves import averaged_curve
+from fastbeam.scene.interpolation.basis import CurveBasis
 from fastbeam.scene.locks import AOneSided, ARelease, SomeLocks
-from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ABeam
+from fastbeam.scene.slider_forces import ADrive, AFriction, SomeStops
 from fastbeam.scene.sliders import CURVES, Slider
-from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 # shares of the length of a beam below which means over a bore are round-off
 LEAST_BORE = 1e-7

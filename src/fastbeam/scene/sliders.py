@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Name, Number, Word, checked
-from fastbeam.basis import CurveBasis
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Name, Number, Word, checked
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
+from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, NodeField, Takes, noun
+from fastbeam.scene.interpolation.basis import CurveBasis
 from fastbeam.scene.locks import AOneSided, ARelease, Lock, OneSided, Release, SomeLocks, check_locks, check_release
-from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ATrack, Path
-from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
+from fastbeam.scene.slider_forces import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
 from fastbeam.scene.switches import Switch, check_places, span_of
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import LARGEST, Flag, Name, Number, Refusal, Word, checked, constant, numbers, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import LARGEST, Flag, Name, Number, Refusal, Word, checked, constant, numbers, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.scene.bodies import Node
 from fastbeam.scene.checks import Array, OptionalArray, noun
 from fastbeam.scene.links import Link, label_of
-from fastbeam.scene.parts import Node
 
 ENDS = Name("a spring has two ends, write one for every pair")
 INTERPOLATIONS = ("linear", "spline")

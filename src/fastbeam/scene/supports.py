@@ -4,12 +4,12 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
-from fastbeam.arguments import Name, Number, Refusal, checked, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Name, Number, Refusal, checked, shown
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
+from fastbeam.scene.bodies import Node
 from fastbeam.scene.checks import NodeField, UntilLike, noun
-from fastbeam.scene.parts import Node
-from fastbeam.scene.sliding import needed_arguments
+from fastbeam.scene.slider_forces import needed_arguments
 
 AXES = "xyz"
 TIME = Number(unit="s")

@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fastbeam.arguments import Name, Number, Refusal, Vector, Word, checked, real, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Name, Number, Refusal, Vector, Word, checked, real, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.interface.synonyms import known
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array
 from fastbeam.scene.paths import ABeam, Path
-from fastbeam.scene.sliding import needed_arguments
-from fastbeam.synonyms import known
+from fastbeam.scene.slider_forces import needed_arguments
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-    from fastbeam.kernels.work import State
+    from fastbeam.kernels.state import State
     from fastbeam.scene.locks import Lock, Release
+    from fastbeam.scene.slider_forces import Stops
     from fastbeam.scene.sliders import Slider
-    from fastbeam.scene.sliding import Stops
 
 Track = Beam | Path
 # a function that names the next track, and what else may stand in its place

@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Flag, Function, Name, Numbers, Refusal, checked, shown, take
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Flag, Function, Name, Numbers, Refusal, checked, shown, take
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bodies import Node
 from fastbeam.scene.checks import FieldField, NodeLike, Takes, noun, tried
-from fastbeam.scene.parts import Node
 
 Array = np.ndarray
 SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)"

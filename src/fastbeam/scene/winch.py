@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Count, Name, Number, Refusal, checked, shown
-from fastbeam.errors import SceneError
+from fastbeam.interface.arguments import Count, Name, Number, Refusal, checked, shown
+from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bodies import Load, Node, PointMass, RigidBody
 from fastbeam.scene.checks import Array, called, tried
 from fastbeam.scene.fixed import Ground
-from fastbeam.scene.parts import Load, Node, PointMass, RigidBody
-from fastbeam.scene.prescribed import PrescribedMotion
+from fastbeam.scene.prescribed_motion import PrescribedMotion
 from fastbeam.scene.supports import Pin
 
 LENGTH = Number(above=0.0, unit="m")
@@ -179,7 +179,7 @@ class Winch:
         """
         if self.length_at is None:
             raise SceneError(f"{self.label}: its length is not given")
-        from fastbeam.arguments import take
+        from fastbeam.interface.arguments import take
         found = take(Number(unit="m"), f"{self.label}: length_at(t) at t = {t:.6g} s", called(self.label, "length_at",
                                                                                               self.length_at, t))
         if not 0.0 < found <= (np.inf if self.total is None else self.total):

@@ -1,0 +1,442 @@
+"""Registry of what couples two points, springs and joints with multipliers: an entry turns all of a kind into a term's table.
+
+A new kind is a noun in scene/, a file in kernels/ with its table and what it adds to a step, and an entry here. `register` adds
+an entry from outside (docs/extending.md).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.forces.spring import Springs
+from fastbeam.kernels.jit.sources import is_outside
+from fastbeam.kernels.joints.ball_joint import BallJoints
+from fastbeam.kernels.joints.distance_joint import DistanceJoints
+from fastbeam.kernels.terms import assemble
+from fastbeam.model.connections import Connections
+from fastbeam.model.forces.bushings import bushings
+from fastbeam.model.forces.spring_laws import spring_laws
+from fastbeam.model.forces.user_forces import Loaded, force_elements, line_forces
+from fastbeam.model.forces.winches import Ropes
+from fastbeam.model.joints.constraints import Distance, KeptLink, Law, Together
+from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.joints.tables import bearing_nodes, conditions_of, frames_of, joint_conditions
+from fastbeam.model.numbering import NodeList
+from fastbeam.scene import BallJoint, Bushing, Damper, DistanceJoint, ForceElement, LineForce, Scene, Spring
+from fastbeam.scene.axis_joint import AxisJoint
+from fastbeam.scene.links import Link, label_of
+
+Array = np.ndarray
+# steps of step control in which the ends of a spring pass each other: their ways over its length
+SHORT_WAY = 2e-3
+
+
+class Blocks(Protocol):
+    """Numbers of the blocks of the tangent."""
+
+    def between(self, a: Array, b: Array) -> Array:
+        """Blocks that couple nodes, int [n]."""
+
+
+class Ends:
+    """Both ends of all links of one kind, as tables need them.
+
+    Attributes
+    ----------
+    parts : list
+        The nouns, None where there is none.
+    node, row : int64 [L, 2]
+        Nodes, and their rows of the residual.
+    block : int64 [L, 4]
+        Blocks a-a, a-b, b-a, b-b of the tangent; empty where the kind couples none.
+    phi, directors : float64 [N, 3], [N, 3, 3]
+        Of all nodes at t = 0.
+    distance : float64 [L]
+        Of both ends at t = 0, m.
+    place : int64 [L]
+        Where the energy that a link takes away stands in the history, -1: it takes none.
+    first : int64 [1]
+        Number of the first among all constraints.
+    ties
+        Tied nodes, or NoTies.
+    spin_row : int64 [L, 2]
+        Rows of the residual that have the spins of the nodes.
+    laws : list of Law
+        Of joints with multipliers.
+    """
+
+    def __init__(self, parts: list[Any], node: Array, nodes: NodeList, row_of: Array, blocks: Blocks | None, first: int,
+                 ties: Any, spin_root: Array, laws: list[Any], losses_at: int) -> None:
+        self.parts, self.node, self.ties, self.laws = parts, node, ties, laws
+        self.phi, self.directors = nodes.phi, nodes.directors
+        bearing = bearing_nodes(node, _are_of_angles(laws), spin_root)
+        a, b = bearing.T
+        takes = np.array([getattr(part, "is_damped", False) for part in parts], bool)
+        self.place = np.where(takes, losses_at + np.cumsum(takes) - 1, -1)
+        self.row, self.spin_row = row_of[bearing], row_of[spin_root[node]]
+        self.block = np.zeros((0, 4), np.int64)
+        if blocks is not None:
+            self.block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
+        self.distance = np.linalg.norm(nodes.phi[b] - nodes.phi[a], axis=1)
+        self.first = np.array([first])
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A kind of link.
+
+    Attributes
+    ----------
+    noun : type
+    table : callable
+        The table of all links of this kind from their `Ends`.
+    couples : bool
+        Whether it adds to the blocks between its nodes.
+    law : Law or None
+        Of a joint with multipliers: what it keeps; that of joints with axes depends on the joint.
+    needs_distance : bool
+        Whether it makes no sense between points at the same place.
+    takes : callable, optional
+        Whether a link belongs to it; default: those of the class of the noun.
+    """
+
+    noun: type
+    table: Callable[[Ends], Any]
+    couples: bool = True
+    law: Law | None = None
+    needs_distance: bool = False
+    takes: Callable[[Any], bool] | None = None
+
+    def holds(self, part: Any) -> bool:
+        """Whether it has a link."""
+        return type(part) is self.noun if self.takes is None else self.takes(part)
+
+
+def _springs(ends: Ends) -> Springs:
+    length = np.array([d if x.length is None else x.length for x, d in zip(ends.parts, ends.distance)])
+    return Springs(ends.node, ends.row, ends.block, np.array([x.stiffness for x in ends.parts]), length)
+
+
+def _distances(ends: Ends) -> DistanceJoints:
+    return DistanceJoints(ends.node, ends.row, ends.block, ends.distance, ends.first, ends.ties)
+
+
+class Group(NamedTuple):
+    """All links of one kind: an entry, nouns (None where there is none), nodes [L, 2], and of joints with multipliers what each
+    keeps and what to say about it."""
+
+    entry: Entry
+    parts: list[Any]
+    node: Array
+    laws: list[Any]
+    words: list[str]
+
+
+# those whose force is a vector come before those with single forces
+REGISTRY = [
+    Entry(Spring, _springs, takes=lambda x: type(x) is Spring and not x.has_law),
+    Entry(Damper, spring_laws, takes=lambda x: type(x) in (Spring, Damper) and x.has_law),
+    Entry(Bushing, bushings),
+    Entry(ForceElement, force_elements),
+    Entry(LineForce, line_forces),
+    Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
+    Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
+    Entry(AxisJoint, joint_conditions),
+]
+
+
+def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
+    """Let scenes take a new kind of link between two points: one with a force law, without multipliers.
+
+    Parameters
+    ----------
+    noun : type
+        A class derived from `Link` with a text `kind` of its own; scenes take objects of it.
+    table : callable
+        The constants of all links of this kind from their `Ends`: a named tuple of C-contiguous arrays. Its class is the term for
+        which `assemble` and `potential_energy` have implementations.
+
+    Raises
+    ------
+    TypeError
+        `noun` is no class derived from `Link`, has no `kind`, or is registered already; `table` cannot be called.
+    """
+    if not (isinstance(noun, type) and issubclass(noun, Link)) or noun is Link:
+        raise TypeError(f"register_link: {noun!r} is no class derived from Link")
+    if not isinstance(noun.kind, str) or noun.kind == Link.kind:
+        raise TypeError(f"register_link: {noun.__name__}.kind is {noun.kind!r}; it has to be a text for messages")
+    if not callable(table):
+        raise TypeError(f"register_link: the table of {noun.__name__} is {table!r}; it has to be a function of Ends")
+    if any(entry.noun is noun for entry in REGISTRY):
+        raise TypeError(f"register_link: {noun.__name__} is registered already")
+    REGISTRY.append(Entry(noun, table))
+
+
+class Lines(NamedTuple):
+    """Springs, dampers and line forces, whose force has a direction of its own on either side of the place where both ends meet:
+    names, nodes [L, 2], ways of one end past the other that steps may take at most, m [L]; line forces by their numbers; and
+    which have a force at rest where both ends meet, bool [L]."""
+
+    names: list[str]
+    node: Array
+    most: Array
+    forces: dict[int, LineForce]
+    acts: Array
+
+    def passed(self, before: Array, after: Array) -> Array:
+        """Numbers of those whose ends pass each other on a longer way between coordinates before and after, [12 N] each."""
+        a, b = self.node.T
+        x, y = (q.reshape(-1, 12)[:, :3] for q in (before, after))
+        x, y = x[b] - x[a], y[b] - y[a]
+        beyond = np.einsum("lc,lc->l", x, y) < 0.0
+        return np.flatnonzero(beyond & (np.linalg.norm(y - x, axis=1) > self.most)) if beyond.any() else np.zeros(0, np.int64)
+
+    def swapped(self, before: Array, after: Array) -> list[int]:
+        """Numbers of those whose ends pass each other from one equilibrium to another, and whose force turns around by that."""
+        return [int(k) for k in self.passed(before, after) if self.acts[k]]
+
+    def unseen(self, before: Array, after: Array, t: float, h: float, weight: Array) -> float:
+        """What steps of size h, in the middle of which the time is t, miss of laws of line forces, which they ask at the mean
+        length alone, as a position, m; weight [N]: masses of nodes, kg. 0 where a law cannot be asked."""
+        worst, positions = 0.0, [q.reshape(-1, 12)[:, :3] for q in (before, after)]
+        for k, force in self.forces.items():
+            a, b = self.node[k]
+            x, y = (p[b] - p[a] for p in positions)
+            start, end, way = float(np.linalg.norm(x)), float(np.linalg.norm(y)), y - x
+            square = float(way @ way)
+            if square == 0.0:
+                continue
+            nearest = float(np.linalg.norm(x + min(max(-float(x @ way) / square, 0.0), 1.0) * way))
+            lengths, rate = (start, 0.5 * (start + end), end, nearest), (end - start) / h
+            try:
+                with np.errstate(all="ignore"):
+                    first, middle, last, near = (float(force.law(t, x, rate, force.parameters)) for x in lengths)
+            except Exception:  # where steps ask it they tell
+                continue
+            off = max(abs(first - 2.0 * middle + last), abs(near - middle) if nearest < min(start, end) else 0.0)
+            masses = weight[[a, b]]
+            mass = float(np.min(masses[masses > 0.0], initial=np.inf))
+            size = off * h**2 / (12.0 * (mass if np.isfinite(mass) else float(weight.sum())))
+            worst = max(worst, size) if np.isfinite(size) else worst
+        return worst
+
+
+class Passes:
+    """Events of springs and line forces whose ends pass each other between equilibria that are looked at one after the other.
+
+    Parameters
+    ----------
+    lines : Lines or None
+    event : callable
+        Takes an event {'kind', 'time', 'text'}.
+    """
+
+    def __init__(self, lines: Lines | None, event: Callable[[dict[str, Any]], None]) -> None:
+        self._lines, self._event = lines, event
+        self._last: tuple[Array, str] | None = None
+        self._told: set[int] = set()
+
+    def look(self, q: Array, time: float, where: str) -> None:
+        """The equilibrium at coordinates [12 N], in words where, and at the time of its row."""
+        if self._lines is None:
+            return
+        for k in () if self._last is None else self._lines.swapped(self._last[0], q):
+            if k not in self._told:
+                self._told.add(k)
+                self._event({"kind": "unresolved", "time": time,
+                             "text": f"{self._lines.names[k]}: its ends pass each other between {self._last[1]} and {where}, and "
+                                     "its force acts on the other side from there on; one that pushes alone may have none left. "
+                                     "Start from a shape on the right side (start=), make it stiffer or longer, or see in a run "
+                                     "(simulate) whether it is pushed through"})
+        self._last = q.copy(), where
+
+
+def _tested(entry: Entry, table: Any) -> Any:
+    """The table of a kind from outside, which kernels take without a question.
+
+    Raises
+    ------
+    TypeError
+        It is no named tuple of arrays, or there is no code for it.
+    """
+    who = f"the table of {entry.noun.__name__}"
+    if not (isinstance(table, tuple) and hasattr(table, "_fields")):
+        raise TypeError(f"{who} is {type(table).__name__}; it has to be a named tuple of arrays")
+    for name, x in zip(table._fields, table):
+        if not isinstance(x, np.ndarray) or x.dtype not in (np.float64, np.int64) or not x.flags.c_contiguous:
+            found = f"an array of {x.dtype}, shape {x.shape}" if isinstance(x, np.ndarray) else type(x).__name__
+            raise TypeError(f"{who}: {name} is {found}; it has to be a C-contiguous array of float64 or int64")
+    if not assemble.covers(type(table)):
+        raise TypeError(f"{who}: nothing assembles {type(table).__name__}; import the module with "
+                        f"@assemble.register({type(table).__name__}), which serves all methods")
+    return table
+
+
+class Links:
+    """All links of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    nodes : NodeList
+    joints : Connections
+        Its loops are ball joints that multipliers hold.
+    hinges : int [*, 2]
+        Ball joints of nets.
+
+    Raises
+    ------
+    SceneError
+        A link that makes no sense where its ends are, as a distance joint between points at the same place.
+    """
+
+    def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
+        balls = [*scene.balls, *[None] * len(hinges)]
+        pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
+        self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
+        self.loaded, self.ropes = Loaded(scene, nodes), Ropes(scene, nodes)
+        self.meshes = scene.moving
+        self.groups: list[Group] = []
+        known = {entry.noun for entry in REGISTRY}
+        for x in scene.links:
+            if type(x) not in known and not isinstance(x, AxisJoint):
+                raise SceneError(f"{label_of(x)}: a scene takes no {type(x).__name__} before "
+                                 f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
+        with_axes = [x for x in scene.links if isinstance(x, AxisJoint)]
+        # joints with axes, their nodes and directions
+        ends = _nodes_of(with_axes, nodes)
+        self.with_axes = list(zip(with_axes, ends.tolist(), frames_of(with_axes, ends, nodes.phi, nodes.directors)))
+        for entry in REGISTRY:
+            parts: list[Any] = [x for x in scene.links if entry.holds(x)]
+            node = _nodes_of(parts, nodes)
+            laws, words = [entry.law] * len(parts), [""] * len(parts)
+            if entry.noun is BallJoint:
+                # points of other joints are held together in the same way
+                pinned = [x for x in with_axes if x.is_pinned]
+                parts = [*(balls[j] for j in joints.loops), *pinned]
+                node = np.concatenate((pairs[joints.loops], _nodes_of(pinned, nodes)))
+                laws, words = [entry.law] * len(parts), [""] * len(parts)
+            elif entry.noun is AxisJoint:
+                sets = [(x, at, *found) for x, at, frame in self.with_axes for found in conditions_of(x, frame)]
+                parts, laws, words = [x[0] for x in sets], [x[3] for x in sets], [x[2] for x in sets]
+                node = np.array([x[1] for x in sets], np.int64).reshape(-1, 2)
+            if entry.needs_distance:
+                _check_distances(parts, node, nodes.phi)
+            if parts:
+                self.groups.append(Group(entry, parts, node, laws, words))
+        # what these leave free, with the nodes and directions of the joint
+        self.freedoms = [(freedom, (a, b), frame) for x, (a, b), frame in self.with_axes for freedom in x.freedoms]
+        # of coordinates with a force of their own those that are given come first: their constraints are the last of all
+        self.driven: list[KeptLink] = []
+        for freedom, at, frame in self.freedoms:
+            if freedom.is_given:
+                law = Coordinate(freedom.shape, frame, freedom.given_rate, holds=True)
+                self.driven.append(KeptLink(freedom.force_label("drive"), at, law))
+        for freedom, at, frame in self.freedoms:
+            if freedom.may_stick:
+                law = Coordinate(freedom.shape, frame)
+                self.driven.append(KeptLink(freedom.force_label("friction" if freedom.has_friction else "stops"), at, law))
+
+    @property
+    def touched(self) -> Array:
+        """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
+        own = [self.loaded.node, self.ropes.node.reshape(-1)]
+        own += [nodes[nodes >= 0] for nodes in (mesh.nodes(self.nodes) for mesh in self.meshes)]
+        return np.unique(np.concatenate([*own, *(group.node.reshape(-1) for group in self.groups)]))
+
+    @property
+    def pairs(self) -> Array:
+        """Pairs of nodes i, j that links couple, as i N + j."""
+        n = len(self.nodes)
+        out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
+        out += [mesh.pairs(self.nodes, self._root) for mesh in self.meshes]
+        # forces on what joints leave free couple their nodes, whatever conditions these have
+        acting = [(at, x.shape.is_angle) for x, at, _ in self.freedoms if x.acts]
+        links = [(group.node, _are_of_angles(group.laws)) for group in self.groups if group.entry.couples]
+        links.append((np.array([at for at, _ in acting], np.int64).reshape(-1, 2),
+                      np.array([turns for _, turns in acting], bool)))
+        for node, turns in links:
+            a, b = self._root[bearing_nodes(node, turns, self._spin_root)].T
+            out += [a * n + a, a * n + b, b * n + a, b * n + b]
+        return np.concatenate(out)
+
+    @property
+    def kept(self) -> list[KeptLink]:
+        """Joints with multipliers, in the order of their constraints."""
+        nodes = self.nodes
+        out = []
+        for group in self.groups:
+            out += [KeptLink((label_of(part) if part else _label_of(nodes, a, b)) + word, (a, b), law)
+                    for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
+                    if law is not None]
+        return out + self.driven
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What takes energy away, springs, dampers and bushings, for the balance."""
+        return tuple(f"{getattr(part, 'takes', 'damping of')} {label_of(part)}" for group in self.groups for part in group.parts
+                     if getattr(part, "is_damped", False))
+
+    def of(self, *nouns: type) -> tuple[list[Any], Array]:
+        """All links of some classes, and their nodes [L, 2]."""
+        found = [(part, node) for group in self.groups for part, node in zip(group.parts, group.node) if type(part) in nouns]
+        return [part for part, _ in found], np.array([node for _, node in found], np.int64).reshape(-1, 2)
+
+    @property
+    def lines(self) -> Lines | None:
+        """What may pass through a length of 0; a plain spring without length pulls there as everywhere."""
+        parts, node = self.of(Spring, Damper, LineForce)
+        x = self.nodes.phi[node]
+        own = np.array([getattr(part, "length", None) or 0.0 for part in parts])
+        reach = np.maximum(np.linalg.norm(x[:, 1] - x[:, 0], axis=1), own)
+        vectorial = np.array([type(part) is Spring and not part.has_law and part.length == 0.0 for part in parts], bool)
+        kept = np.flatnonzero((reach > 0.0) & ~vectorial)
+        acts = np.array([type(part) is not Damper and not getattr(part, "tension_only", False) for part in parts], bool)
+        return Lines([label_of(parts[k]) for k in kept.tolist()], node[kept], SHORT_WAY * reach[kept],
+                     {n: parts[k] for n, k in enumerate(kept.tolist()) if type(parts[k]) is LineForce},
+                     acts[kept]) if kept.size else None
+
+    def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any, loads_at: int,
+               losses_at: int) -> tuple[Any, ...]:
+        """The tables of all kinds of links that the scene has; sliders: constraints before theirs; loads_at, losses_at: places of
+        the work of loads and of `losses` in the history."""
+        out, first = [], sliders
+        for entry, parts, node, laws, _ in self.groups:
+            ends = Ends(parts, node, self.nodes, row_of, blocks if entry.couples else None, first, ties, self._spin_root, laws,
+                        losses_at)
+            losses_at += int(np.sum(ends.place >= 0))
+            table = entry.table(ends)
+            out.append(_tested(entry, table) if is_outside(entry.noun) else table)
+            first += sum(law is not None for law in laws)
+        if self.loaded.forces:
+            q = np.concatenate((self.nodes.phi[:, None], self.nodes.directors), axis=1)
+            out.append(self.loaded.table(row_of, blocks, q, loads_at))
+        if self.ropes.winches:
+            out.append(self.ropes.table(row_of, blocks, self.nodes.phi))
+        return tuple(out)
+
+
+def _are_of_angles(laws: list[Any]) -> Array:
+    """Whether laws of links, or None, are about directions alone, bool [L]."""
+    return np.array([law is not None and law.is_angle for law in laws], bool)
+
+
+def _check_distances(parts: list[Any], node: Array, phi: Array) -> None:
+    round_off = 1e-12 * float(np.max(np.abs(phi)))
+    for part, (a, b) in zip(parts, node.tolist()):
+        if not np.linalg.norm(phi[b] - phi[a]) > round_off:
+            raise SceneError(f"{label_of(part)}: {part.a} and {part.b} lie at the same place; use BallJoint, or move one of them")
+
+
+def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
+    """Nodes at both ends, int64 [L, 2]."""
+    return np.array([(nodes.number(x.a), nodes.number(x.b)) for x in links], np.int64).reshape(-1, 2)
+
+
+def _label_of(nodes: NodeList, a: int, b: int) -> str:
+    """A joint of a net for messages, which has no name."""
+    return f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}"

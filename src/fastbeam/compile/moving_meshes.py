@@ -1,0 +1,295 @@
+"""Scenes with beams whose elements move with contacts, as the compiler takes them (theory.md 5.12)."""
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.compile.initial import tied_velocities
+from fastbeam.compile.moving_contacts import along_of, joints_of, moment_of
+from fastbeam.compile.numbered import Numbered, number
+from fastbeam.compile.unpack import unpack
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.state import State
+from fastbeam.model.contact.moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
+from fastbeam.scene import (BallJoint, Beam, Bushing, Clamp, CylindricalJoint, Damper, DistanceJoint, InitialVelocity, Load,
+    MovingMesh, Pin, PlanarJoint, PointMass, PrismaticJoint, RevoluteJoint, RigidBody, RigidConnection, RigidMotion, Scene,
+    Sleeve, Slider, SphericalJoint, Spring, UniversalJoint)
+from fastbeam.scene.moving_mesh import LineOfPlaces
+
+Array = np.ndarray
+JOINTS = (RevoluteJoint, PrismaticJoint, CylindricalJoint, PlanarJoint, UniversalJoint, SphericalJoint)
+TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, DistanceJoint, *JOINTS, Clamp, Pin, Load, Slider, Spring, Damper,
+         Bushing, InitialVelocity, RigidMotion, MovingMesh)
+
+
+class Moving(NamedTuple):
+    """What a model knows of its moving meshes.
+
+    Attributes
+    ----------
+    tables : tuple
+        The terms.
+    names : list of str
+        Of contacts.
+    places, contacts, points : int64 [S]
+        Nodes of their places, of the beams there, and of what slides.
+    moments, along : list of str
+        Joints that carry their moments, and that act along the beam, empty where there are none.
+    line : int64 [*]
+        The point where the line of places begins, where something acts along a beam.
+    """
+
+    tables: tuple[Any, ...]
+    names: list[str]
+    places: Array
+    contacts: Array
+    points: Array
+    moments: list[str]
+    along: list[str]
+    line: Array
+
+    @property
+    def size(self) -> int:
+        """Numbers in the history: of every beam momenta, and the work of its weight."""
+        return sum(_size(table) for table in self.tables)
+
+    @property
+    def mass(self) -> float:
+        """Of all beams, kg."""
+        return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
+
+    def table_of(self, k: int) -> Any:
+        """The term of the beam of contact k."""
+        return next(table for table in self.tables if self.places[k] in table.places)
+
+    def gaps(self, q: Array) -> tuple[Array, Array, Array]:
+        """Ways between neighbouring contacts and ends of beams, at coordinates [12 N]; the least; lengths of the beams, m."""
+        found, least, lengths = [], [], []
+        for table in self.tables:
+            ways = np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1])))
+            found.append(ways)
+            least.append(np.full(ways.size, table.length[1]))
+            lengths.append(np.full(ways.size, table.length[0]))
+        return np.concatenate(found), np.concatenate(least), np.concatenate(lengths)
+
+    def at_end(self, gap: int, q: Array) -> dict[str, Any]:
+        """What an event says of a contact at the end of its way, by the number of the gap."""
+        first = 0
+        for table in self.tables:
+            n = table.places.size
+            if gap <= n:
+                break
+            gap, first = gap - n - 1, first + n
+        k = min(gap, n - 1)
+        name, s = self.names[first + k], float(q[12 * table.places[k]])
+        if gap in (0, n):
+            end = "start" if gap == 0 else "end"
+            near = float(table.length[1])
+            return {"slider": name, "end": end, "s": s, "text": f"slider {name!r} came nearer than {near:.3g} m to the {end} of "
+                    "its beam, where elements of its moving mesh vanish"}
+        other = self.names[first + gap - 1]
+        return {"slider": name, "end": other, "s": s, "text": f"sliders {other!r} and {name!r} met, between which elements of "
+                "their moving mesh vanish"}
+
+    def check(self, method: str | None, static: bool) -> None:
+        """Refuse what is no conserving step; method: one that it is compared with.
+
+        Raises
+        ------
+        SceneError
+        """
+        if static or method is not None:
+            what = "equilibria and modes know" if static else f"method {method!r} knows"
+            raise SceneError(f"moving mesh with slider {self.names[0]!r}: {what} no elements that move; compile the scene "
+                             "without MovingMesh" + (", contacts='exact' of solve_static has no mesh either" if static else ""))
+
+    def start_momenta(self, history: Array, q: Array, v: Array) -> None:
+        """Those of coordinates and rates [12 N] into a history."""
+        for table in self.tables:
+            first = int(table.place[0])
+            history[first:first + _size(table) - 1] = momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)).reshape(-1)
+
+    def misfit(self, history: Array, q: Array, v: Array) -> float:
+        """The largest difference between velocities and those of the momenta in a history, of spins times the length of the beam,
+        m/s; q, v [12 N]."""
+        q, v, worst = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3), 0.0
+        for table in self.tables:
+            first, of_rates = int(table.place[0]), momenta(table, q, v)
+            off = history[first:first + of_rates.size].reshape(of_rates.shape) - of_rates
+            off[:, :, 1:] *= table.length[0]
+            off /= element_lengths(table, q)[:, None, None, None]
+            worst = max(worst, float(np.max(np.linalg.norm(off, axis=3))))
+        return worst
+
+    @property
+    def nodes(self) -> Array:
+        """All nodes of the beams, and of places, int64 [*]."""
+        return np.unique(np.concatenate((self.places, *(table.node.reshape(-1) for table in self.tables))))
+
+    def in_space(self, n: int) -> Array:
+        """Which of n nodes have a position in space, int64 [*]."""
+        return np.setdiff1d(np.arange(n), np.concatenate((self.places, self.line)))
+
+    def inertia(self, q: Array) -> Any:
+        """Mass matrix of all of them at coordinates [12 N], sparse [12 N, 12 N]."""
+        return sum(mass_matrix(table, q.reshape(-1, 4, 3)) for table in self.tables)
+
+    def momentum(self, history: Array, q: Array) -> Array:
+        """What the momenta in a history are on the rates of all coordinates, with which they have their energy (5.20), [12 N]."""
+        out = np.zeros(q.size)
+        for table in self.tables:
+            first, of = int(table.place[0]), list(of_rates(table, q.reshape(-1, 4, 3)))
+            own = history[first:first + _size(table) - 1].reshape(len(of), -1, 4, 3)
+            for one, m in zip(of, own):
+                np.add.at(out, one.columns, np.einsum("gk,gkc,gkci->i", masses(table) / one.length, m, one.matrix))
+        return out
+
+    def put_blow(self, history: Array, q: Array, by: Array) -> None:
+        """Momenta in a history after a jump of the rates by `by`, both [12 N]."""
+        for table in self.tables:
+            first, jump = int(table.place[0]), momenta(table, q.reshape(-1, 4, 3), by.reshape(-1, 4, 3))
+            history[first:first + jump.size] += jump.reshape(-1)
+
+    def work_of_weight(self, history: Array) -> float:
+        """That of gravity on all moving beams since the start, J."""
+        return sum(float(history[int(table.place[0]) + _size(table) - 1]) for table in self.tables)
+
+
+def _size(table: Any) -> int:
+    """Numbers of a beam in the history."""
+    return 12 * len(table.node) * table.mass_point.shape[1] + 1
+
+
+class Rewritten(NamedTuple):
+    """The scene that is compiled, and the given one with meshes that stand still."""
+
+    scene: Scene
+    meshes: list[Mesh]
+    given: Scene
+
+
+def rewrite(scene: Scene) -> Rewritten | None:
+    """A scene in which contacts of moving meshes are joints; None without any.
+
+    Raises
+    ------
+    SceneError
+        Names a part that moving meshes do not know.
+    """
+    parts = [part for part in scene.parts if isinstance(part, MovingMesh)]
+    if not parts:
+        return None
+    _refuse(scene, parts)
+    fields = [InitialVelocity(part.beam, velocity=part.velocity or (0, 0, 0), spin=part.spin or (0, 0, 0)) for part in parts
+              if part.velocity is not None or part.spin is not None]
+    given = Scene(*(part for part in scene.parts if not isinstance(part, MovingMesh)), *fields, name=scene.name,
+                  gravity=scene.gravity, gravity_time=scene.gravity_time, project_velocities=scene.project_velocities)
+    given.check()
+    meshes = [Mesh(part.beam, list(part.sliders)) for part in parts]
+    contacts = [joint for mesh in meshes for k in range(len(mesh.sliders)) for joint in joints_of(mesh, k)]
+    kept = [part for part in given.parts if not isinstance(part, (Slider, InitialVelocity, RigidMotion))]
+    out = Scene(*kept, *contacts, *(place for mesh in meshes for place in mesh.places), name=scene.name, gravity=scene.gravity,
+                gravity_time=scene.gravity_time, project_velocities=True)
+    out.moving = tuple(meshes)
+    return Rewritten(out, meshes, given)
+
+
+def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
+    who = f"compile_scene: {parts[0].label}"
+    beams = [part.beam for part in parts]
+    if len(set(beams)) < len(beams):
+        raise SceneError(f"{who}: there are two moving meshes of one beam; name all its sliders in one")
+    for slider in scene.sliders:
+        if sum(slider in part.sliders for part in parts) != 1:
+            raise SceneError(f"{who}: slider {slider.name!r} belongs to none, or to several; scenes with moving meshes have no "
+                             "sliders on meshes that stand still: name it in a MovingMesh, or use with_moving_meshes(scene)")
+    for part in parts:
+        for slider in part.sliders:
+            if slider not in scene.sliders:
+                raise SceneError(f"{part.label}: slider {slider.name!r} is not in {scene.label}; add it to the scene")
+            if any(slider.point.owner is beam for beam in beams) and not _is_end(slider.point):
+                raise SceneError(f"{part.label}: slider {slider.name!r}: {slider.point} is a node of a mesh that moves itself; "
+                                 "slide its ends, or nodes of other beams")
+    for x in scene.parts:
+        if type(x) not in TAKEN and not isinstance(x, Sleeve):
+            raise SceneError(f"{who}: a scene with moving meshes takes no {getattr(x, 'kind', type(x).__name__)} "
+                             f"{getattr(x, 'name', '')!r}; leave it out, or the moving mesh")
+        if isinstance(x, Load) and x.follower:
+            raise SceneError(f"{who}: load {x.name!r} turns with what it acts on, which scenes with moving meshes do not know; "
+                             "leave follower out")
+        if isinstance(x, Pin | Clamp) and (x.until is not None or x.since is not None):
+            raise SceneError(f"{who}: {x.name!r} lets go or takes hold, which scenes with moving meshes do not know; leave until "
+                             "and since out")
+        for node in _inner(x, beams):
+            raise SceneError(f"{who}: {x.kind} {getattr(x, 'name', '')!r} is at {node}, which moves over the beam; only its ends "
+                             "can be held, joined and loaded")
+
+
+def _inner(part: Any, beams: list[Beam]) -> list[Any]:
+    """Nodes inside beams with moving meshes that a part refers to."""
+    found = [getattr(part, name, None) for name in ("at", "a", "b")] if not isinstance(part, (Slider, Beam)) else []
+    return [node for node in found if any(getattr(node, "owner", None) is beam for beam in beams) and not _is_end(node)]
+
+
+def _is_end(node: Any) -> bool:
+    """Whether a node of a beam is one of its ends, which stay the same material points."""
+    return bool(node.index in (0, node.owner.n_nodes - 1))
+
+
+def initial(rewritten: Rewritten, numbered: Numbered) -> State:
+    """State at t = 0 of the nodes of the rewritten scene; nodes move over the beam as the contacts do."""
+    nodes, joints, given = numbered.nodes, numbered.joints, rewritten.given
+    before = number(given)
+    old = unpack(given, before)
+    n = len(nodes)
+    v, spin = np.zeros((n, 3)), np.zeros((n, 3))
+    q_old, v_old = (x.reshape(-1, 4, 3) for x in (old.state.q, old.state.v))
+    for part in [*given.beams, *given.bodies, *given.masses]:
+        here, there = nodes.span(part), before.nodes.span(part)
+        nodes.phi[here] = q_old[there, 0]
+        v[here] = v_old[there, 0]
+        spin[here] = 0.5 * np.cross(q_old[there, 1:], v_old[there, 1:]).sum(axis=1)
+    for key, arm in nodes.arms.items():
+        there = before.nodes.arms.get(key)
+        if there is not None:
+            nodes.phi[arm], v[arm] = q_old[there, 0], v_old[there, 0]
+            spin[arm] = 0.5 * np.cross(q_old[there, 1:], v_old[there, 1:]).sum(axis=1)
+    for mesh in rewritten.meshes:
+        span, d = nodes.span(mesh.beam), nodes.directors[nodes.span(mesh.beam)]
+        rates = np.zeros(len(mesh.sliders))
+        for k, slider in enumerate(mesh.sliders):
+            at = nodes.number(mesh.contact(k))
+            rates[k] = (v_old[before.nodes.number(slider.point), 0] - v[at]) @ nodes.directors[at, 0]
+            v[nodes.start(mesh.places[k])] = rates[k], 0.0, 0.0
+        along = mesh.way() @ rates
+        v[span] += along[:, None] * np.einsum("i,nic->nc", mesh.reference[:3], d)
+        spin[span] += along[:, None] * np.einsum("i,nic->nc", mesh.reference[3:], d)
+    velocity, turned = tied_velocities(nodes, joints, v, spin)
+    v[joints.tied], spin[joints.tied] = velocity[joints.tied], turned[joints.tied]
+    q = np.concatenate((nodes.phi[:, None], nodes.directors), axis=1)
+    rates = np.concatenate((v[:, None], np.cross(spin[:, None], nodes.directors)), axis=1)
+    return State(q.reshape(-1), rates.reshape(-1), np.zeros(0), np.zeros(0))
+
+
+def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
+    """The model with the terms of its moving meshes and the momenta at the start."""
+    if rewritten is None:
+        return model
+    numbers, tables, names, places, contacts = model.numbers, [], [], [], []
+    at = model.moving_place
+    for mesh in rewritten.meshes:
+        table = mesh.table(numbers, blocks, model.pattern.row_of, model.gravity)
+        table.place[0], table.place[3] = at, len(names) + len(tables)
+        at += _size(table)
+        tables.append(table)
+        names += [slider.name for slider in mesh.sliders]
+        places += table.places.tolist()
+        contacts += [numbers.number(mesh.contact(k)) for k in range(len(mesh.sliders))]
+    moments, acting = ([of(slider) for mesh in rewritten.meshes for slider in mesh.sliders] for of in (moment_of, along_of))
+    points = [numbers.number(slider.point) for mesh in rewritten.meshes for slider in mesh.sliders]
+    line = [node for (owner, _), node in numbers.arms.items() if isinstance(owner, LineOfPlaces)]
+    moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), np.array(points), moments, acting,
+                    np.array(line, np.int64))
+    return replace(model, links=(*model.links, *tables), moving=moving)

@@ -1,0 +1,109 @@
+"""The first stage of the compiler: global numbers of all nodes, what connects them, and the size of the scene."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fastbeam.compile.initial import place_points
+from fastbeam.compile.links import Links
+from fastbeam.model.connections import NO_PAIRS, Connections, connect
+from fastbeam.model.numbering import NodeList
+from fastbeam.scene import RigidBody, Scene
+from fastbeam.scene.added_mass import added_masses
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """Nodes of a scene and what they have to do with each other.
+
+    Attributes
+    ----------
+    nodes : NodeList
+        Numbers, reference positions and triads of all nodes.
+    length : float
+        Size of the scene, m.
+    joints : Connections
+        Ties, shared rows and spins, what supports hold.
+    links : Links
+        Springs and joints with multipliers.
+    dragged : int64 [*]
+        Nodes with drag or added mass.
+    always : int64 [N]
+        What supports that neither let go nor take hold hold of the unknowns of every node.
+    late : int64 [N]
+        What only those that take hold hold, at the nodes that lead rows.
+    supported : int64 [*]
+        Nodes of all supports; of one at a body the body.
+    """
+
+    nodes: NodeList
+    length: float
+    joints: Connections
+    links: Links
+    dragged: Array
+    always: Array
+    late: Array
+    supported: Array
+
+    @property
+    def joints_at_start(self) -> Connections:
+        """The joints with what is held before supports with `since` take hold."""
+        return replace(self.joints, held=self.joints.held & ~self.late) if self.late.any() else self.joints
+
+    @property
+    def touched(self) -> Array:
+        """Nodes that links, drag and added mass touch; they are not eliminated inside elements and beams."""
+        return np.union1d(self.links.touched, self.dragged)
+
+
+def number(scene: Scene) -> Numbered:
+    """Number the nodes of a scene.
+
+    Raises
+    ------
+    SceneError
+        Joints that cannot be eliminated, or make no sense where their ends are.
+    """
+    nodes = NodeList(scene)
+    place_points(scene, nodes)
+    length = max([nodes.extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
+    joints, hinges, always, late, supported = _connections(scene, nodes, length)
+    every = np.arange(len(nodes))
+    dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *added_masses(scene)))])
+    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always, late, supported)
+
+
+def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array, Array, Array]:
+    """How nodes are tied, the ball joints of nets, int [*, 2], what supports that do not change hold, and what only
+    those that take hold hold, int64 [N], and the nodes of supports, int64 [*]."""
+    held = np.zeros(len(nodes), np.int64)
+    welds, hinges = [NO_PAIRS], [NO_PAIRS]
+    for net in scene.nets:
+        held[nodes.span(net)] |= net.held()
+        for found, pairs in zip((welds, hinges), net.pairs()):
+            found.append(nodes.start(net) + pairs)
+    for mass in scene.masses:
+        held[nodes.start(mass)] = 56
+    for mesh in scene.moving:
+        held[[nodes.start(place) for place in mesh.places]] = 62
+    held[nodes.ground] = 63
+    always, begins = held.copy(), held.copy()
+    supports = [*scene.pins, *scene.prescribed, *scene.clamps]
+    supported = np.array([nodes.start(x.at.owner) if isinstance(x.at.owner, RigidBody) else nodes.number(x.at) for x in supports],
+                         np.int64)
+    for support, node in zip(supports, supported.tolist()):
+        held[node] |= support.mask
+        always[node] |= support.mask if support.until is None and support.since is None else 0
+        begins[node] |= support.mask if support.since is None else 0
+    rigid = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
+    rigid += [(owner, arm, "point") for owner, arm in nodes.arm_owner]
+    balls = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.balls]
+    joints = connect(nodes.phi, nodes.directors, rigid, balls, held, nodes.rank, nodes.labels, 1e-14 * length,
+                     np.concatenate(welds), np.concatenate(hinges))
+    late, early = np.zeros_like(held), np.zeros_like(held)
+    for mine, given in ((late, held & ~begins), (early, begins)):
+        np.bitwise_or.at(mine, joints.row_root, given)
+    return joints, np.concatenate(hinges), always, late & ~early, supported

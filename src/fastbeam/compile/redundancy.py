@@ -1,0 +1,65 @@
+"""How strongly the augmented Lagrangian holds joints: those in trees of rigid parts are never redundant (theory.md 5.5)."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fastbeam.model.connections import HOLD_POSITION, HOLD_TRIAD, Connections
+from fastbeam.model.joints.constraints import KeptLink
+
+Array = np.ndarray
+POINT_MASS = 9
+# links from the ground, or through it, that loops may have before their joints are held more strongly; in chains of n links the
+# gap that an iteration leaves grows with n^2
+MANY_LINKS = 30.0
+
+
+def softness_of(kept: Sequence[KeptLink], connections: Connections, rank: Array) -> Array:
+    """Of every joint with multipliers the share of 1/a of (5.5) that its equations have, [J].
+
+    0: the joint belongs to a tree of rigid parts, where no force is undetermined, so that multipliers are plain; 1 in loops, less
+    where they are long. A rigid part is what shares a spin; supports are one part, the ground; joints are what joins them,
+    eliminated ones included.
+
+    Parameters
+    ----------
+    kept
+    connections
+    rank : int [N]
+        Of the inertia of nodes, POINT_MASS: without a triad of its own.
+    """
+    out = np.ones(len(kept))
+    if not kept:
+        return out
+    from scipy import sparse
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+    root, owner = connections.spin_root, connections.owner
+    n = root.size
+    held = connections.held & np.where(rank == POINT_MASS, HOLD_POSITION, HOLD_POSITION | HOLD_TRIAD)
+    part = np.where((held != 0) & ~connections.tied, n, root)
+    # a held node holds the whole part
+    grounded = np.zeros(n + 1, bool)
+    grounded[root[part == n]] = grounded[n] = True
+    part = np.where(grounded[root], n, root)
+    ties = np.unique(np.sort(part[np.stack((owner, connections.target), axis=1)], axis=1), axis=0)
+    ties = ties[ties[:, 0] != ties[:, 1]]
+    ends = np.sort(part[np.array([link.node for link in kept])], axis=1)
+    # the conditions of one joint are one edge
+    _, joint = np.unique([link.joint for link in kept], return_inverse=True)
+    edges = np.concatenate((ties, np.unique(np.column_stack((ends, joint)), axis=0)[:, :2]))
+    graph = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n + 1, n + 1))
+    count, component = connected_components(graph, directed=False)
+    members, links = np.bincount(component, minlength=count), np.bincount(component[edges[:, 0]], minlength=count)
+    of_joint = component[ends[:, 0]]
+    out[(links == members - 1)[of_joint]] = 0.0
+    for c in np.flatnonzero((links >= members) & (members > MANY_LINKS)):
+        ours = of_joint == c
+        if ours.any():
+            first = n if component[n] == c else int(ends[ours][0, 0])
+            order, before = breadth_first_order(graph, first, directed=False)
+            far = np.zeros(n + 1)
+            for i in order[1:].tolist():
+                far[i] = far[before[i]] + 1.0
+            out[ours] = min(1.0, (MANY_LINKS / far.max())**2)
+    return out

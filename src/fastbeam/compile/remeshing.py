@@ -1,0 +1,88 @@
+"""Scenes on other meshes: beams with sliders whose elements move with the contacts."""
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fastbeam.compile.cut_beams import Cut
+from fastbeam.interface.arguments import Anything, checked, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.scene import Beam, MovingMesh, Path, Scene, Sleeve, Slider
+from fastbeam.scene.moving_mesh import check_acting, check_places, has_coulomb
+
+Array = np.ndarray
+
+
+class _Remeshed(Cut):
+    """The scene with new beams in place of those with sliders."""
+
+    def __init__(self, scene: Scene, new: dict[Beam, Beam]) -> None:
+        self.given, self.new, self._paths = scene, new, {}
+
+    def _bore(self, sleeve: Sleeve) -> dict[str, Any]:
+        """Its length counts for friction alone."""
+        return {} if has_coulomb(sleeve) else {"length": 0.0}
+
+
+@checked(scene=Anything())
+def with_moving_meshes(scene: Scene) -> Scene:
+    """The scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
+
+    Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths at the start, at
+    least one each. For contacts that go far from there share them out by hand (`MovingMesh`), or take the scene as it is: where
+    elements become too long an event `coarse` says so. What refers to their ends, or slides on them, refers to the new beams.
+    Sleeves hold their beam at one point; those with a bore of their own, `length=`, are refused, but where Coulomb friction needs
+    its length. All else is taken as it is.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    SceneError
+        It is no scene, has no sliders, or a beam or slider is one that moving meshes do not know.
+    """
+    if not isinstance(scene, Scene):
+        raise SceneError(f"with_moving_meshes: needs a Scene, got {shown(scene)}; put the parts into one: fb.Scene(beam, ...)")
+    if not scene.sliders:
+        raise SceneError(f"with_moving_meshes: {scene.label} has no sliders; compile it as it is")
+    if any(isinstance(part, MovingMesh) for part in scene.parts):
+        raise SceneError(f"with_moving_meshes: {scene.label} has moving meshes; compile it as it is")
+    on: dict[Beam, list[Slider]] = {}
+    for slider in scene.sliders:
+        if not isinstance(slider.beam, Beam) or isinstance(slider.beam, Path):
+            raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; elements of single beams "
+                             "move, not those of paths, switches and nets")
+        check_acting("with_moving_meshes", slider)
+        element = slider.beam.length / slider.beam.n_elements
+        own = isinstance(slider, Sleeve) and slider.length and not has_coulomb(slider)
+        if own and abs(slider.length - element) > 1e-12 * element:
+            raise SceneError(f"with_moving_meshes: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m, and "
+                             "elements that move end at one point of it; leave length out, give length=0, or compile the scene "
+                             "as it is")
+        on.setdefault(slider.beam, []).append(slider)
+    for some in on.values():
+        check_places("with_moving_meshes", some[0].beam, some)
+    new = {i: _cut(some[0].beam, sorted(slider.at for slider in some)) for i, some in on.items()}
+    swap = _Remeshed(scene, new)
+    parts = [swap._swapped(part) for part in scene.parts]
+    sliders = [part for part in parts if isinstance(part, Slider)]
+    meshes = [MovingMesh(beam, [slider for slider in sliders if slider.beam is beam]) for beam in new.values()]
+    return Scene(*parts, *meshes, name=scene.name, gravity=scene.gravity, gravity_time=scene.gravity_time,
+                 project_velocities=scene.project_velocities)
+
+
+def _cut(beam: Beam, at: list[float]) -> Beam:
+    """The beam with element ends at some places."""
+    fixed = np.array([0.0, *at, beam.length])
+    # round-off of a half does not decide
+    parts = np.maximum(1, np.round(np.round(beam.n_elements * np.diff(fixed) / beam.length, 9))).astype(int)
+    ends = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(fixed[:-1], fixed[1:], parts)]
+    return replace(beam, elements=np.concatenate((*ends, [beam.length])))

@@ -1,0 +1,288 @@
+"""The second stage of the compiler: elements, bodies, loads and the initial state as arrays, before anything is packed."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.compile.initial import initial_state
+from fastbeam.compile.numbered import Numbered
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.state import State
+from fastbeam.model.connections import Connections
+from fastbeam.model.forces.added_mass import Added, added_of
+from fastbeam.model.forces.damping_and_drag import Dragged, dragged_of
+from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.moving_supports import PrescribedMotions, prescribed_of
+from fastbeam.model.numbering import NodeList
+from fastbeam.model.tables import Elements, elements_of
+from fastbeam.scene import DistributedLoad, RigidBody, Scene
+from fastbeam.scene.interpolation.shapes import gll_nodes
+
+Array = np.ndarray
+# pieces of an element, and of a beam, in which a load by a function is looked at first; a share of its largest value that is no
+# difference; the shortest piece, of an element; pieces of a beam at one time
+PIECES, LEAST_PIECES, ALIKE, SHORTEST, MOST_PIECES = 4, 64, 1e-12, 1e-13, 2**16
+
+
+class Loads(NamedTuple):
+    """Loads on the rows of the nodes, that of a node that shares a row at the node that has it."""
+
+    vectors: Array     # float64 [K, N, 6], N and N m
+    times: list[Any]   # factor of every vector; None: constant
+    names: list[str]   # what each time function belongs to
+    weight: Array      # float64 [N], kg
+    constant: Array    # float64 [N, 3]: forces without time functions, N
+
+
+@dataclass(frozen=True)
+class Unpacked:
+    """A scene as arrays.
+
+    Attributes
+    ----------
+    numbered : Numbered
+    elements : list of Elements
+        Of every beam, then of every net.
+    bodies : int64 [B]
+        Nodes of rigid bodies and masses.
+    inertia : float64 [B, 4, 4]
+        Of (v, rates of the directors) of these.
+    loads : Loads
+    gravity : float64 [3]
+        m/s^2.
+    kept : list of KeptLink
+        Joints with multipliers.
+    state : State
+        At t = 0, in space.
+    notes : tuple of (str, str)
+        What there is to say about the initial velocities: kinds and texts of events.
+    prescribed : PrescribedMotions or None
+        Supports that move.
+    dragged : Dragged or None
+        Nodes with drag.
+    added : Added or None
+        Nodes with added mass.
+    """
+
+    numbered: Numbered
+    elements: list[Elements]
+    bodies: Array
+    inertia: Array
+    loads: Loads
+    gravity: Array
+    kept: list[KeptLink]
+    state: State
+    notes: tuple[tuple[str, str], ...]
+    prescribed: PrescribedMotions | None
+    dragged: Dragged | None
+    added: Added | None
+
+    @property
+    def nodes(self) -> NodeList:
+        """Of the scene."""
+        return self.numbered.nodes
+
+    @property
+    def joints(self) -> Connections:
+        """Of the scene."""
+        return self.numbered.joints
+
+
+def unpack(scene: Scene, numbered: Numbered, known: State | None = None) -> Unpacked:
+    """Arrays of a scene whose nodes have numbers; known: its initial state, where that is not what the scene says.
+
+    Raises
+    ------
+    SceneError
+        Initial velocities that a connection, a support or a slider does not allow.
+    """
+    nodes, joints, kept = numbered.nodes, numbered.joints, numbered.links.kept
+    elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
+                if all(part is not mesh.beam for mesh in scene.moving)]
+    loads = _loads(scene, nodes, elements, joints.row_root)
+    state, notes = (known, ()) if known is not None else initial_state(scene, nodes, numbered.joints_at_start, elements, kept)
+    # positions and triads of the node list are views of q: the same numbers, stored once
+    coordinates = state.q.reshape(-1, 4, 3)
+    nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
+    return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, notes,
+                    prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
+                    added_of(scene, nodes, elements))
+
+
+def _with_mass(scene: Scene) -> list[Any]:
+    """Bodies and masses, without the places of moving meshes."""
+    places = {place for mesh in scene.moving for place in mesh.places}
+    return [part for part in [*scene.bodies, *scene.masses] if part not in places]
+
+
+def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
+    """Nodes [B] of bodies and masses, and their inertia [B, 4, 4]."""
+    parts = _with_mass(scene)
+    number = [np.array([nodes.start(p) for p in parts], np.int64)]
+    inertia = [np.zeros((len(parts), 4, 4))]
+    for k, part in enumerate(parts):
+        inertia[0][k, 0, 0] = part.mass
+        if isinstance(part, RigidBody):
+            # Euler tensor: T = 1/2 sum E_ij v_i . v_j with E = 1/2 tr(J) I - J
+            inertia[0][k, 1:, 1:] = 0.5 * np.trace(part.inertia) * np.eye(3) - part.inertia
+    for net in scene.nets:
+        if net.masses is not None:
+            loaded = np.flatnonzero(net.masses)
+            number.append(nodes.start(net) + net.junction[loaded])
+            inertia.append(np.zeros((loaded.size, 4, 4)))
+            inertia[-1][:, 0, 0] = net.masses[loaded]
+    return np.concatenate(number), np.concatenate(inertia)
+
+
+def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Array) -> Loads:
+    """All loads; row_root: int [N], the node whose row a node shares."""
+    n = len(nodes)
+    groups: list[tuple[Any, Array]] = []
+
+    def group(time: Any) -> Array:
+        for known, vector in groups:
+            if known is time:
+                return vector
+        groups.append((time, np.zeros((n, 6))))
+        return groups[-1][1]
+
+    at = [part.nodes.reshape(-1) for part in elements]
+    share = [(part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)).reshape(-1) for part in elements]
+    weight = np.bincount(np.concatenate(at), np.concatenate(share), minlength=n) if at else np.zeros(n)
+    for body in _with_mass(scene):
+        weight[nodes.start(body)] += body.mass
+    for net in scene.nets:
+        if net.masses is not None:
+            weight[nodes.start(net) + net.junction] += net.masses
+    if np.any(scene.gravity):
+        vector = group(scene.gravity_time)
+        vector[:, :3] += weight[:, None] * scene.gravity
+        for mesh in scene.moving:
+            # on a coordinate that is held: where contact/moving_mesh.py finds the factor of gravity
+            vector[nodes.start(mesh.places[0]), 1] = 1.0
+    constant = np.zeros((n, 3))
+    for net in scene.nets:
+        if net.loads is not None:
+            at = nodes.start(net) + net.junction
+            group(net.time)[at, :3] += net.loads
+            if net.time is None:
+                constant[at] += net.loads
+    for load in scene.loads:
+        k = nodes.number(load.at)
+        vector = group(load.time)
+        vector[k, :3] += load.force
+        vector[k, 3:] += load.moment
+        if load.time is None:
+            constant[k] += load.force
+    for load in scene.distributed:
+        vector = group(load.time)
+        for columns, target in distributed(load, nodes):
+            vector[:, columns] += target
+            if load.time is None and columns.start == 0:
+                constant += target
+    vectors = np.zeros((len(groups), n, 6))
+    for k, (_, vector) in enumerate(groups):
+        for c in range(6):
+            # nodes may share a row
+            vectors[k, :, c] = np.bincount(row_root, vector[:, c], minlength=n)
+    times = [time for time, _ in groups]
+    return Loads(vectors, times, [_timed_by(scene, time) for time in times], weight, constant)
+
+
+def distributed(load: DistributedLoad, nodes: NodeList) -> list[tuple[slice, Array]]:
+    """Forces and moments of a distributed load on all nodes, with their columns: [N, 3] each."""
+    at, out = nodes.start(load.beam) + load.beam.basis.element_nodes, []
+    for columns, nodal in of_elements(load):
+        target = np.zeros((len(nodes), 3))
+        np.add.at(target, at, nodal)
+        out.append((columns, target))
+    return out
+
+
+def of_elements(load: DistributedLoad) -> list[tuple[slice, Array]]:
+    """Its forces and moments on the nodes of every element of the beam, with their columns: [E, n, 3] each."""
+    basis, out = load.beam.basis, []
+    # forces work on positions, moments on the spins of the directors: each with its own basis
+    for which, (given, s, weight, shape) in enumerate((
+            (load.force, basis.mass_point_s, basis.mass_weight, basis.mass_phi_values),
+            (load.moment, basis.point_s, basis.weight, basis.dir))):
+        columns = slice(3 * which, 3 * which + 3)
+        if not callable(given):
+            values = np.broadcast_to(np.zeros(3) if given is None else given, (*s.shape, 3))
+            out.append((columns, np.einsum("eg,egn,egc->enc", weight, shape, values)))
+            continue
+        on = points_of(load, which, basis.element_ends)
+        nodal = np.zeros((*basis.element_nodes.shape, 3))
+        np.add.at(nodal, on.element, np.einsum("pg,pgn,pgc->pnc", on.weight, basis.shapes(on.element, on.s)[which], on.values))
+        out.append((columns, nodal))
+    return out
+
+
+class Points(NamedTuple):
+    """Of P pieces of elements with points of a quadrature each."""
+
+    element: Array   # int64 [P]
+    s: Array         # float64 [P, g], m
+    weight: Array    # float64 [P, g], m
+    values: Array    # float64 [P, g, 3]: of the load there, per length
+
+
+def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
+    """Points that integrate the force (0) or moment (1) of a load, a function of s, over elements with these ends [E + 1]: pieces
+    are halved until halves make no difference, so that jumps and kinks may lie anywhere.
+
+    Raises
+    ------
+    SceneError
+        The function jumps too often.
+    """
+    # with both ends, so that a jump beside one is seen
+    last = load.beam.degree + 2
+    at = gll_nodes(last)
+    share = 2.0 / (last * (last + 1) * np.polynomial.legendre.legval(at, np.eye(last + 1)[last])**2)
+    field = load.moment_at if which else load.force_at
+
+    def look(a: Array, b: Array) -> list[Array]:
+        half = 0.5 * (b - a)[:, None]
+        s = 0.5 * (a + b)[:, None] + half * at
+        return [s, half * share, field(s.reshape(-1)).reshape(*s.shape, 3)]
+
+    def sums(s: Array, weight: Array, values: Array) -> tuple[Array, Array]:
+        # and with linear functions, for the moment of forces
+        lever = (s - middle[:, None]) / (b - a)[:, None]
+        return np.einsum("pg,pgc->pc", weight, values), np.einsum("pg,pgc->pc", weight * lever, values)
+
+    sizes = np.diff(ends)
+    pieces = max(PIECES, -(-LEAST_PIECES // sizes.size))
+    cuts = ends[:-1, None] + sizes[:, None] * np.linspace(0.0, 1.0, pieces + 1)
+    cuts[:, -1] = ends[1:]
+    element, a, b = np.repeat(np.arange(sizes.size), pieces), cuts[:, :-1].reshape(-1), cuts[:, 1:].reshape(-1)
+    whole, largest = look(a, b), 0.0
+    found: list[list[Array]] = []
+    while a.size:
+        if a.size > MOST_PIECES:
+            raise SceneError(f"{load.kind} {load.name!r}: {('force', 'moment')[which]}(s) changes too often along "
+                             f"{load.beam.label} to be integrated; it has to give the same numbers at the same s, smooth but "
+                             "for some jumps and kinks")
+        middle = 0.5 * (a + b)
+        left, right = look(a, middle), look(middle, b)
+        halves = [np.concatenate(x, axis=1) for x in zip(left, right)]
+        largest = max(largest, float(np.max(np.abs(halves[2]))))
+        off = np.max(np.abs(np.array(sums(*whole)) - np.array(sums(*halves))), axis=(0, 2))
+        good = (off <= ALIKE * largest * sizes[element]) | (b - a <= SHORTEST * sizes[element])
+        found.append([element[good], *(x[good] for x in halves)])
+        more = ~good
+        whole = [np.concatenate((x[more], y[more])) for x, y in zip(left, right)]
+        element = np.tile(element[more], 2)
+        a, b = np.concatenate((a[more], middle[more])), np.concatenate((middle[more], b[more]))
+    return Points(*(np.concatenate(x) for x in zip(*found)))
+
+
+def _timed_by(scene: Scene, time: Any) -> str:
+    """What has this time function, for messages."""
+    names = ["gravity"] * (scene.gravity_time is time)
+    names += [f"{load.kind} {load.name!r}" for load in [*scene.loads, *scene.distributed] if load.time is time]
+    names += [f"the loads of {net.label}" for net in scene.nets if net.loads is not None and net.time is time]
+    return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")

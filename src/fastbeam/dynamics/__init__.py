@@ -1,0 +1,4 @@
+"""The time loop: step control, events, impacts, checkpoints and reactions."""
+from fastbeam.interface.lazy_import import public_names
+
+__all__, __getattr__, __dir__ = public_names(__name__)

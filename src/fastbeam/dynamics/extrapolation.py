@@ -1,0 +1,226 @@
+"""Order four with what dissipates, and of reactions: conserving steps of h and of h/2, extrapolated (theory.md 6)."""
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fastbeam.dynamics.checkpoint import Clock
+from fastbeam.dynamics.kinks import Kinks
+from fastbeam.interface.errors import ConvergenceError, Interrupted, ResultFileError, SceneError
+from fastbeam.interface.paths import check_new
+from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FRICTION_LOSS, HISTORY, LOCK_LOSS, STOP_LOSS
+from fastbeam.kernels.state import State
+from fastbeam.model.model import Model
+from fastbeam.model.start import check_start
+from fastbeam.results.result import Result
+
+Array = np.ndarray
+# two runs that differ by more, of the size of the scene, are no longer in the range in which errors go with h^2
+NEAR = 0.05
+
+
+# for messages: what does so
+WHICH = "order=4 with what dissipates, or with 'reaction' observed, extrapolates two runs"
+
+
+def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
+    """Whether order 4 takes two runs: something dissipates, or reactions are recorded, which are means over whole steps; and
+    nothing that has a kink in time is there."""
+    sliders, motions = model.slider_forces, model.motions
+    smooth = bool(model.losses or model.needs_forward_steps) or "reaction" in observed
+    # on switches arc lengths jump where a slider goes on to another track
+    rough = model.released is not None or bool(model.spans)
+    if sliders is not None:
+        smooth |= sliders.dissipates
+        rough |= sliders.lets_go or bool(np.any(sliders.tables.friction > 0.0))
+        rough |= any(x.stops is not None and x.stops.is_rigid for x in sliders.sliders)
+    if motions is not None:
+        smooth |= bool(motions.damped) or bool(np.any(motions.holds.heeds_rates))
+        rough |= bool(motions.holds.rubs.size) or motions.holds.is_bounded
+    return smooth and not rough
+
+
+def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any, max_step: Any) -> None:
+    """Refuse what needs one state on the way.
+
+    Raises
+    ------
+    SceneError
+    """
+    given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint),
+                                  ("min_step", min_step), ("max_step", max_step)) if x is not None]
+    if given:
+        raise SceneError(f"{given[0]}: {WHICH}, and there is no {given[0]} between them; leave it out, or use order=2")
+
+
+def between(coarse: Array, fine: Array) -> Array:
+    """(4 fine - coarse)/3, of equal numbers these numbers."""
+    return np.asarray(fine + (fine - coarse) / 3.0)
+
+
+def triads_between(coarse: Array, fine: Array) -> Array:
+    """The same for triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to it."""
+    turn = np.einsum("...ia,...ib->...ab", fine, coarse)
+    axis = 0.5 * np.stack((turn[..., 2, 1] - turn[..., 1, 2], turn[..., 0, 2] - turn[..., 2, 0],
+                           turn[..., 1, 0] - turn[..., 0, 1]), axis=-1)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, 0.5 * (np.trace(turn, axis1=-2, axis2=-1)[..., None] - 1.0)) / 3.0
+    axis = axis / np.where(sine > 0.0, sine, 1.0)
+    # Rodrigues' formula on every director
+    n = axis[..., None, :]
+    c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    return np.asarray(c * fine + s * np.cross(n, fine) + (1.0 - c) * np.sum(n * fine, axis=-1, keepdims=True) * n)
+
+
+def _spins(q: Array, v: Array) -> Array:
+    return 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+
+
+def state_between(model: Model, coarse: State, fine: State, step: float) -> State:
+    """The extrapolated state, on the nearest that joints and sliders allow."""
+    q, v = np.zeros((model.n_nodes, 4, 3)), np.zeros((model.n_nodes, 4, 3))
+    (q1, v1), (q2, v2) = ((x.q.reshape(-1, 4, 3), x.v.reshape(-1, 4, 3)) for x in (coarse, fine))
+    q[:, 0], v[:, 0] = between(q1[:, 0], q2[:, 0]), between(v1[:, 0], v2[:, 0])
+    q[:, 1:] = triads_between(q1[:, 1:], q2[:, 1:])
+    v[:, 1:] = np.cross(between(_spins(q1, v1), _spins(q2, v2))[:, None], q[:, 1:])
+    history = between(coarse.history, fine.history)
+    # of sliders there are flags beside energies
+    flags = np.setdiff1d(np.arange(HISTORY), (FRICTION_LOSS, DRIVE_WORK, STOP_LOSS, LOCK_LOSS))
+    own, known = (x[:model.work_place].reshape(-1, HISTORY) if model.slider_forces is not None else np.zeros((0, HISTORY))
+                  for x in (history, fine.history))
+    own[:, flags] = known[:, flags]
+    state = State(q.reshape(-1), v.reshape(-1), between(coarse.s, fine.s), fine.force.copy(), history)
+    try:
+        return check_start(model, state, step, mend=True)[0]
+    except SceneError:
+        return state
+
+
+def difference(model: Model, coarse: Result, fine: Result) -> float:
+    """Largest distance of nodes of the two runs in shapes and at the end, as a share of the size of the scene."""
+    end = (fine.state.q - coarse.state.q).reshape(-1, 12)[:, :3]
+    far = [float(np.max(np.linalg.norm(end, axis=-1), initial=0.0))]
+    if len(fine.t_snap) == len(coarse.t_snap):
+        far.append(float(np.max(np.linalg.norm(fine.phi - coarse.phi, axis=-1), initial=0.0)))
+    return max(far) / model.length
+
+
+def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: float) -> Result:
+    """The result of order 4: every row is linear in those of the two runs, so that what they keep it keeps, books and momenta.
+
+    Parameters
+    ----------
+    coarse, fine : Result
+        With steps `step` and half of it, s.
+
+    Raises
+    ------
+    ConvergenceError
+        One of them ended before t_end.
+    """
+    for run in (coarse, fine):
+        if run.state is None or run.t[-1] != t_end:
+            why = run.events[-1]["text"] if run.events else "it ended early"
+            raise ConvergenceError(f"{WHICH}, and one of them ended at t = {run.t[-1]:g} s: {why}; end the run before that, or "
+                                   "use order=2",
+                                   step=int(run.info["steps"]), time=float(run.t[-1]), state=run.state)
+    rows = [np.flatnonzero(np.isin(a.t, b.t)) for a, b in ((coarse, fine), (fine, coarse))]
+    shapes = [np.flatnonzero(np.isin(a.t_snap, b.t_snap)) for a, b in ((coarse, fine), (fine, coarse))]
+    series = {}
+    for name, x in fine.series.items():
+        a, b = coarse.series[name][rows[0]], x[rows[1]]
+        if name == "iterations":
+            # of both runs, a step
+            series[name] = a + 2 * b
+        elif name == "step_size":
+            series[name] = a
+        elif name == "point_directors":
+            series[name] = triads_between(a, b)
+        else:
+            series[name] = between(a, b)
+    a, b = coarse.info, fine.info
+    info = {**b, "method": f"{b['method']}, two runs extrapolated", "order": 4, "step": step, "steps": a["steps"],
+            **{name: a[name] + b[name] for name in ("iterations", "fallbacks", "wall_time")},
+            "scale": {name: max(x, a["scale"].get(name, 0.0)) for name, x in b["scale"].items()},
+            "difference": difference(model, coarse, fine)}
+    known = {(event["kind"], event["text"]) for event in fine.events}
+    events = [*fine.events, *(event for event in coarse.events if (event["kind"], event["text"]) not in known)]
+    if not info["difference"] <= NEAR:
+        text = (f"order=4: the runs with steps of {step:g} and {0.5 * step:g} s differ by {info['difference']:.2g} of the size "
+                "of the scene, too much for their difference to tell the error of both; take smaller steps, or a shorter run")
+        events.append({"kind": "extrapolation", "time": t_end, "text": text})
+    velocities, spins = (None if b is None else between(a[shapes[0]], b[shapes[1]]) for a, b in (
+        (coarse.velocities, fine.velocities), (coarse.spins, fine.spins)))
+    result = Result(t=fine.t[rows[1]], series=series, model_text=fine.model_text, info=info, names=fine.names,
+                    t_snap=fine.t_snap[shapes[1]], phi=between(coarse.phi[shapes[0]], fine.phi[shapes[1]]),
+                    directors=triads_between(coarse.directors[shapes[0]], fine.directors[shapes[1]]), velocities=velocities,
+                    spins=spins, events=events)
+    result.state = state_between(model, coarse.state, fine.state, step)
+    result.checkpoint = Clock(t_end, t_end, step, step, t_end).checkpoint(model, result.state, False, None)
+    return result
+
+
+def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any, overwrite: bool) -> BaseException:
+    """The error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and says
+    so; it is written to the file that was asked for.
+
+    Parameters
+    ----------
+    runs : list of Result
+        Those that are complete.
+    step : float
+        Of the first run, s.
+    """
+    result = getattr(error, "result", None) or (runs[-1] if runs else None)
+    if not isinstance(result, Result):
+        return error
+    second = len(runs) > 0 and result is not runs[0]
+    text = (f"this is the {'second' if second else 'first'} of the two runs that order=4 with what dissipates extrapolates, "
+            "alone: "
+            f"steps of {(0.5 if second else 1.0) * step:g} s, errors of second order")
+    result.events.append({"kind": "extrapolation", "time": float(result.t[-1]), "text": text})
+    if file is not None:
+        try:
+            result.save(file, overwrite=overwrite)
+        except ResultFileError as failed:
+            result.events.append({"kind": "file", "time": float(result.t[-1]), "text": str(failed)})
+    if isinstance(error, KeyboardInterrupt) and not isinstance(error, Interrupted):
+        # between the runs, or while one of them was being prepared
+        error = Interrupted("the run was interrupted", result=result, state=result.state, checkpoint=result.checkpoint)
+    if isinstance(error, ConvergenceError):
+        error.result = result
+    if isinstance(error, Interrupted | ConvergenceError):
+        error.args = (f"{error.args[0]}; {text}", *error.args[1:])
+    return error
+
+
+def of_two_runs(run: Callable[..., Result], model: Model, t_start: float, t_end: float, step: float,
+                every: int | None, file: Any, overwrite: bool, options: dict[str, Any]) -> Result:
+    """Order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same.
+    run: `simulate`."""
+    if file is not None:
+        check_new("result file", Path(file), Path(file), overwrite)
+    n = max(1, math.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
+    every = max(1, n // 500) if every is None else min(every, n)
+    step = (t_end - t_start) / n
+    kinks = Kinks(model, step)
+    kinks(t_start, options["start"] or model.state())
+    runs: list[Result] = []
+    try:
+        for k in (1, 2):
+            runs.append(run(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every,
+                                 callback=kinks if k == 2 and kinks.groups else None, **options))
+        result = combine(model, *runs, step, t_end)
+    except (KeyboardInterrupt, Exception) as error:
+        raised = ended_alone(error, runs, step, file, overwrite)
+        if raised is not error:
+            raise raised from error
+        raise
+    result.events += kinks.events
+    if file is not None:
+        result.save(file, overwrite=overwrite)
+    return result

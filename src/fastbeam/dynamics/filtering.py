@@ -1,0 +1,154 @@
+"""Steps that dissipate high frequencies by one number, the spectral radius at infinity (theory.md (6.2))."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.beam_term import Beams
+from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.beams.section_laws import Filtered
+from fastbeam.kernels.beams.strain_filter import StrainFilter, changes_of
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
+from fastbeam.kernels.loop import SLIDER_END
+from fastbeam.kernels.state import State, aligned
+from fastbeam.model.model import Model
+from fastbeam.stepping.outcome import Outcome
+from fastbeam.stepping.stepper import Stepper
+
+Array = np.ndarray
+# turn of the fastest node by which rates of strains are differenced, rad
+TURN = 1e-5
+
+
+def filter_factors(rho_inf: float) -> tuple[float, float, float]:
+    """a, b, kappa of theory.md (6.2)."""
+    chi = (1.0 - rho_inf) / (1.0 + rho_inf)
+    return 4.0 * chi**2 / (3.0 * (1.0 + 3.0 * chi)), chi**2 / 12.0, 2.0 / (1.0 + 3.0 * chi)
+
+
+def check_filtered(order: int, model: Model, observe: Any) -> None:
+    """Refuse what the filters do not go together with.
+
+    Raises
+    ------
+    SceneError
+    """
+    if order != 2:
+        raise SceneError("rho_inf: what is dissipated in a step goes with odd powers of it, so that the order is 2; use order=2, "
+                         "or leave rho_inf out")
+    if model.damped is not None:
+        raise SceneError(f"rho_inf: {model.damped.labels[0]} has damping of its own, which grows with the frequency; leave "
+                         "rho_inf out, or the damping of sections")
+    if model.moving is not None:
+        raise SceneError(f"rho_inf: moving mesh with slider {model.moving.names[0]!r}: strains of elements that move are not "
+                         "filtered; leave rho_inf out, or compile the scene without MovingMesh")
+    if model.simo is None and model.green is None:
+        raise SceneError("rho_inf: the scene has no beams, whose strains it is that are filtered; leave it out")
+    if "reaction" in observe:
+        raise SceneError("rho_inf: reactions are those of steps without filters; leave 'reaction' out of observe, or rho_inf")
+
+
+def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], lost: Array) -> StrainFilter:
+    """The filters of the beams with one strain set, and tables of their run, in which every group has reference strains of its
+    own behind everything else."""
+    tables = beams.tables
+    strains = 48 if len(model.dofs) == 6 else 24
+    sizes = strains * tables.meta[:, POINTS]
+    begin = 8 * -(-tables.tab.size // 8)
+    first = begin + np.concatenate(([0], np.cumsum(sizes)))
+    tab = aligned(int(first[-1]))
+    tab[:tables.tab.size] = tables.tab
+    for old, new, size in zip(tables.meta[:, REFERENCE], first, sizes):
+        tab[new:new + size] = tables.tab[old:old + size]
+    meta = tables.meta.copy()
+    meta[:, REFERENCE] = first[:-1]
+    own = ElementTables(meta, tab, tables.nodes, tables.rows, tables.blocks)
+    # idle lanes repeat an element and have the row behind the last
+    live = tables.rows[meta[:, LIST, None] + np.arange(8)] < model.n_nodes
+    n = int(first[-1]) - begin
+    return StrainFilter(beams.strains._replace(law=Filtered(2.0 * factors[0] + 4.0 * factors[1])), own, np.array([begin]),
+                        live.astype(float).reshape(-1), np.array(factors), tab[begin:].copy(),
+                        np.zeros(n), np.zeros(n), empty(2 * n + 2), empty(n), empty(n), lost)
+
+
+class FilteringStepper(Stepper):
+    """Runs conserving steps with filters. As `Stepper`; what they know of the strains belongs to the memory of a run.
+
+    Attributes
+    ----------
+    lost : float64 [2]
+        Energies dissipated since the start and stored in the filters, J.
+    """
+
+    def __init__(self, model: Model, weights: Array, state: State | None, max_iterations: int, backend: str, method: Any,
+                 t: float, memory: Array | None, augmentation: float, threads: int | None) -> None:
+        if model.substructures is not None and model.uncondensed is not None:
+            model = model.uncondensed()
+        self.lost = np.zeros(2)
+        self.filters: tuple[StrainFilter, ...] = ()
+        super().__init__(model, weights, state, max_iterations, backend, method, t, None, augmentation, threads)
+        factors = filter_factors(method.rho_inf)
+        terms: list[Any] = []
+        filters = []
+        for term in self.terms:
+            if isinstance(term, Beams):
+                filters.append(filter_of(self.core, term, factors, self.lost))
+                term = term._replace(strains=filters[-1].strains, tables=filters[-1].tables)
+            terms.append(term)
+        self.filters = tuple(filters)
+        self.terms = (*terms, *self.filters)
+        if memory is None:
+            self.start_filters()
+        else:
+            if state is not None and self.plane is None:
+                # what the first step of a run does to it has been done
+                for mine, other in zip(self.core_state, state):
+                    mine[:] = other
+            self.memory = memory
+
+    @property
+    def pivots_everywhere(self) -> bool:
+        """There is no second way around a solver that pivots, whose tables are others."""
+        return True
+
+    @property
+    def _remembered(self) -> tuple[Array, ...]:
+        return (*super()._remembered, *(x for term in self.filters for x in (term.smooth, term.rate)), self.lost)
+
+    def set_state(self, state: State) -> None:
+        """As `Stepper.set_state`; rates of strains are those of its velocities."""
+        super().set_state(state)
+        self.start_filters()
+
+    def start_filters(self) -> None:
+        """Rates of all strains from velocities, by central differences of the strains that they lead to."""
+        state, work, core = self.core_state, self.work, self.core
+        kept = [x.copy() for x in (work.dphi, work.theta)]
+        if len(core.dofs) == 6:
+            q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+            spin = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+        else:
+            q, v = state.q.reshape(-1, 2, 2), state.v.reshape(-1, 2, 2)
+            spin = q[:, 1, 0] * v[:, 1, 1] - q[:, 1, 1] * v[:, 1, 0]
+        fastest = max(float(np.max(np.abs(spin), initial=0.0)), float(np.max(np.abs(v[:, 0]), initial=0.0)) / core.length)
+        h = TURN / fastest if fastest > 0.0 else 1.0
+        found = []
+        for way in (h, -h):
+            work.dphi[:], work.theta[:] = way * v[:, 0].reshape(-1), way * spin.reshape(-1)
+            changes_of(self.filters, self.records[1], h)
+            found.append([term.change.copy() for term in self.filters])
+        for term, ahead, back in zip(self.filters, *found):
+            term.rate[:] = term.smooth[:] = (ahead - back) / (2.0 * h)
+        work.dphi[:], work.theta[:] = kept
+
+    def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
+        result = super()._run(t, h, n, done)
+        if result.status == SLIDER_END:
+            # the step that was taken back had told the filters
+            for term in self.filters:
+                term.smooth[:], term.rate[:] = np.split(term.kept[:-2], 2)
+                self.lost[:] = term.kept[-2:]
+        return result

@@ -1,0 +1,100 @@
+"""Contact that pushes only: where a point is beside its beam, when it lifts off and what happens when it comes back
+(theory.md 5.9)."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fastbeam.dynamics.velocity_jumps import blow, jump
+from fastbeam.kernels.contact.nearest_place import Sides, nearest_place_of
+from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.entries.dense import Contact
+from fastbeam.kernels.state import State
+from fastbeam.model.mapping import contact
+from fastbeam.model.model import Model
+
+Array = np.ndarray
+# a point is beside the beam, not beyond its ends, and meets it, within this share of its length
+ON_AXIS = 1e-9
+# steps of the search for the nearest place
+SEARCH = 20
+
+
+@dataclass
+class Place:
+    """Where a point is beside a beam: arc length of the nearest point, m; distance on its side, m, negative on the other; whether
+    it is beside the beam; unit normal [3]; what of the gap is neither along the beam nor the normal, m."""
+
+    s: float
+    distance: float
+    is_between_ends: bool
+    normal: Array
+    off: float
+
+
+class Finder:
+    """Finds the places of points beside their beams.
+
+    Parameters
+    ----------
+    model : Model
+        With tables in space.
+    work : Contact
+        Work arrays.
+    """
+
+    def __init__(self, model: Model, work: Contact) -> None:
+        assert model.slider_forces is not None
+        self.model, self._work = model, work
+        sides = model.slider_forces.sides
+        self._sides = Sides(np.cumsum([0, *map(len, sides)]), np.concatenate(sides).reshape(-1))
+        # between which arc lengths there is a contact: the ends of the beam, or the places where stops begin
+        self.ends = model.slider_forces.free_way(model.limits_at(model.s0))
+        self._out = empty(7)
+
+    def place(self, state: State, k: int, search: int = SEARCH) -> Place:
+        """Where the point of slider k is, from the s of the state on; search: steps of it, 0 for the place at s itself."""
+        model, out = self.model, self._out
+        length, (low, high) = float(model.slider_lengths[k]), self.ends[k]
+        nearest_place_of(model.curves, model.sliders, self._work, self._sides, k, state.q, float(state.s[k]), low, high, length,
+                     search, out)
+        return Place(float(out[0]), float(out[1]), abs(float(out[2])) <= ON_AXIS * length, out[4:].copy(), float(out[3]))
+
+    def pull(self, state: State, k: int, force: Array) -> float:
+        """How much the contact force [3] on the point of slider k pulls it towards the beam, N."""
+        return -float(self.place(state, k, 0).normal @ force)
+
+
+def land(model: Model, state: State, k: int, place: Place, restitution: float, t: float) -> tuple[State, float, bool]:
+    """The state behind a hit of slider k on its beam at time t, the energy lost, J, and whether it stays on the beam."""
+    state = State(*(x.copy() for x in state))
+    state.s[k] = place.s
+    _, tangent, relative = contact(model, k, place.s, *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
+    stays = restitution * min(float(place.normal @ relative), 0.0) == 0.0
+    lead = np.linalg.svd(tangent[None])[2][1:] if stays else place.normal[None]
+
+    def change(begin: State) -> Array:
+        rates = lead @ contact(model, k, place.s, *(x.reshape(-1, 4, 3) for x in (begin.q, begin.v)))[2]
+        return -rates if stays else -(1.0 + restitution) * np.minimum(rates, 0.0)
+
+    _, state, loss = blow(model, state, k, lead, change)
+    own = state.history[:model.work_place].reshape(-1, HISTORY)
+    own[k, STOP_LOSS] += loss
+    if stays:
+        own[k, HELD], own[k, STICKS] = FREE, 0.0
+        own[k, SIGN] = np.sign(relative @ tangent)
+        if model.slider_forces.tables.drive[k] == INCREMENT:
+            state = _driven(model, state, k, model.slider_forces.speed_given(k, t))
+    return state, loss, stays
+
+
+def _driven(model: Model, state: State, k: int, speed: float) -> State:
+    """The state behind the blow of a drive that gives slider k its velocity along the beam, whose work counts as the drive's."""
+    _, tangent, relative = contact(model, k, float(state.s[k]), *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
+    state, loss = jump(model, state, k, np.eye(3), speed * tangent - relative)
+    own = state.history[:model.work_place].reshape(-1, HISTORY)
+    own[k, DRIVE_WORK] -= loss
+    own[k, SIGN] = np.sign(speed)
+    return state

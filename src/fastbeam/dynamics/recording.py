@@ -1,0 +1,143 @@
+"""Rows, shapes and events of a run, on their way to memory and file."""
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from fastbeam.dynamics.checkpoint import Clock
+from fastbeam.dynamics.contact_force import ContactForces
+from fastbeam.interface.errors import ResultFileError
+from fastbeam.results.observe.observer import Observer
+from fastbeam.results.result import ResultBuffer, ResultHeader
+from fastbeam.stepping.stepper import Stepper
+
+Array = np.ndarray
+
+
+class Rows:
+    """Takes what a run computes. A row waits until the next step is known: the contact force of a row is the mean of the steps
+    around it (theory.md (4.5)).
+
+    Parameters
+    ----------
+    observer : Observer
+    stepper : Stepper
+    clock : Clock
+    forces : ContactForces or None
+        None where forces are not recorded, or are those at the end of a step.
+    t_end : float
+    header : ResultHeader
+    snapshots : int
+        About how many shapes to keep, one a row at most.
+    file, overwrite : path or None, bool
+        Where to write everything besides.
+
+    Attributes
+    ----------
+    memory : ResultBuffer
+    writer : ResultWriter or None
+        A file that cannot be written is left behind.
+    file_error : ResultFileError or None
+        Why; a run ends at its next row then.
+    broken_off : bool
+        Whether an error is on its way out, which does not wait for the steps that the force of the last row takes.
+    """
+
+    def __init__(self, observer: Observer, stepper: Stepper, clock: Clock, forces: ContactForces | None, t_end: float,
+                 header: ResultHeader, snapshots: int, file: Any, overwrite: bool) -> None:
+        self.observer, self.stepper, self.clock, self.forces, self.t_end = observer, stepper, clock, forces, t_end
+        self.memory = ResultBuffer(header)
+        self.writer: Any = None
+        if file is not None:
+            from fastbeam.results.hdf5_writer import ResultWriter
+            self.writer = ResultWriter(file, header, overwrite=overwrite)
+        self.file_error: ResultFileError | None = None
+        self.snapshots = snapshots
+        self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
+        self.first_shape = self.next_shape = clock.origin
+        self.pending: tuple[float, dict[str, Any]] | None = None
+        self.first_force: Array | None = None
+        self.broken_off = True
+
+    def first(self) -> None:
+        """The row that a run starts from."""
+        self.open(self.clock.now, 0, 0.0)
+        if self.forces is not None:
+            self.first_force = self.forces.first(self.clock)
+
+    def open(self, t: float, iterations: int, size: float) -> None:
+        """A row of the present state, after steps of this size that took so many iterations each."""
+        self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
+        if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
+            q = self.stepper.state.q.reshape(-1, 4, 3)
+            moving: tuple[Array, ...] = ()
+            if self.memory.header.velocities:
+                v = self.stepper.state.v.reshape(-1, 4, 3)
+                moving = v[:, 0], 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+            self._feed("snapshot", t, q[:, 0], q[:, 1:], *moving)
+            self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
+
+    def reopen(self, t: float) -> None:
+        """Take the present state for the waiting row of this time; steps ahead tell its forces."""
+        if self.pending is not None:
+            row = self.pending[1]
+            self.pending = (t, {**row, **self.observer.row(t, self.stepper.state)})
+        if self.forces is not None:
+            self.first_force = self.forces.first(self.clock)
+
+    def close(self, t: float = 0.0, size: float = 0.0, after: Array | None = None, steps: int = 0) -> None:
+        """Finish the waiting row, now that so many steps of this size, with mean forces `after` in the first, led to time t; or
+        that the run ends."""
+        if self.pending is None:
+            return
+        if self.observer.needs_forces:
+            self.observer.add_forces(self.pending[1], np.asarray(self._force(t, size, after, steps)))
+        (time_of_row, row), self.pending = self.pending, None
+        self._feed("append", row, time_of_row)
+
+    def close_last(self) -> None:
+        """Finish the waiting row where a run ends; its forces are unknown where a function of time fails in their steps."""
+        try:
+            self.close()
+        except Exception:
+            self.broken_off = True
+            self.close()
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether forces of the last row come from those of the last steps, one by one."""
+        return self.forces is not None and self.forces.looks_back
+
+    def _force(self, t: float, size: float, after: Array | None, steps: int) -> Array | None:
+        """Forces of all constraints in the waiting row."""
+        if self.forces is None:
+            # forces at the end of a step are those of its time
+            return self.clock.before
+        if self.first_force is not None:
+            force, self.first_force = self.first_force, None
+            return force
+        if after is not None:
+            return self.forces.between(self.clock, t, size, after, steps)
+        return self.forces.unknown if self.broken_off else self.forces.last(self.clock)
+
+    def event(self, event: dict[str, Any]) -> None:
+        """An event {'kind', 'time', 'text', ...}."""
+        self._feed("event", event)
+
+    def _feed(self, call: str, *what: Any) -> None:
+        getattr(self.memory, call)(*what)
+        if self.writer is not None:
+            try:
+                getattr(self.writer, call)(*what)
+            except ResultFileError as failed:
+                self.writer, self.file_error = None, failed
+
+    def end(self, info: dict[str, Any]) -> None:
+        """Close the file."""
+        if self.writer is not None:
+            try:
+                self.writer.close(info)
+            except ResultFileError as failed:
+                self.file_error = failed

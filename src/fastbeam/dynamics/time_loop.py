@@ -1,0 +1,505 @@
+"""Runs a model in time and records what was asked for."""
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from fastbeam.dynamics.bounds import Ways
+from fastbeam.dynamics.callback import Callback
+from fastbeam.dynamics.checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
+from fastbeam.dynamics.contact_force import AT_END, AT_ROWS, ContactForces
+from fastbeam.dynamics.control import StepControl, composition, failure
+from fastbeam.dynamics.events import CONDITION, Encounters
+from fastbeam.dynamics.extrapolation import check_two_runs, extrapolates, of_two_runs
+from fastbeam.dynamics.filtering import FilteringStepper, check_filtered
+from fastbeam.dynamics.impacts import Impacts
+from fastbeam.dynamics.interrupt import Calls, Interrupts
+from fastbeam.dynamics.kinks import Kinks
+from fastbeam.dynamics.locks import Locking
+from fastbeam.dynamics.reactions import ReactingStepper
+from fastbeam.dynamics.recording import Rows
+from fastbeam.dynamics.sampling import Sampling
+from fastbeam.dynamics.step_means import forces_of, measuring
+from fastbeam.dynamics.warnings import Watch
+from fastbeam.interface.arguments import Anything, Count, FilePath, Flag, Function, Instance, Number, Word, checked
+from fastbeam.interface.errors import ConvergenceError, Interrupted, ResultFileError, SceneError, carry
+from fastbeam.interface.result_warnings import warns
+from fastbeam.kernels.loop import OK, SLIDER_END
+from fastbeam.kernels.state import State
+from fastbeam.model.model import Model, check_model
+from fastbeam.model.start import check_start, moved_supports, with_velocities_of_scene
+from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer, books_of_start, conserved
+from fastbeam.results.observe.points import PointRows
+from fastbeam.results.progress import Progress
+from fastbeam.results.result import Result
+from fastbeam.scene.checks import Place
+from fastbeam.stepping.methods import choose_method
+from fastbeam.stepping.outcome import Outcome
+from fastbeam.stepping.stepper import AUGMENTATION, Stepper
+
+Array = np.ndarray
+TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
+START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
+AFTER_BLOWS = (". Before, sliders went over kinks of what they run on, as blows whatever the step (events 'unresolved' have "
+               "places and forces), and their waves run on: weld the beams there, let them bend, or give their sections damping=")
+
+
+@warns
+@checked(model=Anything(), t_end=TIME, step=STEP, order=Count(), method=Word(), rho_inf=Number(), start=START, t_start=TIME,
+         observe=OBSERVED, points=POINTS, every=Count(), snapshots=Count(0, 10**6), file=FilePath(), overwrite=Flag(),
+         checkpoint=FilePath(), checkpoint_every=Number(least=0.0, unit="s"), callback=Function("(t, state)"),
+         tolerance=Number(above=0.0), min_step=STEP, max_step=STEP, max_iterations=Count(most=10_000), backend=Word(),
+         augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag(),
+         velocities=Word(("start", "scene")))
+def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
+             rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
+             observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Place] | None = None,
+             every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
+             checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
+             callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
+             min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
+             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None,
+             mend_start: bool = False, velocities: str = "start") -> Result:
+    """Integrate a model in time, with the conserving step (theory.md 4 to 6) or a method to compare it with (theory.md 7).
+
+    With the conserving step energy, linear and angular momentum of an isolated system and the gap of its sliders stay at
+    round-off for every step size that converges.
+
+    Parameters
+    ----------
+    model : Model
+        From `compile_scene`.
+    t_end, step : float
+        End time and step size, s. With `tolerance`, `step` is the first step. The last step ends at t_end: it is shorter than the
+        others, or up to a hundredth longer instead of leaving less than that, and none behind an impact just before t_end.
+    order : {2, 4}
+        4 composes five substeps, one of them backwards: for smooth scenes; an event `order` tells of kinks on the way. With
+        damping, drag, dampers and user forces, and with 'reaction' observed, it extrapolates two runs, of `step` and half of it,
+        at three times the cost of order 2 (theory.md 6).
+    method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
+        All but the first are for comparison: same equations, sliders and solvers, but they conserve less. The last two have
+        order 2 only and no step control.
+    rho_inf : float in [0, 1]
+        Spectral radius at infinity. Of 'energy_momentum' (default: none, as 1): high frequencies of beams are dissipated, momenta
+        are kept, and what is lost is in `Result.balance` (theory.md (6.2)). Of 'generalized_alpha' (default 0.8).
+    start, t_start : State or Checkpoint, float
+        Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
+        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
+        sliders do not allow is refused; a support holds its node where the state has it.
+    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'spin', 'orientation',
+            'acceleration', 'section', 'reaction'}
+        What is recorded: 'velocity' (snapshots keep velocities and spins of all nodes, too), 'spin', 'orientation',
+        'acceleration' and 'section' of points, 'reaction' of supports and joints (an assembly a step, order 2); with both
+        'section' and 'reaction' forces of sections from balance, too.
+    points : mapping
+        name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
+    every : int
+        Steps between rows; default: about 500 rows in all. With step control every accepted step is a row.
+    snapshots : int
+        About how many whole shapes to keep, at rows; one a row at most.
+    file : path
+        Write the result to this HDF5 file as the run goes.
+    checkpoint, checkpoint_every : path, float
+        Renew a checkpoint in this file at the first row that many seconds after the last one (0: at every row) and at the end.
+    callback : callable
+        Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space, not to
+        be written to. Where it changes what a load's time function returns, an event says so, and step control refuses it.
+    tolerance : float
+        Step control: local error of a position per step, relative to the size of the scene; of what turns at its radius of
+        gyration.
+    min_step, max_step : float
+        Its bounds, default step*1e-6 and (t_end - t_start)/10.
+    max_iterations : int
+        Newton iterations a substep.
+    backend : {'auto', 'pardiso', 'superlu'}
+        Sparse solver, where the scene needs one.
+    augmentation : float
+        Augmented Lagrangian of the sliders: stiffness of a contact over that of the parts it joins in a step, 1 to 1e12 or 0 for
+        plain multipliers. The solution is the same; it keeps sliders that hold the same motion twice regular (theory.md 5.5).
+    threads : int
+        Of large nets and long beams, which are condensed; default: FASTBEAM_THREADS, else all processors of this process, one for
+        every 2000 elements. Results are the same for any number, to the last bit, where beams are condensed; elsewhere PARDISO
+        rounds differently on another number from 5000 unknowns on.
+    progress : bool
+        Progress bar; default: on anything longer than a second.
+    mend_start : bool
+        Start near to `start` where joints, supports and sliders do not allow it: parts up to a hundredth of the size of the scene
+        apart are moved, those that meet at different velocities do so in an inelastic impact. Momenta stay, `Result.balance` has
+        the energy.
+    velocities : {'start', 'scene'}
+        Those that a start has, or those that the scene gives its parts, in the shape of the start: of an equilibrium, which has
+        none.
+
+    Returns
+    -------
+    Result
+        With the final state in `.state`, and in `.checkpoint` to go on from. A slider that reaches the end of its beam ends the
+        run there: see `.events`.
+
+    Raises
+    ------
+    SceneError
+        A scene that is not compiled, an argument out of range; a time function or the law of a controller that fails on the way.
+    ConvergenceError
+        A step failed, also where a law of the user's own does; the error carries the last good state and the result until then.
+    Exception
+        What a function of the user's own raises. On the way that, and a SceneError, has the result until then as `.result`, with
+        `.state` and `.checkpoint` of the last good state; files are closed, the checkpoint renewed.
+    ResultFileError
+        A file cannot be written; when that happens on the way, the error carries the result until then.
+    Interrupted
+        By Ctrl-C: a KeyboardInterrupt that carries the result until then; files are closed, the checkpoint renewed.
+
+    Examples
+    --------
+    >>> import fastbeam as fb
+    >>> bar = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
+    >>> beam = fb.Beam.straight('beam', (0, 0, 0), (1, 0, 0), section=bar, elements=4)
+    >>> model = fb.compile_scene(fb.Scene(beam, fb.RigidMotion(velocity=(1, 0, 0), spin=(0, 0, 2))))
+    >>> result = fb.simulate(model, t_end=0.1, step=0.01)
+    >>> bool(result.drift('total') < 1e-12)
+    True
+    """
+    check_model("simulate", model)
+    state, clock = start_clock(model, start, t_start, step, tolerance is not None)
+    said: list[tuple[str, str]] = []
+    if velocities == "scene" and state is not None:
+        if isinstance(start, Checkpoint):
+            raise SceneError("velocities: a checkpoint goes on with its own; start=checkpoint.state takes those of the scene")
+        start, said = with_velocities_of_scene(model, state, clock.now)
+        state = start
+    check_times(clock.now, t_end, step)
+    notes = list(model.notes) if start is None else []
+    books: dict[str, Any] = {}
+    if state is not None:
+        # a checkpoint goes on as if it had never stopped
+        goes_on = isinstance(start, Checkpoint)
+        state, notes = check_start(model, state, step, mend_start, t=clock.now, goes_on=goes_on)
+        notes = [] if goes_on else notes
+        notes += said
+        books, notes = books_of_start(model, start, state, clock.now, notes)
+    elif clock.now != 0.0:
+        notes += moved_supports(model, model.state(), clock.now)
+    if checkpoint is not None:
+        checkpoint = check_target(checkpoint, overwrite=True, probe=True)
+    if order == 4 and method == "energy_momentum" and extrapolates(model, observe):
+        check_two_runs(tolerance, callback, checkpoint, min_step, max_step)
+        return of_two_runs(simulate, model, clock.now, t_end, step, every, file, overwrite, {
+            "rho_inf": rho_inf, "start": start if isinstance(start, State) else state, "observe": observe, "points": points,
+            "snapshots": snapshots,
+            "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation, "threads": threads,
+            "progress": progress, "mend_start": mend_start})
+    if tolerance is None and not (min_step is None and max_step is None):
+        raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
+    weights = composition(order)
+    chosen = choose_method(method, rho_inf, order, tolerance, model)
+    n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
+    every = max(1, n_steps // 500) if every is None else every
+    control = None
+    if tolerance is not None:
+        largest = 0.1 * (t_end - clock.origin) if max_step is None else max_step
+        least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
+        smallest = min(max(1e-6 * step, least), largest) if min_step is None else min_step
+        control = StepControl(tolerance, order, smallest, largest)
+        check_times(clock.now, t_end, smallest, "min_step")
+    memory = start.memory if isinstance(start, Checkpoint) else None
+    make: Any = ReactingStepper if "reaction" in observe else Stepper
+    if chosen.filters:
+        check_filtered(order, model, observe)
+        make = FilteringStepper
+    rows_of_points = PointRows(model, observe, points)
+    if rows_of_points.measured:
+        make = measuring(make, chosen, rows_of_points)
+    stepper = make(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
+    stepper.points = rows_of_points
+    if isinstance(stepper, ReactingStepper):
+        stepper.cut(rows_of_points.sections)
+    observer = Observer(model, observe, rows_of_points, stepper.lost if chosen.filters else None)
+    run = _Run(model, stepper, observer, clock, t_end, order, snapshots, file, overwrite, callback,
+               control, progress, checkpoint, checkpoint_every)
+    run.notes = notes
+    run.info |= books
+    run.impacts = Impacts(model, start.impacts if isinstance(start, Checkpoint) else None)
+    return run.go(every)
+
+
+class _Run(Encounters):
+    """One run: drives the stepper and feeds rows to memory and file."""
+
+    def __init__(self, model: Model, stepper: Stepper, observer: Observer, clock: Clock, t_end: float, order: int,
+                 snapshots: int, file: Any, overwrite: bool, callback: Any, control: StepControl | None,
+                 progress: bool | None, checkpoint: Any, checkpoint_every: float) -> None:
+        self.model, self.stepper, self.observer, self.clock = model, stepper, observer, clock
+        self.t_start, self.t_end, self.step, self.order = clock.now, t_end, clock.step, order
+        self.callback = None if callback is None else Callback(model, callback, t_end)
+        self.control = control
+        self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
+        self.info: dict[str, Any] = {
+            "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
+            "conserved": conserved(model, observer.lost is not None), "unknowns": stepper.core.own_unknowns,
+            "versions": dict(_versions())}
+        at_end = stepper.method.at_end
+        if observer.slider:
+            self.info["contact_force"] = AT_END if at_end else AT_ROWS
+        forces = ContactForces(stepper, control is not None, clock.began, t_end) if observer.needs_forces and not at_end else None
+        header = observer.header(self.info, moving=True)
+        self.rows = Rows(observer, stepper, clock, forces, t_end, header, snapshots, file, overwrite)
+        self.memory, self.event = self.rows.memory, self.rows.event
+        self.progress = Progress(t_end - clock.now, model.scene_name, progress)
+        self.iterations = self.steps = 0
+        # kind and text of what is to be said of the start
+        self.notes: list[tuple[str, str]] = []
+        self.interrupts = Interrupts()
+        self.calls = Calls(stepper, self.interrupts)
+        self.impacts = Impacts(model)
+        self.sampling = Sampling(model, clock.now, clock.step, control is not None, stepper.core_state)
+        # whether the clock lags behind the state
+        self.between = False
+        self.locking = Locking(model)
+        # step control finds smaller steps there by itself
+        kinks = Kinks(model, clock.step) if order == 4 and control is None else None
+        self.watch = Watch(model, stepper, self.event, clock.now, t_end, kinks)
+
+    def keep_checkpoint(self, present: Checkpoint | None = None) -> None:
+        """Renew the checkpoint file, at the end of a run or where its time has come."""
+        due = present is not None or time.perf_counter() - self.last_checkpoint >= self.checkpoint_every
+        if self.checkpoint is None or not due:
+            return
+        try:
+            (present or self.present()).save(self.checkpoint, overwrite=True)
+        except ResultFileError as failed:
+            self.checkpoint, self.rows.file_error = None, self.rows.file_error or failed
+        self.last_checkpoint = time.perf_counter()
+
+    def present(self) -> Checkpoint:
+        found = self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory,
+                                      self.impacts.times)
+        known = found.mean_force
+        return found if known is None else replace(found, mean_force=forces_of(self.stepper, known))
+
+    def call_back(self, t: float, size: float) -> bool:
+        """Call the user's function; whether the run ends here. What it sets lags behind."""
+        known = self.callback.found
+        stop = self.callback(t, size, self.stepper.copy_state())
+        if self.callback.found != known:
+            text = f"{self.callback.found}. What a callback sets acts a step late, so that errors are of first order"
+            if self.control is not None:
+                raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, make it a function of time "
+                                       "alone, or use a Controller or a law of your own inside the step", step=self.steps,
+                                       time=t, state=self.stepper.copy_state())
+            self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
+        return stop
+
+    # --- the run ------------------------------------------------------------------------------------------------------
+    def go(self, every: int) -> Result:
+        with self.interrupts:
+            return self.run(every)
+
+    def run(self, every: int) -> Result:
+        begin = time.perf_counter()
+        clock = self.clock
+        if clock.before is None and self.stepper.method.at_end:
+            clock.before = self.stepper.state.force.copy()
+        error: BaseException | None = None
+        begun = False
+        try:
+            # the first row compiles the kernels of its quantities
+            self.stepper.begin_compilation()
+            if self.happen(clock.now):
+                clock.before = clock.before_size = None
+            self.rows.first()
+            begun = True
+            for kind, text in self.notes:
+                self.event({"kind": kind, "time": self.t_start, "text": text})
+            self.watch.massless()
+            self.watch.tables()
+            self.watch.order(clock.now)
+            for t, outcome, size, row_due in self.chunks(every):
+                self.took(t, outcome, size)
+                self.between = False
+                if row_due:
+                    self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
+                    if outcome.status == OK:
+                        self.watch.turns(t, size)
+                        self.watch.friction(t, size)
+                        self.watch.order(t)
+                    self.watch.mesh(t, self.steps, size)
+                    if self.callback is not None:
+                        with self.interrupts.at_once():
+                            ended = self.call_back(t, size)
+                        if ended:
+                            self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
+                            break
+                    self.keep_checkpoint()
+                if self.rows.file_error is not None:
+                    break
+                self.interrupts.serve()
+            self.rows.broken_off = False
+        except ConvergenceError as failed:
+            # it comes with the last good state
+            error, self.between, self.rows.broken_off = failed, False, False
+            self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
+        except KeyboardInterrupt as stopped:
+            error, self.between = stopped, self.between and not self.calls.intact
+            self.rows.broken_off = self.between or self.calls.slow
+            self.event({"kind": "interrupted", "time": clock.now, "text": f"the run was interrupted at t = {clock.now:.6g} s"})
+        except Exception as failed:
+            # of a function of the user's own
+            if not begun:
+                raise
+            error, self.between = failed, self.between and not self.calls.intact
+            self.rows.broken_off = self.between
+            self.event({"kind": "failed", "time": clock.now, "text": f"{type(failed).__name__}: {failed}"})
+        finally:
+            self.rows.close_last()
+            self.progress.close()
+            self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
+                          "fallbacks": self.stepper.linear.fallbacks,
+                          "scale": self.observer.scales(self.step) | {"gap": self.model.length},
+                          "wall_time": time.perf_counter() - begin}
+            if self.control is not None:
+                self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
+                              "rejected": self.control.rejected}
+            if not self.between:
+                self.watch.mesh(clock.now, self.steps, last=True)
+            self.watch.drift(clock.now, self.memory.close(self.info), self.info["conserved"])
+            self.rows.end(self.info)
+        # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
+        present = None if self.between else self.present()
+        if present is not None:
+            self.keep_checkpoint(present)
+        if self.rows.file_error is not None:
+            self.memory.event({"kind": "file", "time": clock.now, "text": str(self.rows.file_error)})
+        result = self.memory.close(self.info)
+        if present is not None:
+            result.checkpoint, result.state = present, present.state
+        final = error or self.rows.file_error
+        if isinstance(final, ConvergenceError) and any("blow" in event for event in result.events):
+            final.args = (f"{final}{AFTER_BLOWS}",)
+        if isinstance(error, KeyboardInterrupt) or self.interrupts.asked:
+            self.interrupts.asked = False
+            way = "" if present is None else ", .checkpoint goes on from there"
+            raise Interrupted(f"the run was interrupted at t = {clock.now:.6g} s; everything until then is in .result{way}",
+                              result=result, state=present and present.state, checkpoint=present) from final
+        if isinstance(final, ConvergenceError | ResultFileError):
+            final.result = result
+        elif final is not None:
+            carry(final, lambda: result)
+        if final is not None:
+            raise final
+        return result
+
+    def took(self, t: float, outcome: Outcome, size: float) -> None:
+        """Steps of this size led to time t; they tell the forces of the row that waits."""
+        if outcome.steps:
+            self.iterations += outcome.iterations
+            self.steps += outcome.steps
+            self.rows.close(t, size, outcome.force[0], outcome.steps)
+            self.clock.before, self.clock.before_size = outcome.force[1], size
+            if self.rows.forces is not None:
+                self.rows.forces.remember(size, outcome.force[1], outcome.steps == 1 or self.control is not None)
+
+    def chunks(self, every: int) -> Any:
+        """Runs of steps that end where a row is due: (time, outcome, step size, row due)."""
+        clock = self.clock
+        t, h = clock.now, clock.size
+        quiet = not self.observer.series().keys() - {"iterations", "step_size"}
+        quiet = quiet and self.rows.writer is None and self.callback is None and self.checkpoint is None
+        end, left, last = self.plan()
+        # steps since the last row, which controllers do not end
+        since = 0
+        while t < self.t_end:
+            begin = time.perf_counter()
+            self.sampling.ask(t, self.stepper)
+            self.between = True
+            whole = left > 0
+            # whether steps follow that are taken one by one, because the last three tell the last row
+            more = False
+            if self.control is not None:
+                planned = min(max(h, self.control.smallest), self.control.largest)
+                rest = end - t
+                # neither a sliver at the end nor a step beyond the largest
+                sliver = planned < rest < (1.0 + SLIVER) * planned
+                cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
+                size, h, outcome = self.controlled(t, cut)
+                # a step that was cut to meet the end says nothing about the next
+                h = max(h, planned) if size == rest or size == cut != planned else h
+                reached = end if size == rest else t + size
+            elif whole:
+                size = self.step
+                most = every
+                if self.sampling.controllers:
+                    most = min(every - since, self.sampling.steps(t, size, self.stepper.core_state))
+                singly = self.rows.looks_back and left <= most
+                tail = 2 if last else 3
+                count = min(most, left) if not singly else max(1, left - tail)
+                outcome = self.advance(clock.origin, size, count, clock.done)
+                left -= outcome.steps
+                more = singly and left > 0
+                reached = clock.count(outcome.steps)
+                if outcome.status == OK and not left and not last:
+                    reached = end
+            else:
+                size = last
+                outcome = self.advance(t, size, 1)
+                reached = end
+            if outcome.status == OK and not outcome.steps:
+                # left before the first step was done
+                self.between, h = False, clock.size
+                self.interrupts.serve()
+                continue
+            if not whole:
+                reached = reached if outcome.status == OK else t
+                clock.leave_grid(reached)
+            vanishes = outcome.status not in (OK, SLIDER_END, CONDITION) and Ways(self.stepper).runs_out(size).size > 0
+            if outcome.status in (SLIDER_END, CONDITION) or vanishes:
+                self.progress.update(reached - t)
+                clock.size = h
+                ends = self.to_condition if outcome.status == CONDITION else self.end_of_beam
+                goes_on = yield from ends(reached, outcome, size)
+                if not goes_on:
+                    return
+                t = clock.now
+                end, left, last = self.plan()
+                continue
+            if outcome.status != OK:
+                failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps, size)
+                if outcome.steps:
+                    # the last good state is a row
+                    yield reached, outcome, size, True
+                raise failed
+            self.progress.update(reached - t)
+            t = clock.now = reached
+            clock.size, self.impacts.in_a_row = h, 0
+            if self.locking.lifting or t >= end and self.locking.next_time(self.stepper.state) <= t:
+                # the row of this time is behind what happens now
+                self.took(t, outcome, size)
+                outcome = replace(outcome, steps=0, iterations=outcome.iterations // max(outcome.steps, 1))
+                self.happen(t)
+                self.count_from(t)
+                end, left, last = self.plan()
+            since += outcome.steps
+            due = not (self.sampling.controllers or more) or since >= every or t >= self.t_end
+            since = 0 if due else since
+            yield t, outcome, size, due
+            if quiet and self.control is None and time.perf_counter() - begin < 0.1:
+                every *= 2
+
+
+@cache
+def _versions() -> dict[str, str]:
+    from importlib.metadata import PackageNotFoundError, version
+    out = {"python": sys.version.split()[0]}
+    for name in ("fastbeam", "numpy", "numba"):
+        try:
+            out[name] = version(name)
+        except PackageNotFoundError:
+            out[name] = "not installed"
+    return out

@@ -1,0 +1,359 @@
+"""Velocities that jump at an instant: impacts on rigid stops, locks that engage, supports that catch; theory.md 5.6."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels.contact.slider_forces import (AGAINST, DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION,
+    SIGN, STICKS)
+from fastbeam.kernels.joints import friction as joint_friction
+from fastbeam.kernels.joints.coordinates import VALUE, WORK
+from fastbeam.kernels.state import State
+from fastbeam.linalg.least_norm import nearest_by
+from fastbeam.model.joints.constraints import gap_matrix
+from fastbeam.model.maps import free_unknowns, gap_rates, mass_map, rates_map, velocities_and_spins
+from fastbeam.model.model import Model
+from fastbeam.model.start import active_motions, direction_rates, given_rows
+
+Array = np.ndarray
+# rates below this share of the largest are none behind an impact
+MOVES = 1e-9
+# a coordinate of a joint stands at a stop within this share of a large value
+AT_STOP = 1e-9
+# changes of what rests at stops behind an impact
+MOST_PIVOTS = 200
+# as of least_norm.py, of velocities by momenta: a mesh that moves along a beam which does not has next to no inertia
+HOLD = 1e-13
+# share of the largest rate
+ROUND_OFF = 1e-15
+# share of the energy that jumps may give
+NO_GAIN = 1e-15
+
+
+def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
+         rest: dict[int, float] | None = None) -> tuple[State, float]:
+    """The state after an impact at slider k, and the energy that it took, J.
+
+    Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
+    the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
+    alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam;
+    impulses of supports that move and of drives and motors that prescribe a motion do work, which counts as theirs. Joints that
+    stand at a stop are at rest behind it where that takes an impulse that pushes, and leave it else.
+
+    Parameters
+    ----------
+    k : int or None
+        Of a slider; -1 - i: of coordinate i of joints that may stick; None: of a support.
+    lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N]
+    change : float64 [m]
+        m/s, of joints and supports m/s or rad/s.
+    rest : dict, optional
+        Coordinates of joints that come to rest at stops, and on which side.
+    """
+    equations = Equations(model, state, k, lead, change)
+    history = state.history.copy()
+    bounces = -1 - k if k is not None and k < 0 and change.size else -1
+    found = _with_stops(model, state, history, bounces, rest or {}, equations.least)
+    v = state.v + found.by
+    if model.slider_forces is not None:
+        own = history[:model.work_place].reshape(-1, HISTORY)
+        after = equations.along_beams(v)
+        moves = ~equations.given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(v)))
+        if k is not None and k >= 0:
+            moves[k] = False
+        own[moves, SIGN] = np.sign(after[moves])
+        own[moves, STICKS] = 0.0
+    return equations.behind(found, history)
+
+
+def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
+    """The state at an instant with velocities that sliders, sleeves and joints allow exactly, the nearest ones, and the energy
+    that this takes, J. At the end of a step they hold velocities to second order in the step, and what is left would turn around
+    in the next one.
+
+    k: as of `jump`, what meets a stop and is free along its way. Other sliders whose motion is prescribed keep their velocities
+    along the beam; those that are locked or rest against a stop have none.
+    """
+    meets = -1 - k if k is not None and k < 0 else -1
+    rows, goals = [], []
+    if model.motions is not None and model.motions.holds.rubs.size:
+        rests = np.flatnonzero(model.motions.holds.numbers(state.history)[:, joint_friction.AGAINST])
+        rows = [row_of_joint(model, state, j) for j in rests.tolist() if j != meets]
+        goals = [-float((row @ state.v)[0]) for row in rows]
+    equations = Equations(model, state, k, None, np.zeros(0))
+    if not equations.ask(goals):
+        return state, 0.0
+    return equations.behind(equations.least(rows, goals), state.history.copy())
+
+
+def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State], Array]) -> tuple[State, State, float]:
+    """The state whose velocities a jump begins at, the state behind it, and the energy that it took, which is not negative but
+    for round-off.
+
+    At the end of a step rates across what holds are zero to second order in the step. Impulses do work on these, and where a blow
+    takes hardly anything that may be more: then the jump begins at the state that `settled` finds, with what that takes.
+
+    Parameters
+    ----------
+    k, lead
+        As of `jump`, of a slider.
+    change : callable
+        The change of rates from a state.
+    """
+    start = of_momenta(model, state)
+    begin, before = start, 0.0
+    after, loss = jump(model, begin, k, lead, change(begin))
+    if loss < -NO_GAIN * float(state.v @ (mass_map(model) @ state.v)):
+        begin, before = settled(model, start, k)
+        after, loss = jump(model, begin, k, lead, change(begin))
+    return begin, with_momenta(model, state, start, after), before + loss
+
+
+def of_momenta(model: Model, state: State) -> State:
+    """The state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none, to
+    second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own: jumps
+    begin here and end with `with_momenta`."""
+    from scipy import sparse
+    q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+    to_rates, free = rates_map(model, q), free_unknowns(model, state)
+    lift = to_rates[:, free]
+    inertia = mass_map(model)
+    momentum = inertia @ state.v
+    if model.moving is not None:
+        inertia = inertia + model.moving.inertia(state.q)
+        momentum += model.moving.momentum(state.history, state.q)
+    found = velocities_and_spins(q, v).reshape(-1)
+    missing = momentum - inertia @ (to_rates @ found)
+    mass, no_rows = (lift.T @ inertia @ lift).tocsr(), sparse.csr_matrix((0, free.size))
+    found[free] = nearest_by(mass, no_rows, np.zeros(0), found[free], free % 6 >= 3, lift.T @ missing, HOLD)[0]
+    return State(state.q, to_rates @ found, state.s, state.force, state.history)
+
+
+def with_momenta(model: Model, state: State, before: State, after: State) -> State:
+    """A state behind a jump from `before`, its own by `of_momenta`, to `after`: momenta, and velocities that are these, change as
+    the velocities; those of nodes that only moving meshes have become the ones of `after`."""
+    by, history = after.v - before.v, after.history.copy()
+    v = (state.v + by).reshape(-1, 12)
+    if model.moving is not None:
+        model.moving.put_blow(history, state.q, by)
+        alone = _alone_on_meshes(model)
+        v[alone] = after.v.reshape(-1, 12)[alone]
+    return State(state.q.copy(), v.reshape(-1), state.s.copy(), state.force.copy(), history)
+
+
+def _alone_on_meshes(model: Model) -> Array:
+    """Nodes of moving meshes to which no others are tied, bool [N]."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    assert model.moving is not None
+    n, ties = model.n_nodes, model.ties
+    pairs = [np.stack((np.arange(n), model.pattern.first_on_row))]
+    if ties is not None:
+        pairs.append(np.stack((np.repeat(np.arange(n), np.diff(ties.start)), ties.target)))
+    a, b = np.concatenate(pairs, axis=1)
+    _, piece = connected_components(coo_matrix((np.ones(a.size, np.int8), (a, b)), shape=(n, n)), directed=False)
+    mesh = np.zeros(n, bool)
+    mesh[model.moving.nodes] = True
+    return mesh & (np.bincount(piece, ~mesh)[piece] == 0.0)
+
+
+def values_of(model: Model, state: State) -> Array:
+    """Values of the coordinates of joints that may stick, as the history has them, m or rad, [R]."""
+    motions = model.motions
+    if motions is None:
+        return np.zeros(0)
+    return motions.own(state.history, model.motion_place)[motions.holds.rubs, VALUE]
+
+
+def row_of_joint(model: Model, state: State, i: int) -> Any:
+    """The rate of coordinate i of those of joints that may stick from the rates of all coordinates, sparse [1, 12 N]."""
+    return gap_matrix([model.motions.holds.link(model.kept, i)], state.q.reshape(-1, 4, 3))
+
+
+class Least(NamedTuple):
+    """A jump of least kinetic energy.
+
+    Attributes
+    ----------
+    by : float64 [12 N]
+        Of the rates of all coordinates.
+    impulses : float64 [m]
+    rows : sparse [m, 12 N]
+        What they act on.
+    """
+
+    by: Array
+    impulses: Array
+    rows: Any
+
+
+class Equations:
+    """What connections, supports, sliders and joints ask of a jump of the velocities; arguments as of `jump`, without `lead`
+    those of `settled`.
+
+    Attributes
+    ----------
+    given : bool [S]
+        Sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
+    """
+
+    def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
+        from scipy import sparse
+        self.model, self.state = model, state
+        own = state.history[:model.work_place].reshape(-1, HISTORY)
+        self._matrix, self._tangents, _ = gap_rates(model, state)
+        self.given = driven = np.zeros(len(self._tangents), bool)
+        if model.slider_forces is not None:
+            driven = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT))
+            self.given = driven | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
+        settles, slides = lead is None, k is not None and k >= 0
+        self._rows: list[Any] = [] if slides or settles else [lead]
+        right: list[Array] = [] if slides or settles else [change]
+        # where the equations of sliders begin whose drives prescribe a motion
+        self._drives: dict[int, int] = {}
+        for j, tangent in enumerate(self._tangents):
+            if model.slider_forces is not None and own[j, HELD] == OFF and (settles or j != k):
+                continue
+            across = np.linalg.svd(tangent[None])[2][1:]
+            leads = lead if j == k and not settles else np.eye(3) if self.given[j] and j != k else across
+            if driven[j] and j != k and own[j, HELD] == FREE and own[j, AGAINST] == 0.0:
+                self._drives[j] = sum(x.size for x in right)
+            self._rows.append(sparse.csr_matrix(leads) @ self._of_slider(j))
+            if settles:
+                # only a drive keeps a rate along the beam
+                relative = self._of_slider(j) @ state.v
+                right.append(-leads @ (across.T @ across @ relative if j in self._drives or j == k else relative))
+            else:
+                right.append(change if j == k else np.zeros(len(leads)))
+        of_joints = self._matrix[3 * len(self._tangents):]
+        self._behind_joints = sum(x.size for x in right) + of_joints.shape[0]
+        self._rows.append(of_joints)
+        # given coordinates keep their rates
+        right.append(np.where(given_rows(model), 0.0, -(of_joints @ state.v)) if settles else np.zeros(of_joints.shape[0]))
+        for others in direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]:
+            self._rows.append(others)
+            right.append(-np.asarray(others @ state.v) if settles else np.zeros(others.shape[0]))
+        self._goal = np.concatenate(right)
+        self._free = free_unknowns(model, state)
+        self._to_rates = rates_map(model, state.q.reshape(-1, 4, 3))
+        self._lift = self._to_rates[:, self._free]
+        self._inertia = mass_map(model)
+        if model.moving is not None:
+            self._inertia = self._inertia + model.moving.inertia(state.q)
+        self._mass = (self._lift.T @ self._inertia @ self._lift).tocsr()
+
+    def ask(self, goals: list[float]) -> bool:
+        """Whether there is anything to change but round-off, with changes of further rates."""
+        wanted = float(np.max(np.abs(np.concatenate((self._goal, goals))), initial=0.0))
+        return wanted > ROUND_OFF * float(np.max(np.abs(self.state.v), initial=0.0))
+
+    def _of_slider(self, j: int) -> Any:
+        """The velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
+        return self._matrix[3 * j:3 * j + 3]
+
+    def along_beams(self, v: Array) -> Array:
+        """ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
+        return np.array([float((self._of_slider(j) @ v) @ x / (x @ x)) for j, x in enumerate(self._tangents)])
+
+    def least(self, more: list[Any], goals: list[float]) -> Least:
+        """The jump with which these rates change, too: rows sparse [1, 12 N] each."""
+        from scipy import sparse
+        every = sparse.vstack([*self._rows, *more], format="csr")
+        x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
+                                 np.zeros(self._free.size), self._free % 6 >= 3)
+        return Least(np.asarray(self._lift @ x), impulses, every)
+
+    def behind(self, found: Least, history: Array) -> tuple[State, float]:
+        """The state behind one of these jumps, with a history that is changed, and the energy that it took, J."""
+        state, by, put_in = self.state, found.by, self._add_works(found, history)
+        after = State(state.q.copy(), state.v + by, state.s.copy(), state.force.copy(), history)
+        return after, put_in - float(by @ (self._inertia @ (state.v + 0.5 * by)))
+
+    def _add_works(self, found: Least, history: Array) -> float:
+        """Work of drives and motors that prescribe a motion and of supports that move in a jump, J, which is added to theirs."""
+        model, state, impulses = self.model, self.state, found.impulses
+        own = history[:model.work_place].reshape(-1, HISTORY)
+        total = 0.0
+        for j, at in self._drives.items():
+            tangent = self._tangents[j]
+            work = float((impulses[at:at + 3] @ tangent) * (self._of_slider(j) @ state.v @ tangent) / (tangent @ tangent))
+            own[j, DRIVE_WORK] += work
+            total += work
+        if model.motions is not None and model.motions.holds.given.size:
+            given = model.motions.holds.given
+            at = self._behind_joints - given.size + np.arange(given.size)
+            works = impulses[at] * (found.rows[at] @ state.v)
+            model.motions.own(history, model.motion_place)[given, WORK] += works
+            total += float(np.sum(works))
+        supports = active_motions(model, state)
+        if supports:
+            force = self._to_rates.T @ (self._inertia @ found.by - found.rows.T @ impulses)
+            force = force.reshape(-1, 6)[model.pattern.first_on_row]
+            q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+            for k, motion, node in supports:
+                held = (motion.mask >> np.arange(6) & 1).astype(bool)
+                work = float(force[node, held] @ velocities_and_spins(q[node], v[node])[held])
+                history[model.drive_place + k] += work
+                total += work
+        return total
+
+
+def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Least:
+    """The jump beside joints at stops, which push only; bounces: the coordinate that does, or -1; rest: as of `jump`; `least`
+    gives it for rows and changes of their rates. Which of them rest behind it, and signs of the velocities of others that rub, go
+    to the history.
+
+    Rates into stops are zero, impulses push, and one of both is zero (a linear complementarity problem): Murty's least index
+    method, which ends for every inertia."""
+    if model.motions is None or not model.motions.holds.rubs.size:
+        return least([], [])
+    holds = model.motions.holds
+    own = holds.numbers(history)
+    rows = [row_of_joint(model, state, i) for i in range(len(own))]
+    rates = np.array([float((row @ state.v)[0]) for row in rows])
+    off = values_of(model, state)[:, None] - holds.ends
+    near = np.abs(off) <= AT_STOP * holds.scales[:, None]
+    side = np.where(near[:, 1], 1.0, np.where(near[:, 0], -1.0, 0.0))
+    rests = own[:, joint_friction.AGAINST] != 0.0
+    side[rests] = own[rests, joint_friction.AGAINST]
+    for i, of in rest.items():
+        side[i] = of
+    if bounces >= 0:
+        side[bounces] = 0.0
+    at_stop = np.flatnonzero(side).tolist()
+    active = [i for i in at_stop if rests[i] or i in rest or side[i] * rates[i] > 0.0]
+
+    def jump_with(some: list[int]) -> tuple[Least, Array, float]:
+        """With these at rest: the jump, rates into stops behind it, and what counts as none."""
+        found = least([rows[i] for i in some], [-rates[i] for i in some])
+        v = state.v + found.by
+        into = np.array([side[i] * float((rows[i] @ v)[0]) for i in at_stop])
+        return found, into, MOVES * float(np.max(np.abs(v), initial=0.0))
+
+    for _ in range(MOST_PIVOTS):
+        found, into, none = jump_with(active)
+        for n, i in enumerate(at_stop):
+            if i in rest:
+                continue
+            if i in active:
+                # without the stop it would leave it: its impulse pulls
+                others = [j for j in active if j != i]
+                _, alone, none = jump_with(others)
+                if alone[n] < -none:
+                    active = others
+                    break
+            elif into[n] > none:
+                active = sorted([*active, i])
+                break
+        else:
+            break
+    v = state.v + found.by
+    for i in range(len(own)):
+        rate = float((rows[i] @ v)[0])
+        if i in active:
+            own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = 0.0, 0.0, side[i]
+        elif side[i] != 0.0 or abs(rate) > MOVES * float(np.max(np.abs(v))):
+            own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = np.sign(rate), 0.0, 0.0
+    return found

@@ -1,0 +1,4 @@
+"""Derivatives of equilibria, frequencies, critical loads and runs."""
+from fastbeam.interface.lazy_import import public_names
+
+__all__, __getattr__, __dir__ = public_names(__name__)

@@ -1,0 +1,116 @@
+"""A number that depends on an equilibrium, and its derivative by all unknowns (theory.md (13.4))."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fastbeam.interface.arguments import LARGEST, numbers, real, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.interface.synonyms import known
+from fastbeam.results.observe.observer import Observer
+from fastbeam.scene.checks import Place
+from fastbeam.statics.linear_response import Response
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+Array = np.ndarray
+
+
+class Linear:
+    """What depends linearly on small changes of the unknowns: positions of points, arc lengths, contact forces.
+
+    Parameters
+    ----------
+    base : Response
+        The equilibrium.
+    named : mapping
+        Points by names.
+    """
+
+    def __init__(self, base: Response, named: Mapping[str, Place]) -> None:
+        self.base, self.names = base, list(named)
+        self.points = list(Observer(base.stepper.model, (), named).points.places.values())
+        self.lift = base.lift()
+        at = base.nodes + base.sliding.size
+        self.of_s = slice(base.nodes, at)
+        self.of_forces = slice(at, at + base.core.dim * base.sliding.size)
+
+    def along(self, x: Array) -> dict[str, Array]:
+        """Their changes with the unknowns [n]: points [P, 3], s_slide [S], contact_force [S, 3]."""
+        rates = np.asarray(self.lift @ x[:self.base.nodes]).reshape(-1, 4, 3)
+        points = [np.einsum("ma,mac->c", weights, rates[nodes]) for nodes, weights in self.points]
+        force, plane = x[self.of_forces].reshape(-1, self.base.core.dim), self.base.stepper.plane
+        return {"points": np.array(points).reshape(-1, 3), "s_slide": x[self.of_s],
+                "contact_force": force if plane is None else force @ plane.axes[:2]}
+
+    def slope(self, points: Array, s: Array, forces: Array) -> Array:
+        """Derivative of a sum with these weights [P, 3], [S], [S, 3] by the unknowns [n]: the transpose."""
+        base, plane = self.base, self.base.stepper.plane
+        by_q = np.zeros((base.stepper.model.n_nodes, 4, 3))
+        for weight, (nodes, weights) in zip(points, self.points):
+            np.add.at(by_q, nodes, weights[:, :, None] * weight)
+        out = np.zeros(base.unknowns)
+        out[:base.nodes] = self.lift.T @ by_q.reshape(-1)
+        out[self.of_s] = s
+        out[self.of_forces] = (forces if plane is None else forces @ plane.axes[:2].T).reshape(-1)
+        return out
+
+
+class Objective:
+    """A weighed sum of positions of points, arc lengths of sliders, contact forces and the strain energy.
+
+    Parameters
+    ----------
+    linear : Linear
+    points, sliders, contact_forces : mapping, optional
+        Weights by names: (3,), a number, (3,).
+    strain_energy : float
+        Weight.
+
+    Raises
+    ------
+    SceneError
+        There is no such point or slider, a weight is none, or there are none at all.
+    """
+
+    def __init__(self, linear: Linear, points: Mapping[str, ArrayLike] | None, sliders: Mapping[str, float] | None,
+                 contact_forces: Mapping[str, ArrayLike] | None, strain_energy: float) -> None:
+        self.linear, self.strain_energy = linear, strain_energy
+        runs = linear.base.stepper.model.names["sliders"]
+        self.points = _weights("point", linear.names, points, (3,))
+        self.s = _weights("slider", runs, sliders, ())
+        self.forces = _weights("slider", runs, contact_forces, (3,))
+        if not (points or sliders or contact_forces or strain_energy):
+            raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
+
+    def slope(self) -> Array:
+        """Derivative by the unknowns [n]."""
+        out = self.linear.slope(self.points, self.s, self.forces)
+        if self.strain_energy:
+            out[:self.linear.base.nodes] += self.strain_energy * self.linear.base.inner_forces()
+        return out
+
+    def explicit(self, rows: Mapping[str, Array]) -> float:
+        """Of the derivatives of rows: that of the number."""
+        out = self.strain_energy * float(rows["strain"])
+        for key, weight in (("points", self.points), ("s_slide", self.s), ("contact_force", self.forces)):
+            if np.any(weight):
+                out += float(np.sum(weight * rows[key]))
+        return out
+
+
+def _weights(noun: str, names: list[str], given: Mapping[str, ArrayLike] | None, shape: tuple[int, ...]) -> Array:
+    """[names, ...]"""
+    out = np.zeros((len(names), *shape))
+    for name, value in (given or {}).items():
+        if name not in names:
+            raise SceneError(f"gradient: there is no {noun} {name!r}; there are {known(names, name)}")
+        weight = real(value) if shape == () else numbers(value)
+        if weight is None or np.shape(weight) != shape or not np.all(np.abs(weight) <= LARGEST):
+            need = "a number" if shape == () else "weights (3,)"
+            raise SceneError(f"gradient, {noun} {name!r}: needs {need}, got {shown(value)}")
+        out[names.index(name)] = weight
+    return out

@@ -1,0 +1,175 @@
+"""Gradients by the sections of all beams at once, from one adjoint shape (theory.md (13.6))."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.layout import CONSTANTS, LIST, NODES, POINTS, REFERENCE, layout_of
+from fastbeam.model.model import Model
+from fastbeam.model.tables import strains_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+Array = np.ndarray
+# a complex step: derivatives without differences
+TINY = 1e-40
+
+
+class SectionGradient(NamedTuple):
+    """Derivatives by what the section of every beam of a part says, [beams] each: of a beam one, of a net one of each beam. The
+    strains of the reference stay: with `prestress=` P that is C^-1 P, which a parameter of `sensitivity` changes with C.
+
+    Attributes
+    ----------
+    stiffness : float64 [beams, 6, 6]
+        By C (theory.md (2.3)): the change is the sum of its products with those of a symmetric change of C.
+    rhoA : float64 [beams]
+        By the mass per length, through gravity.
+    prestrain : float64 [beams, 6]
+        By e of theory.md (2.8): its first column by `prestrain=`, and minus that over the length of a beam by its unstressed
+        length, with the same mass; e of `prestress=` P is C^-1 (P, 0, 0, 0, 0, 0).
+    """
+
+    stiffness: Array
+    rhoA: Array  # noqa: N815  the field's symbols
+    prestrain: Array
+
+    @property
+    def EA(self) -> Array:  # noqa: N802
+        """By EA, per N."""
+        return self.stiffness[:, 0, 0]
+
+    @property
+    def GA2(self) -> Array:  # noqa: N802
+        """By GA2, per N."""
+        return self.stiffness[:, 1, 1]
+
+    @property
+    def GA3(self) -> Array:  # noqa: N802
+        """By GA3, per N."""
+        return self.stiffness[:, 2, 2]
+
+    @property
+    def GJ(self) -> Array:  # noqa: N802
+        """By GJ, per N m^2."""
+        return self.stiffness[:, 3, 3]
+
+    @property
+    def EI2(self) -> Array:  # noqa: N802
+        """By EI2, per N m^2."""
+        return self.stiffness[:, 4, 4]
+
+    @property
+    def EI3(self) -> Array:  # noqa: N802
+        """By EI3, per N m^2."""
+        return self.stiffness[:, 5, 5]
+
+    def by(self, sections: tuple[ArrayLike, ArrayLike]) -> Array:
+        """Derivatives by a parameter of the sections, [beams].
+
+        Parameters
+        ----------
+        sections : tuple
+            Derivative of C by the parameter, (6, 6) or one of every beam, and that of rhoA.
+        """
+        stiffness, density = sections
+        return np.sum(self.stiffness * np.asarray(stiffness), axis=(1, 2)) + self.rhoA * np.asarray(density)
+
+
+class Lanes(NamedTuple):
+    """Elements with equal numbers of nodes and points."""
+
+    strain: str
+    nodes: Array      # int [E, nn]
+    weight: Array     # float64 [E, nq], m
+    shapes: Array     # float64 [E, nq, nn, 3]: phi_s, dir, dir_s
+    reference: Array  # float64 [E, nq, 6]
+    mass: Array       # float64 [E, nn, nn], m: of positions
+    turning: Array    # float64 [E, nn, nn], m: of directors
+    stiffness: Array  # float64 [E, 6, 6]
+
+
+def lanes_of(model: Model) -> list[Lanes]:
+    """All elements of a model in space, read from its tables (kernels/layout.py)."""
+    out = []
+    for name, tables in (("simo_reissner", model.simo), ("green_lagrange", model.green)):
+        if tables is None:
+            continue
+        for nn, nq in np.unique(tables.meta[:, [NODES, POINTS]], axis=0).tolist():
+            meta = tables.meta[(tables.meta[:, NODES] == nn) & (tables.meta[:, POINTS] == nq)]
+            at = layout_of(SPACE, nn, nq)
+
+            def rows(begin: int, column: int, count: int, meta: Array = meta, tab: Array = tables.tab) -> Array:
+                """So many rows of 8 lanes of every group: [groups 8, count]."""
+                where = meta[:, column][:, None] + begin + np.arange(8 * count)
+                return tab[where].reshape(len(meta), count, 8).transpose(0, 2, 1).reshape(-1, count)
+
+            points = rows(at.point, CONSTANTS, nq * at.point_size // 8).reshape(-1, nq, at.point_size // 8)
+            where = meta[:, LIST][:, None] + np.arange(8 * nn)
+            nodes = tables.nodes[where].reshape(len(meta), nn, 8).transpose(0, 2, 1).reshape(-1, nn)
+            live = tables.rows[where].reshape(len(meta), nn, 8)[:, 0].reshape(-1) != model.n_nodes
+            out.append(Lanes(name, nodes[live], points[live, :, 0], points[live, :, 1:1 + 3 * nn].reshape(-1, nq, nn, 3),
+                              rows(0, REFERENCE, 6 * nq).reshape(-1, nq, 6)[live],
+                              *(rows(x, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live] for x in (at.masses, at.director_masses)),
+                              moduli_of(tables._replace(meta=meta), 6)[live]))
+    return out
+
+
+def moduli_of(tables: ElementTables, size: int) -> Array:
+    """C of all elements of tables with so many strains, [8 groups, size, size]."""
+    where = tables.meta[:, CONSTANTS][:, None] + np.arange(8 * size * size)
+    return np.asarray(tables.tab[where].reshape(-1, size, size, 8).transpose(0, 3, 1, 2).reshape(-1, size, size))
+
+
+def beam_numbers(model: Model) -> tuple[Array, dict[str, slice]]:
+    """Number of the beam of every node (-1: none), int [N], and which numbers belong to which beam or net."""
+    of, parts = np.full(model.n_nodes, -1), {}
+    count = 0
+    for entry in model.names.get("beams", []):
+        of[entry["first"]:entry["first"] + entry["count"]] = count
+        parts[entry["name"]] = slice(count, count + 1)
+        count += 1
+    for entry in model.names.get("nets", []):
+        starts = np.asarray(entry["starts"])
+        sizes = np.diff(np.append(starts, entry["count"]))
+        of[entry["first"]:entry["first"] + entry["count"]] = count + np.repeat(np.arange(starts.size), sizes)
+        parts[entry["name"]] = slice(count, count + starts.size)
+        count += starts.size
+    return of, parts
+
+
+def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gravity: Array) -> dict[str, SectionGradient]:
+    """Of an objective by the sections of all beams.
+
+    Parameters
+    ----------
+    model : Model
+        In space, without condensed beams.
+    q : float64 [N, 4, 3]
+        The equilibrium.
+    adjoint : float64 [N, 4, 3]
+        Rates of all coordinates along the adjoint solution.
+    energy : float
+        Weight of the strain energy in the objective.
+    gravity : float64 [3]
+        Times its load factor, m/s^2.
+    """
+    of, parts = beam_numbers(model)
+    n = max((x.stop for x in parts.values()), default=0)
+    stiffness, prestrain, density = np.zeros((n, 6, 6)), np.zeros((n, 6)), np.zeros(n)
+    for lanes in lanes_of(model):
+        x = q[lanes.nodes] + 1j * TINY * adjoint[lanes.nodes]
+        f = np.einsum("egn,enc->egc", lanes.shapes[..., 0], x[:, :, 0])
+        d, k = (np.einsum("egn,enkc->egkc", lanes.shapes[..., i], x[:, :, 1:]) for i in (1, 2))
+        found = strains_of(lanes.strain, f, d, k)
+        strain, change = found.real - lanes.reference, found.imag / TINY
+        by_c = np.einsum("eg,egi,egj->eij", lanes.weight, 0.5 * energy * strain - change, strain)
+        own = of[lanes.nodes[:, 0]]
+        np.add.at(stiffness, own, 0.5 * (by_c + by_c.transpose(0, 2, 1)))
+        np.add.at(prestrain, own, np.einsum("eij,eg,egj->ei", lanes.stiffness, lanes.weight, energy * strain - change))
+        np.add.at(density, own, np.einsum("en,enc,c->e", lanes.mass.sum(axis=2), adjoint[lanes.nodes, 0], gravity))
+    return {name: SectionGradient(stiffness[part], density[part], prestrain[part]) for name, part in parts.items()}

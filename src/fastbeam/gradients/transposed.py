@@ -1,0 +1,119 @@
+"""Solutions with the transposed tangent of a step outside of compiled code, for the adjoint of runs (theory.md (13.12))."""
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from fastbeam.kernels.adjoint import adjoint as kernels
+from fastbeam.kernels.empty_arrays import aligned_empty
+from fastbeam.linalg.linear_system import SMALL
+from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.saddle import Factors
+from fastbeam.stepping.stepper import Stepper
+
+Array = np.ndarray
+# relative residual of a solution
+GOOD = 1e-13
+
+
+class TransposedSolver:
+    """Solutions with the transposed matrix of a stepper by PARDISO, or SuperLU.
+
+    Parameters
+    ----------
+    stepper : Stepper
+    """
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper, self.structure = stepper, None
+        self.mkl: Any = None
+        self.factors: Factors | None = None
+
+    def _begin(self) -> None:
+        """The structure of tangents by columns, and where their entries stand in the blocks."""
+        core = self.stepper.core
+        size, n = core.pattern.keys.size, len(core.dofs)
+        numbered = self.stepper.linear.superlu.matrix(np.arange(1.0, 8.0 * n * size + 1.0).reshape(-1, n, 8))
+        self.place = numbered.data.astype(np.int64) - 1
+        self.structure = numbered.indices, numbered.indptr
+        self.mkl = load_mkl()
+
+    def _bordered(self, matrix: Any, terms: Any, system: Any) -> Any:
+        """With columns and lines of constraints, by columns; of the terms of a system what turns with sleeves."""
+        from scipy import sparse
+        contact, core = self.stepper.contact, self.stepper.core
+        assert contact is not None
+        n, size = len(core.dofs), core.border
+        count = len(contact.entries)
+        free = np.ones((core.pattern.n, n))
+        if core.held is not None:
+            seen = core.held.row < core.pattern.n
+            free[core.held.row[seen]] *= 1 - (core.held.mask[seen, None] >> np.arange(n) & 1)
+        parts = []
+        for of in (contact.column, contact.line):
+            out = np.zeros((core.pattern.n, n, count, size))
+            for k in range(count):
+                for m in range(contact.entries[k]):
+                    out[contact.row[k, m], :, k] += of[k].reshape(-1, n, 8)[m, :, :size]
+            parts.append(sparse.csr_matrix((free[:, :, None, None] * out).reshape(core.pattern.n * n, count * size)))
+        corner = sparse.block_diag([x.reshape(8, 8)[:size, :size] for x in contact.corner]).tolil()
+        for (slide, moments), (by_moments, by_s) in zip(size * contact.pair, contact.cross):
+            for a in range(int(contact.forces[moments // size])):
+                corner[slide + core.dim, moments + a] += by_moments[a]
+                corner[moments + a, slide + core.dim] += by_s[a]
+        matrix = matrix + self._turning(free, terms, system)
+        return sparse.bmat([[matrix, parts[0]], [parts[1].T, corner]], format="csc")
+
+    def _turning(self, free: Array, terms: Any, system: Any) -> Any:
+        """E of theory.md (13.13), by columns; free [rows, n]: 0 where a row is held."""
+        from scipy import sparse
+        contact, core = self.stepper.contact, self.stepper.core
+        assert contact is not None
+        n, d = core.pattern.n, core.dim
+        found = sparse.lil_matrix((n * len(core.dofs), n * len(core.dofs)))
+        rows = {int(row) for c in contact.pair[:, 1] for row in contact.row[c, :contact.entries[c]]}
+        for row in rows:
+            for i in range(d, len(core.dofs)):
+                x, out = aligned_empty(8 * (core.n_nodes + 1)), aligned_empty(8 * (core.n_nodes + 1))
+                x[8 * row + i] = free[row, i]
+                kernels.turn_rows(terms, system, x, out)
+                found[len(core.dofs) * row + i] = -(free * out.reshape(-1, 8)[:n, :len(core.dofs)]).reshape(-1)
+        return found.tocsc()
+
+    def solve(self, blocks: Array, right: Array, terms: Any, system: Any) -> Array | None:
+        """x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the step."""
+        from scipy import sparse
+        if self.structure is None:
+            self._begin()
+        n = len(self.stepper.core.dofs) * self.stepper.core.pattern.n
+        matrix = sparse.csc_matrix((blocks[self.place], *self.structure), shape=(n, n))
+        if right.size > n:
+            matrix = self._bordered(matrix, terms, system)
+        back = matrix.T
+        solved: Any = None
+        # the structure of a border changes as sliders go on
+        if self.mkl is not None and right.size == n:
+            if self.factors is None:
+                self.factors = Factors(self.mkl, threads=1 if right.size < SMALL else self.mkl.MKL_Get_Max_Threads())
+            if self.factors.factor(back.tocsr()):
+                solved = self.factors.solve
+        if solved is None:
+            from scipy.sparse.linalg import splu
+            try:
+                lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            except RuntimeError:
+                try:
+                    lu = splu(matrix)
+                except RuntimeError:
+                    return None
+            solved = partial(lu.solve, trans="T")
+        x = np.asarray(solved(right))
+        size = float(np.linalg.norm(right)) or 1.0
+        for _ in range(2):
+            rest = right - back @ x
+            if np.linalg.norm(rest) <= GOOD * size:
+                break
+            x = x + solved(rest)
+        return x if np.isfinite(x).all() else None

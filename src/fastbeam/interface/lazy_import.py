@@ -1,0 +1,62 @@
+"""Public names that import their module when they are first used: `import fastbeam` loads neither numba nor matplotlib nor h5py.
+
+The stub `__init__.pyi` of a package says which public names it has and where they are; type checkers read the same file.
+"""
+from __future__ import annotations
+
+import gc
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+IMPORT = re.compile(r"^from (fastbeam[\w.]*) import (\(.*?\)|[^\n]*)", re.MULTILINE | re.DOTALL)
+
+
+def names_of(package: str) -> dict[str, str]:
+    """Read the stub of a package; return its public names, each with the module that holds it."""
+    out: dict[str, str] = {}
+    stub = ROOT.joinpath(*package.split("."), "__init__.pyi").read_text(encoding="utf-8")
+    for module, names in IMPORT.findall(stub):
+        out.update(names_of(module) if names == "*" else dict.fromkeys(re.findall(r"(\w+) as ", names), module))
+    return out
+
+
+def public_names(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """Make `__all__`, `__getattr__` and `__dir__` of a package from its stub."""
+    where = names_of(package)
+    names = sorted(where)
+
+    def get(name: str) -> Any:
+        if name not in where:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        with held():
+            value = getattr(import_module(where[name]), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return names, get, lambda: names
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Hold Python's garbage collector while modules load.
+
+    They make thousands of objects and no garbage, and to look for it takes an eighth of the time.
+    """
+    if not gc.isenabled():
+        yield
+        return
+    gc.disable()
+    try:
+        yield
+    finally:
+        if not gc.get_freeze_count():
+            # all objects are old ones from here on, looked at when old ones are
+            gc.freeze()
+            gc.unfreeze()
+        gc.enable()

@@ -1,0 +1,53 @@
+"""Events that say "do not trust this number": which kinds they are, how results show them, and the Python warning."""
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from typing import Any, TypeVar
+
+from fastbeam.interface.errors import ResultWarning
+
+T = TypeVar("T", bound=Callable[..., Any])
+# kinds of events that say so; the others tell what happened, or what was done at the start
+KINDS = ("coarse", "contact", "reversed", "unresolved", "drift", "massless", "order", "extrapolation", "leap", "lagging load",
+         "shock")
+# events that a text shows
+MOST = 6
+
+
+class Doubts:
+    """A result with events: the lines that `table()`, `repr` and notebooks end with."""
+
+    events: Sequence[Mapping[str, Any]] = ()
+
+    def _doubts(self) -> list[str]:
+        return doubts(self.events)
+
+
+def doubts(events: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A line for every event that says that numbers are not to be trusted, of which the first few are shown."""
+    found = [f"{event['kind']}: {event.get('text', '')}" for event in events if event.get("kind") in KINDS]
+    more = [f"and {len(found) - MOST} more like these in .events"] if len(found) > MOST else []
+    return [f"not to be trusted, {line}" for line in found[:MOST]] + more
+
+
+def warns(function: T) -> T:
+    """Decorator of an analysis, above `@checked`: a ResultWarning where its result has such events, once that is complete.
+
+    It names the line of the program that called; where fastbeam itself did, there is none.
+    """
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        result = function(*args, **given)
+        lines = result._doubts()
+        if lines:
+            frame, level = sys._getframe(1), 2
+            while frame.f_back is not None and frame.f_globals.get("__name__") == "fastbeam.interface.deprecation":
+                frame, level = frame.f_back, level + 1
+            if not str(frame.f_globals.get("__name__")).startswith("fastbeam."):
+                warnings.warn(ResultWarning("\n  ".join([f"{function.__name__}: {lines[0]}", *lines[1:]]), result=result),
+                              stacklevel=level)
+        return result
+    return call  # type: ignore[return-value]

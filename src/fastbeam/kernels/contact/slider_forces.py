@@ -1,0 +1,516 @@
+"""Forces along the beam on sliders, theory.md 5.6: friction, drives and elastic stops, as the right-hand side of (5.3).
+
+    sliding     F . T = Q,   T of the step, Q the force along the beam on the sliding point; its work in the step is Q Ds
+
+Q is a function of s_n, s_n+1 and the size of the step: of drives, elastic stops, viscous and smoothed friction. Coulomb friction
+takes |Q| <= mu F_n |T|, F_n = |F_across| and what moments of a sleeve press on its edges, (5.11), and its sign is that of the
+velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the velocity there is zero, Ds = h ds/dt_n / 2 takes the place of
+(5.3). What a stop beside others that move leaves of ds/dt is taken away in the same way in the steps behind it; from then on the
+slider stays where it is to the last bit. Which of the three holds is decided anew in every iteration (a semismooth Newton
+method). A force that would put energy in, as where the velocity is turned around within a step, is refused: then the sign of
+the increment of s decides.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels.algebra.dimensions import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
+from fastbeam.kernels.algebra.vectors import call_law, dot
+from fastbeam.kernels.contact.curves import find_element, node_of, nodes_of, slot
+from fastbeam.kernels.contact.friction_fallback import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt,
+    is_sharp, note_change, sticks_in_doubt)
+from fastbeam.kernels.contact.slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along,
+    begin_passage, is_settled_along, motion_along, note_passage, put_residual, sliding_law)
+from fastbeam.kernels.entries.dense import Weights, put_idle_corner, put_translation
+from fastbeam.kernels.jit.decorators import inlined, kernel, separate
+from fastbeam.kernels.jit.generic import generic
+from fastbeam.kernels.terms import known, put_loads, spread_nodes
+
+# kinds of drives
+NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
+# numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
+# away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
+# impacts, J; where friction holds it since how many steps, RESTS at most, else 0; FREE, LOCKED or OFF; how many times its locks
+# have taken hold or let go; energy lost where they took hold, J; on switches arc length of the way less s, m, and -1 or 1 where
+# it came onto its track by the end or the start, 0 where it began
+HISTORY = 11
+SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_LOSS, OFFSET, CAME_BY = range(HISTORY)
+# a slider slides, is held where it is, or has left its beam
+FREE, LOCKED, OFF = range(3)
+# a part of the contact force across the beam that is round-off of the force
+ALONG_ONLY = 1e-12
+# so many iterations of a step judge signs before they count
+JUDGED = 2
+# a slider that friction holds since so many steps is at rest, whatever the beam does; before, what is left of its velocity is
+# taken away, down to an increment of s that is this share of the size of the scene
+RESTS, LEFT = 8, 1e-12
+# nodes under a slider whose shape functions are kept: in steps that cross more element ends they are formed anew
+MOST_KEPT = 16
+BY_PLACE, BY_RATE, MOST, STIFFNESS = 0, 1, 2, 2  # columns of `gains`, the last one of `stops`
+# columns of `asked`: what a law is given, s and ds/dt; its force; where it has failed, as in user_force.FAILED: 1, time, s, ds/dt
+ASKED_FORCE, ASKED_FAILED, ASKED = 2, 3, 7
+
+
+class Along(NamedTuple):
+    """Forces along the beam on S sliders, and what a run keeps of them."""
+
+    friction: np.ndarray    # float64 [S]: coefficient of Coulomb friction
+    viscous: np.ndarray     # float64 [S]: N s/m
+    smoothing: np.ndarray   # float64 [S]: m/s, friction is mu N tanh(velocity/smoothing); 0: Coulomb's law
+    stops: np.ndarray       # float64 [S, 3]: arc lengths where elastic stops begin, m; their stiffness, N/m
+    drive: np.ndarray       # int64 [S]: NO_DRIVE, POSITION, INCREMENT, FORCE, LAW or CONTROL
+    gains: np.ndarray       # float64 [S, 3]: of a controller, N/m, N s/m and the largest force, N
+    law: np.ndarray         # int64 [S]: address of a compiled function as of user_force.Laws, of a force, N
+    asked: np.ndarray       # float64 [S, ASKED]: what it is given and gives
+    given: np.ndarray       # float64 [S, 2]: what a drive is given in a step: s at its end, or the increment of s, m; the force,
+    #                         N; or of a controller s in the middle, m, and ds/dt, m/s
+    clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; mass of the scene, kg
+    sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
+    rest: np.ndarray        # float64 [S]: increment of s that leaves the slider at rest at the end of the step, m
+    flips: np.ndarray       # int64 [S]: how often an iteration of this step has changed the sign
+    judged: np.ndarray      # int64 [S]: how many iterations of this step have asked for the sign
+    needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
+    against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
+    doubt: Doubt            # of S sliders
+    held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
+    offset: np.ndarray      # float64 [S]: arc length of the way less s, m: on switches, else 0
+    under: np.ndarray       # int64 [S, 2]: first of the nodes under the slider in the last iteration, and the one behind the last
+    taken: np.ndarray       # float64 [S]: s at the end of the step for which that iteration has formed shape functions
+    shapes: np.ndarray      # float64 [S, MOST_KEPT, 4]: of these nodes mean and mean slope over the step, their derivatives by s
+
+
+Along.stays_in_memory = True  # type: ignore[attr-defined]
+
+
+class DriveSchedule(NamedTuple):
+    """What drives are given in every substep, in the tuple of terms ahead of the sliders."""
+
+    along: Along
+    given: np.ndarray       # float64 [substeps, S, 2]
+    middle: np.ndarray      # float64 [substeps]: times of their middle, s
+
+
+@put_loads.register(DriveSchedule)
+@kernel
+def put_drives(term, system, k):
+    along = term.along
+    for i in range(along.given.shape[0]):
+        along.given[i, 0] = term.given[k, i, 0]
+        along.given[i, 1] = term.given[k, i, 1]
+    along.clock[1] = term.middle[k]
+
+
+class Force(NamedTuple):
+    """A force along the beam and its derivative by s at the end of the step."""
+
+    value: float
+    slope: float
+
+
+@inlined
+def stop_force(along, k, s0, s1):
+    """Elastic stops: minus the divided difference of their energy."""
+    stiffness = along.stops[k, STIFFNESS]
+    if not stiffness > 0.0:
+        return Force(0.0, 0.0)
+    value = 0.0
+    slope = 0.0
+    for end in range(2):
+        sign = 1.0 if end else -1.0
+        p0 = max(sign * (s0 - along.stops[k, end]), 0.0)
+        p1 = max(sign * (s1 - along.stops[k, end]), 0.0)
+        if p0 > 0.0 and p1 > 0.0:
+            value -= 0.5 * sign * stiffness * (p0 + p1)
+            slope -= 0.5 * stiffness
+        elif p0 > 0.0 or p1 > 0.0:
+            along_end = sign * (s1 - s0)
+            share = (p1 - p0) / along_end
+            value -= 0.5 * sign * stiffness * share * (p0 + p1)
+            slope -= 0.5 * stiffness * (2.0 * p1 - share * (p0 + p1)) / along_end
+    return Force(value, slope)
+
+
+@kernel
+def law_force(along, k, s, rate):
+    """Of a drive with a law."""
+    asked = along.asked
+    asked[k, 0] = s
+    asked[k, 1] = rate
+    row = asked.ctypes.data + 8 * ASKED * k
+    call_law(along.law[k], along.clock[1], row, row, row + 8 * ASKED_FORCE, row + 8 * ASKED_FAILED)
+    return asked[k, ASKED_FORCE]
+
+
+@inlined
+def drive_force(along, k, s0, s1):
+    """Of a drive that does not prescribe the motion."""
+    kind = along.drive[k]
+    h = along.clock[0]
+    if kind == FORCE:
+        return Force(along.given[k, 0], 0.0)
+    if kind == LAW:
+        step = 1e-6 * (abs(s1 - s0) + 1e-3 * abs(s1) + 1e-9)
+        middle = 0.5 * (s0 + s1)
+        rate = (s1 - s0) / h
+        slope = (law_force(along, k, middle + 0.5 * step, rate + step / h)
+                 - law_force(along, k, middle - 0.5 * step, rate - step / h)) / (2.0 * step)
+        return Force(law_force(along, k, middle, rate), slope)
+    if kind == CONTROL:
+        force = (along.gains[k, BY_PLACE] * (along.given[k, 0] - along.offset[k] - 0.5 * (s0 + s1))
+                 + along.gains[k, BY_RATE] * (along.given[k, 1] - (s1 - s0) / h))
+        limit = along.gains[k, MOST]
+        if abs(force) > limit:
+            return Force(limit if force > 0.0 else -limit, 0.0)
+        return Force(force, -0.5 * along.gains[k, BY_PLACE] - along.gains[k, BY_RATE] / h)
+    return Force(0.0, 0.0)
+
+
+@inlined
+def other_forces(along, k, s0, s1):
+    """Everything but Coulomb friction and drives that prescribe the motion."""
+    stop = stop_force(along, k, s0, s1)
+    drive = drive_force(along, k, s0, s1)
+    viscous = along.viscous[k] / along.clock[0]
+    return Force(stop.value + drive.value - viscous * (s1 - s0), stop.slope + drive.slope - viscous)
+
+
+@inlined
+def is_prescribed(along, k):
+    return along.drive[k] == POSITION or along.drive[k] == INCREMENT or along.held[k] != FREE
+
+
+@add_contact.register(Along)
+@kernel
+def add_if_on_beam(along, term, system, k):
+    if along.held[k] == OFF:
+        add_idle_slider(term, system, k)
+    else:
+        add_slider(along, term, system, k)
+
+
+@kernel
+def add_idle_slider(term, system, k):
+    """The rows of a slider that has left its beam: no force, and s stays. It touches its point alone, with zeros."""
+    contact, work, dofs = system.contact, system.work, system.dofs
+    point = term.sliders.point[k]
+    force = vector(system.state.force, contact.first_force[k], 1, dofs)
+    zero = zero_vector(dofs)
+    contact.entries[k] = 0
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(0.0, 0.0, 0.0, 0.0), zero, zero, dofs)
+    put_idle_corner.call(contact, k, dofs)
+    put_residual(contact, k, force, work.s_end[k] - system.state.s[k], dofs)
+
+
+@inlined
+def prescribed_end(along, k, s0):
+    """s at the end of the step of a slider whose motion is prescribed, or that is locked."""
+    if along.held[k] != FREE:
+        return s0
+    return along.given[k, 0] - along.offset[k] if along.drive[k] == POSITION else s0 + along.given[k, 0]
+
+
+@inlined
+def has_signs(along, k):
+    """Whether the sign of the velocity of a slider decides: with Coulomb friction, and at rest against a stop."""
+    return along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0
+
+
+@generic
+def force_of_edges(sleeves, system, k):
+    """What the moments of slider k press on the edges of its bore, (5.11), N."""
+
+
+@force_of_edges.register(NoSleeves)
+@kernel
+def force_of_no_edges(sleeves, system, k):
+    return 0.0
+
+
+class Pressing(NamedTuple):
+    """What presses a slider on its beam."""
+
+    across: Any     # F_across, the part of the contact force across the beam
+    part: float     # F less that, by T
+    normal: float   # |F_across|
+    edges: float    # what moments press on the edges of a bore
+    long: float     # |T|
+
+
+@inlined
+def pressing(force, tangent, edges):
+    square = dot(tangent, tangent)
+    part = dot(force, tangent) / square
+    across = force - part * tangent
+    return Pressing(across, part, np.sqrt(dot(across, across)), edges, np.sqrt(square))
+
+
+@inlined
+def most_of_friction(along, k, press):
+    """The bound of Coulomb friction in (5.6)."""
+    return along.friction[k] * (press.normal + press.edges) * press.long
+
+
+@inlined
+def rub(factor, press, law):
+    """A law without friction with -factor (|F_across| + edges) |T|, one that keeps `factor` constant."""
+    force, tangent = law.force, law.tangent
+    across, part, normal, edges, long = press
+    if not normal > ALONG_ONLY * np.sqrt(dot(force, force)):
+        return SlidingLaw(force + (factor * edges / long) * tangent, tangent, law.rest, law.slope, 1.0, factor * long)
+    by_tangent = (factor * (normal + edges) / long) * tangent - (factor * part * long / normal) * across
+    # by_tangent . T is the friction, but for digits that a small F_across has lost
+    lost = factor * (normal + edges) * long - dot(by_tangent, tangent)
+    return SlidingLaw(force + by_tangent, tangent + (factor * long / normal) * across, law.rest + lost, law.slope, 1.0,
+                      factor * long)
+
+
+@inlined
+def hold(along, way, force):
+    """The law of a slider whose increment of s is given: so much of it is missing; in the unit of a force, as rows are scaled."""
+    unit = along.clock[2] / (along.clock[0] * along.clock[0])
+    return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit, 0.0, 0.0)
+
+
+@inlined
+def sign_of_velocity(along, k, needed, most, ds):
+    """-1, 0 or 1 for the velocity at the end of the step, from what friction and a rigid stop have to give, the most that
+    friction can, and the increment of s of this iteration."""
+    sign = along.sign[k]
+    if along.judged[k] == 1:
+        return sign
+    if sign == 0:
+        # a rigid stop pushes only
+        back = needed > most and along.against[k] >= 0
+        forth = needed < -most and along.against[k] <= 0
+        if back or forth:
+            sign = -1 if back else 1
+            # backward in time a velocity has the other sign
+            return sign if along.clock[0] > 0.0 else -sign
+        return sign
+    if sign * (ds - along.rest[k]) * along.clock[0] < 0.0:
+        return 0
+    return sign
+
+
+@sliding_law.register(Along)
+@inlined
+def slide_with_forces(along, term, system, k, force, tangent, push):
+    s0, s1 = system.state.s[k], system.work.s_end[k]
+    if is_prescribed(along, k):
+        return hold(along, s1 - prescribed_end(along, k, s0), force)
+    known = other_forces(along, k, s0, s1)
+    other = known.value + push
+    mu = along.friction[k]
+    law = SlidingLaw(force, tangent, -other, -known.slope, 1.0, 0.0)
+    signs = has_signs(along, k)
+    if mu == 0.0 and not signs:
+        return law
+    press = pressing(force, tangent, force_of_edges.call(term.sleeves, system, k))
+    most = most_of_friction(along, k, press)
+    if not signs:
+        factor = np.tanh((s1 - s0) / (along.clock[0] * along.smoothing[k]))
+        slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
+        return rub(factor * mu, press, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
+    along.needed[k] = dot(force, tangent) - other
+    along.judged[k] += 1
+    if is_in_doubt(along.flips, along.judged, k, system.work.increment):
+        if along.against[k] == 0:
+            return rub_in_doubt(along, k, s1 - s0, system.contact.compliance[k], most, press, law)
+        # at the stop it stays for this step
+        along.sign[k] = 0
+        return hold(along, s1 - s0, force)
+    sign = sign_of_velocity(along, k, along.needed[k], most, s1 - s0)
+    note_change(sign != along.sign[k], system.work.increment)
+    along.flips[k] += sign != along.sign[k]
+    along.sign[k] = sign
+    if sign == 0:
+        return hold(along, s1 - s0 - along.rest[k], force)
+    return rub(sign * mu, press, law)
+
+
+@kernel
+def rub_in_doubt(along, k, ds, found, most, press, law):
+    """The law with Coulomb friction where signs go in circles, see friction_fallback.py. found: compliance of the parts in the
+    last iteration."""
+    along.rest[k] = 0.0
+    if sticks_in_doubt(along.doubt, k, found, ds, most, abs(along.needed[k]) > most):
+        along.sign[k] = 0
+        return hold(along, ds, law.force)
+    ahead = 1.0 if along.clock[0] > 0.0 else -1.0
+    along.sign[k] = 1 if ahead * ds > 0.0 else -1
+    if along.doubt.counts[k, WITHIN] != 0:
+        soft = ahead * along.doubt.compliance[k]
+        return SlidingLaw(law.force, law.tangent, law.rest + ds / soft, law.slope + 1.0 / soft, 1.0, 0.0)
+    return rub(along.sign[k] * along.friction[k], press, law)
+
+
+@begin_along.register(Along)
+@kernel
+def begin_forces(along, term, system, h):
+    """Velocities along the beams tell which sliders may come to rest."""
+    state = system.state
+    along.clock[0] = h
+    for k in range(state.s.shape[0]):
+        along.held[k] = int(state.history[HISTORY * k + HELD])
+        along.offset[k] = state.history[HISTORY * k + OFFSET]
+        if is_prescribed(along, k):
+            system.work.s_end[k] = prescribed_end(along, k, state.s[k])
+            continue
+        along.against[k] = int(state.history[HISTORY * k + AGAINST])
+        if has_signs(along, k):
+            sign = int(state.history[HISTORY * k + SIGN])
+            along.sign[k] = sign
+            along.flips[k] = 0
+            along.judged[k] = 0
+            along.rest[k] = 0.0
+            clear_doubt(along.doubt, k)
+            if sign != 0 or (along.against[k] == 0 and state.history[HISTORY * k + STICKS] < RESTS):
+                e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
+                tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,
+                                                 system.dofs)
+                rest = 0.5 * h * (dot(relative, tangent) / dot(tangent, tangent))
+                if sign != 0 or abs(rest) > LEFT * system.length:
+                    along.rest[k] = rest
+            if sign == 0:
+                system.work.s_end[k] = state.s[k] + along.rest[k]
+
+
+@is_settled_along.register(Along)
+@kernel
+def friction_takes_energy(along, term, system):
+    """False where no iteration has judged signs by now, or Coulomb friction put energy in; there the sign of the increment of s
+    is to decide."""
+    settled = True
+    for k in range(along.sign.shape[0]):
+        if is_prescribed(along, k) or not has_signs(along, k):
+            continue
+        if along.judged[k] < JUDGED:
+            settled = False
+        if along.flips[k] >= MOST_FLIPS and along.against[k] == 0 and not is_sharp(along.doubt, k, along.judged[k]):
+            settled = False
+        if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
+            ds = system.work.s_end[k] - system.state.s[k]
+            force = -1.0 * along.sign[k] if along.sign[k] != 0 else along.needed[k]
+            if force * ds > 0.0:
+                along.rest[k] = 0.0
+                settled = False
+    note_change(not settled, system.work.increment)
+    return settled
+
+
+@inlined
+def sign_of_given(ds, system):
+    """Sign of a given increment of s; 0 where that is round-off, as where a prescribed motion rests."""
+    return np.sign(ds) if abs(ds) > LEFT * system.length else 0.0
+
+
+@account_along.register(Along)
+@kernel
+def account_forces(along, term, system, h):
+    """Work of friction and drives, from the converged step, and whether sliders are at rest."""
+    state = system.state
+    for k in range(state.s.shape[0]):
+        if system.work.s_end[k] != state.s[k]:
+            account_work(along, term, system, k)
+        if is_prescribed(along, k):
+            if along.friction[k] > 0.0:
+                state.history[HISTORY * k + SIGN] = sign_of_given(system.work.s_end[k] - state.s[k], system)
+        elif has_signs(along, k):
+            count_missed(along.doubt, along.flips, k)
+            place = HISTORY * k
+            state.history[place + SIGN] = along.sign[k]
+            sticks = along.sign[k] == 0 and along.against[k] == 0
+            state.history[place + STICKS] = min(state.history[place + STICKS] + 1.0, float(RESTS)) if sticks else 0.0
+            if along.sign[k] != 0:
+                state.history[place + AGAINST] = 0.0
+
+
+@kernel
+def lead_passage(system, nodes, lo, hi, point, h):
+    """Coordinates of the nodes under a slider, and of its point, where the last increments led them."""
+    dofs, method, state, work = system.dofs, system.method, system.state, system.work
+    for a in range(lo, hi):
+        node = node_of.call(nodes, a)
+        spread_nodes.call(dofs, method, state, work, h, node, node + 1)
+    spread_nodes.call(dofs, method, state, work, h, point, point + 1)
+
+
+@note_passage.register(Along, NoSleeves)
+@inlined
+def note_shapes(along, sleeves, term, system, k, nodes, lo, hi):
+    basis = system.contact.basis
+    along.under[k, 0] = lo
+    along.under[k, 1] = hi
+    along.taken[k] = system.work.s_end[k]
+    if hi - lo > MOST_KEPT:
+        return
+    o = 4 * MOST_KEPT * k
+    for a in range(lo, hi):
+        i = slot.call(nodes, a)
+        put(along.shapes, o, 1, 0.5 * (basis[0, i] + basis[1, i]))
+        put(along.shapes, o + 1, 1, basis[3, i])
+        put(along.shapes, o + 2, 1, 0.5 * basis[2, i])
+        put(along.shapes, o + 3, 1, basis[4, i])
+        o += 4
+
+
+@generic
+def last_passage(sleeves, along, term, system, k):
+    """T of slider k in a converged step, from where the last increment led the nodes under it, and what moments of a sleeve add
+    to the force along the beam."""
+
+
+@last_passage.register(NoSleeves)
+@inlined
+def tangent_of_positions(sleeves, along, term, system, k):
+    """From positions and Cayley vectors alone. Shape functions follow those of the last iteration, whose increment of s has a
+    square below round-off where Newton's method has converged."""
+    basis, q, work, dofs = system.contact.basis, system.state.q, system.work, system.dofs
+    c = term.sliders.curve[k]
+    nodes = nodes_of.call(term.curves, c)
+    lo, hi = along.under[k, 0], along.under[k, 1]
+    kept = hi - lo <= MOST_KEPT
+    ds = work.s_end[k] - along.taken[k] if kept else 0.0
+    if not kept:
+        nodes, lo, hi = begin_passage(term, system, k)
+    start = zero_vector(dofs)
+    change = zero_vector(dofs)
+    turn = zero_spin(dofs)
+    for a in range(lo, hi):
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        if kept:
+            mean = along.shapes[k, a - lo, 0] + ds * along.shapes[k, a - lo, 2]
+            slope = along.shapes[k, a - lo, 1] + ds * along.shapes[k, a - lo, 3]
+        else:
+            mean = 0.5 * (basis[0, i] + basis[1, i])
+            slope = basis[3, i]
+        start += slope * position(q, node, dofs)
+        change += slope * vector(work.dphi, dim(dofs) * node, 1, dofs)
+        turn += mean * cayley_vector(work.theta, term.sliders.spin_root[node], dofs)
+    return start + 0.5 * change - 0.25 * spin_cross.call(turn, change), 0.0
+
+
+@separate
+def account_work(along, term, system, k):
+    """Of friction and the drive of a slider that moves."""
+    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
+    h = along.clock[0]
+    tangent, push = last_passage.call(term.sleeves, along, term, system, k)
+    force = vector(state.force, contact.first_force[k], 1, dofs)
+    s0, s1 = state.s[k], work.s_end[k]
+    ds = s1 - s0
+    total = dot(force, tangent) - push
+    stop = stop_force(along, k, s0, s1).value
+    if is_prescribed(along, k):
+        sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else sign_of_given(ds, system)
+        most = most_of_friction(along, k, pressing(force, tangent, force_of_edges.call(term.sleeves, system, k)))
+        friction = -along.viscous[k] / h * ds - most * sign
+        drive = total - stop - friction
+    else:
+        drive = known(drive_force(along, k, s0, s1).value)
+        friction = total - stop - drive
+    state.history[HISTORY * k + FRICTION_LOSS] -= friction * ds
+    state.history[HISTORY * k + DRIVE_WORK] += drive * ds

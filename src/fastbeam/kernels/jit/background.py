@@ -1,0 +1,85 @@
+"""A second process that compiles part of what one kernel needs, while the first compiles the rest.
+
+Which parts, the kernel says (`compile_in_background`); both processes share the folder of compiled kernels. Nothing depends on
+the second: what it does not deliver the first compiles itself.
+"""
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any, Callable
+
+from fastbeam.kernels.jit import sources as _outside
+
+# (kernel, types of its arguments)
+Job = tuple[Any, tuple[Any, ...]]
+# s; longer than any part takes, even on a busy machine
+PATIENCE = 60.0
+PROGRAM = ("import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
+           "from fastbeam.kernels.jit.decorators import work; work(sys.stdin.buffer)")
+_JOBS: dict[Any, Callable[..., list[Job]]] = {}
+# of each part: when it is there, when it is begun
+_COMING: dict[Any, tuple[threading.Event, threading.Event | None]] = {}
+
+
+def compile_in_background(kernel: Any, jobs: Callable[..., list[Job]]) -> None:
+    """While `kernel` is compiled, a second process compiles `jobs`(*types of its arguments)."""
+    _JOBS[kernel.py_func] = jobs
+
+
+def jobs_of(function: Any, arguments: tuple[Any, ...]) -> list[Job]:
+    """What a second process could compile for a kernel, is not on the disk yet, and is not in the works."""
+    jobs = _JOBS[function](*arguments) if function in _JOBS else []
+    return [(kernel, some) for kernel, some in jobs if (kernel.py_func, some) not in _COMING and not kernel.part.is_kept(some)]
+
+
+def start(function: Any, arguments: tuple[Any, ...], folder: str) -> None:
+    """Start the second process for a kernel where there is something to do for it and a processor to do it."""
+    if _processors() < 2 or not os.path.basename(sys.executable or "").lower().startswith("python"):
+        return
+    jobs = jobs_of(function, arguments)
+    if not jobs:
+        return
+    modules = _outside.modules(arguments)
+    if "__main__" in modules:
+        return  # the program itself is not run a second time
+    names = [(kernel.py_func.__module__, kernel.py_func.__qualname__, some) for kernel, some in jobs]
+    path = [str(Path(__file__).resolve().parents[3]), *sys.path]
+    try:
+        message = pickle.dumps(path) + pickle.dumps((folder, modules)) + pickle.dumps(names)
+        process = subprocess.Popen([sys.executable, "-c", PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                   stderr=subprocess.DEVNULL, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0))
+        assert process.stdin is not None
+        with process.stdin as pipe:
+            pipe.write(message)
+    except (OSError, TypeError, AttributeError, pickle.PicklingError):
+        return  # no process, or kernels that another process cannot name
+    events = [threading.Event() for _ in jobs]
+    _COMING.update(((kernel.py_func, some), (event, before)) for (kernel, some), event, before
+                   in zip(jobs, events, [None, *events]))
+    threading.Thread(target=_follow, args=(process, events), daemon=True).start()
+
+
+def wait(function: Any, arguments: tuple[Any, ...]) -> None:
+    """Until a part that the second process works on stands on the disk, or will not. What it has not begun is not waited for."""
+    event, before = _COMING.pop((function, arguments), (None, None))
+    if event is not None and (before is None or before.is_set()):
+        event.wait(PATIENCE)
+
+
+def _follow(process: subprocess.Popen[bytes], events: list[threading.Event]) -> None:
+    assert process.stdout is not None
+    with process.stdout as lines:
+        for event, _ in zip(events, lines):
+            event.set()
+    for event in events:
+        event.set()
+    process.wait()
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

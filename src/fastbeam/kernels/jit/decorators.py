@@ -1,0 +1,245 @@
+"""The only file that names compiler options: how kernels are compiled and where their machine code is cached.
+
+Every kernel is cached on disk at first use. Numba's own cache does not notice an edit in a file that a kernel calls
+into, so the folder carries a hash of all kernel sources: any edit starts a new folder. What is found there is run as it is:
+entries carry a checksum, and what others could have written is not touched.
+
+There are two ways. The fast one (`_parts`, `_sealed`, `_background`) builds on numba's interior, which may change with any
+version. The plain one uses what numba's manual describes: the same functions and flags of arithmetic, and the same results to
+round-off, but compilation takes four times as long, and kernels count references, which makes iterations of small scenes a
+quarter slower. `FASTBEAM_PLAIN_NUMBA=1` asks for it, and it is taken where the fast one was not tested with the installed numba
+or cannot be loaded; `FASTBEAM_PLAIN_NUMBA=0` tries the fast one in any case.
+"""
+from __future__ import annotations
+
+import functools
+import importlib
+import inspect
+import os
+import pickle
+import sys
+import warnings
+from pathlib import Path
+from typing import Any, BinaryIO, Callable, TypeVar
+
+import numba
+from numba import config, version_info
+
+from fastbeam.kernels.jit import background as _background, sources as _outside
+from fastbeam.kernels.jit.background import compile_in_background
+from fastbeam.kernels.jit.cache import cache_folder
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+__all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "around_user", "begin_background", "compile_counts",
+           "compile_in_background", "inlined", "kernel", "link_library", "of_user", "one_variant", "separate", "with_address",
+           "work"]
+
+ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
+KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
+OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
+# versions of numba that the fast way was tested with
+TESTED = (0, 61), (0, 68)
+
+
+def _why_numba_only(setting: str, version: tuple[int, ...]) -> str | None:
+    """What speaks for the plain way before the other is tried; empty where the user asks for it."""
+    if setting in ("0", "1"):
+        return "" if setting == "1" else None
+    low, high = (".".join(map(str, x)) for x in TESTED)
+    return None if TESTED[0] <= version <= TESTED[1] else f"its faster compilation was tested with numba {low} to {high}"
+
+
+def _fast_way() -> Any:
+    """What the fast way consists of, or None for the plain one."""
+    reason = _why_numba_only(os.environ.get("FASTBEAM_PLAIN_NUMBA", ""), version_info.short)
+    if reason is None:
+        try:
+            from fastbeam.kernels.jit import parts as _parts, sealed as _sealed
+            return _parts, _sealed
+        except Exception as error:  # whatever is not there any more
+            reason = f"its faster compilation does not work with it ({type(error).__name__}: {error})"
+    if reason:
+        warnings.warn(f"fastbeam: {reason}, and this is numba {numba.__version__}. Kernels are compiled without it: a first run "
+                      "takes minutes, its results are the same to round-off. FASTBEAM_PLAIN_NUMBA=1 hides this warning",
+                      RuntimeWarning, stacklevel=2)
+    return None
+
+
+_FAST = _fast_way()
+NUMBA_ONLY = _FAST is None
+_FOLDER = cache_folder("plain" if NUMBA_ONLY else "")
+
+
+def kernel(function: F) -> F:
+    """Compile a pure function of arrays.
+
+    `contract` lets LLVM fuse multiply and add; the other fast-math flags would assume that no NaN occurs, and NaN is
+    the alarm of the Newton loop. `error_model='numpy'` drops the division-by-zero exceptions. Kernels allocate nothing, and their
+    callers hold the arrays: without reference counts (`_nrt`) small calls take a third less time.
+    """
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """Compile like `kernel`, written into every kernel that calls it, whatever its size: for short steps of loops, which pass
+    arrays, seven words each. Numbers in the source of a caller reach it that way, so there is one variant for all."""
+    return _compiled(function, one=True, forceinline=True)
+
+
+def one_variant(function: F) -> F:
+    """Compile like `kernel`, once for all numbers that stand in the source of callers. Else f(x, 2) and f(x, 3) are compiled
+    apart: faster code in loops over elements, and only time lost where they differ in an offset."""
+    return _compiled(function, one=True)
+
+
+def separate(function: F) -> F:
+    """Compile like `one_variant`, with machine code of its own that all kernels share which call it with the same types: for
+    large kernels that many kinds of scenes have. A call is never written into its caller."""
+    return _compiled(function, one=True, alone=True)
+
+
+def _compiled(function: F, one: bool = False, alone: bool = False, **options: Any) -> F:
+    try:
+        compiled = _plainly(function, options) if NUMBA_ONLY else _fast(function, one, alone, options)
+    except RuntimeError as error:
+        if _outside.is_outside(function):
+            raise RuntimeError(f"kernel {function.__name__}: compiled code is kept by the file that it stands in, and there is "
+                               f"none; move it to a module ({error})") from error
+        raise
+    KERNELS.append(compiled)
+    return compiled
+
+
+def _fast(function: Any, one: bool, alone: bool, options: dict[str, Any]) -> Any:
+    parts, sealed = _FAST
+    # numba asks twice for it, which takes a tenth of the time that kernels load in
+    function.__signature__ = inspect.signature(function)
+    compiled = numba.njit(_nrt=False, no_cfunc_wrapper=True, pipeline_class=parts.WholeCompiler, **OPTIONS, **options)(function)
+    del function.__signature__
+    compiled._cache = sealed.KernelCache(function, parts.WholeCache, _FOLDER)
+    parts.Part(compiled, one, alone, sealed.KernelCache(function, parts.PartCache, _FOLDER))
+    if _outside.is_outside(function):
+        compiled._cache.make()  # which fails for what stands in no file
+    return compiled
+
+
+def _plainly(function: Any, options: dict[str, Any]) -> Any:
+    # numba would not notice edits in other files of a package that adds terms
+    keep = not (_outside.is_outside(function) or _outside.known())
+    before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
+    try:
+        return numba.njit(cache=keep, **OPTIONS, **{x: value for x, value in options.items() if _takes(x)})(function)
+    finally:
+        config.CACHE_DIR = before
+
+
+@functools.cache
+def _takes(option: str) -> bool:
+    """Whether numba has an option that its manual does not name. To try takes a compilation, which tested versions are spared."""
+    if TESTED[0] <= version_info.short <= TESTED[1]:
+        return True
+    try:
+        numba.njit(**{option: True})(lambda: 0)()
+    except Exception:  # it does not say which
+        return False
+    return True
+
+
+def _forget_on_disk() -> None:
+    """The plain way keeps no kernels that may call terms from outside."""
+    for compiled in KERNELS:
+        if not hasattr(compiled, "_cache"):
+            raise RuntimeError(f"terms from outside fastbeam cannot be added with numba {numba.__version__}: its cache cannot be "
+                               "switched off; use an older one")
+        compiled._cache = _NoCache()
+
+
+class _NoCache:
+    """A cache that keeps nothing."""
+
+    cache_path = None
+
+    def load_overload(self, arguments: Any, context: Any) -> None:
+        """Nothing is kept."""
+
+    def save_overload(self, arguments: Any, compiled: Any) -> None:
+        """Nothing is kept."""
+
+
+if NUMBA_ONLY:
+    _outside.AT_FIRST.append(_forget_on_disk)
+else:
+    _FAST[0].WholeCompiler.folder = _FOLDER
+
+
+def begin_background(kernel: Any, arguments: tuple[Any, ...]) -> None:
+    """Where the first call of `kernel` in this process has to compile it, let a second process begin before that call."""
+    if NUMBA_ONLY or kernel.overloads:
+        return  # finding the types would cost every run a millisecond
+    types = tuple(kernel.typeof_pyval(x) for x in arguments)
+    if not kernel._cache.holds(types, kernel.targetctx.codegen()):
+        _background.start(kernel.py_func, types, _FOLDER)
+
+
+def work(source: BinaryIO) -> None:
+    """What a second process (`_background`) does: compile the parts that `source` names, a line on stdout for each when it is
+    kept."""
+    folder, modules = pickle.load(source)
+    if NUMBA_ONLY or folder != _FOLDER:
+        return
+    for module in modules:  # implementations that are not known here would be left out
+        importlib.import_module(module)
+    jobs = pickle.load(source)
+    with _FAST[0].memoized_typing():
+        for module, name, arguments in jobs:
+            getattr(importlib.import_module(module), name).part.compile(arguments)
+            print(flush=True)
+
+
+def of_user(function: Callable[..., Any]) -> Any:
+    """Compile a function of the user's own as Python runs it: to divide by zero and to read beyond an array are errors. It is not
+    kept on the disk."""
+    return _of_process(function, error_model="python", boundscheck=True)
+
+
+def around_user(function: Callable[..., Any]) -> Any:
+    """Compile what calls such a function. Both are written into `with_address`: tests of bounds that hold anyway go, which leaves
+    a law as fast as without them."""
+    return _of_process(function, error_model="numpy")
+
+
+def _of_process(function: Callable[..., Any], **options: Any) -> Any:
+    return numba.njit(**options, **({"forceinline": True} if _takes("forceinline") else {}))(function)
+
+
+def with_address(function: Callable[..., None]) -> Any:
+    """A function (double t, double *given, double *parameters, double *found, double *failed) as machine code that kernels call
+    by its `.address`; it lives as long as this object. What it raises would be lost."""
+    pointer = numba.types.CPointer(numba.types.float64)
+    return numba.cfunc(numba.types.void(numba.types.float64, pointer, pointer, pointer, pointer), error_model="numpy")(function)
+
+
+def link_library(path: str) -> None:
+    """Let compiled code find the symbols of a shared library by name."""
+    from llvmlite import binding
+    binding.load_library_permanently(path)
+
+
+def announce_first_use() -> None:
+    """One line on stderr before the first compilation on a machine, which takes about ten seconds, and one after it; silent with
+    FASTBEAM_PROGRESS=0."""
+    if os.environ.get("FASTBEAM_PROGRESS") != "0" and not any(Path(_FOLDER).rglob("*.nbi")):
+        print(f"fastbeam: compiling its kernels for the first time, kept in {_FOLDER}", file=sys.stderr, flush=True)
+        if not NUMBA_ONLY:
+            _FAST[0].PROGRESS.announced = True
+
+
+def compile_counts() -> tuple[int, int]:
+    """(kernels loaded from the cache, kernels compiled) in this process."""
+    hits = sum(sum(k.stats.cache_hits.values()) for k in KERNELS)
+    misses = sum(sum(k.stats.cache_misses.values()) for k in KERNELS)
+    if NUMBA_ONLY:
+        return hits, misses
+    return (hits + sum(sum(k.part.loaded.values()) for k in KERNELS),
+            misses + sum(sum(k.part.missed.values()) for k in KERNELS))

@@ -1,0 +1,363 @@
+"""Friction and rigid stops of coordinates of joints with axes, theory.md 4: forces that are unknowns, as in joints/drives.py.
+
+    |G| <= G_max: x_n+1 = x_n + rest where it sticks, G = -sign G_max where it slips                                    (4.17)
+
+Which of the two holds is decided as for sliders (contact/slider_forces.py): the sign is that of the velocity at the end of the
+step, rest half the increment of a step that goes on with the velocity at its start, zero where it stood still; a force that would
+put energy in is refused. G_max may grow with the forces of the joint, (4.31): its derivatives stand in the columns of those. A
+coordinate at rest against a rigid stop sticks as long as the stop would not have to pull; the step in which it is met is
+shortened (bounds.py), and the velocity jumps (velocity_jumps.py).
+
+Arrays: counts_out [4 or 5].
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels.algebra.dimensions import Plane, Space, put, vector
+from fastbeam.kernels.algebra.vectors import dot, ld3
+from fastbeam.kernels.contact.friction_fallback import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt,
+    is_sharp, note_change, sticks_in_doubt)
+from fastbeam.kernels.contact.point_entries import begin_joint, take_forces_of
+from fastbeam.kernels.contact.slider import END_SLACK
+from fastbeam.kernels.contact.slider_forces import JUDGED
+from fastbeam.kernels.jit.decorators import kernel
+from fastbeam.kernels.jit.generic import generic
+from fastbeam.kernels.joints.conditions import direction
+from fastbeam.kernels.joints.coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
+from fastbeam.kernels.joints.drives import is_held
+from fastbeam.kernels.terms import Conserving, account, assemble, first_guess, is_settled, take_unknowns, within_limits
+
+# numbers of a coordinate with friction or rigid stops in `State.history`: sign of its velocity; 1 where friction holds it since
+# the last step, 2 since one before; energy that friction took away, J; -1 or 1 where it rests against its first or last stop,
+# else 0; energy lost in impacts, J
+RUB = 5
+SIGN, STICKS, RUBBED, AGAINST, STOP_LOSS = range(RUB)
+# increment, rad or a share of the size of the scene, below which a coordinate that sticks is at rest
+LEFT = 1e-12
+
+
+class JointFriction(NamedTuple):
+    """D coordinates with Coulomb friction or rigid stops."""
+
+    motion: JointMotion
+    which: np.ndarray      # int64 [D]: of the coordinates of `motion`
+    limit: np.ndarray      # float64 [D]: of the largest force what does not depend on the joint's own, N or N m
+    share: np.ndarray      # float64 [D, 2]: largest force for each N across the axis, and for each N m, 1, m or 1/m
+    press: np.ndarray      # int64 [D, 2]: constraints with these forces and moments of the joint, -1: none
+    across: np.ndarray     # int64 [D]: node with the axis d_1 that counts for the forces, -1: that of the joint
+    smoothing: np.ndarray  # float64 [D]: m/s or rad/s, above 0: tanh(rate/smoothing) in place of the sign; 0: Coulomb's law
+    given: np.ndarray      # int64 [D]: 1 where its motion is given, whatever that takes
+    stops: np.ndarray      # float64 [D, 2]: values at rigid stops, m or rad, infinite where there is none
+    place: np.ndarray      # int64 [D]: where their numbers stand in the history
+    first: np.ndarray      # int64 [1]: number of the first among all constraints
+    start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
+    rest: np.ndarray       # float64 [D]: increment that leaves the coordinate at rest at the end of the step, m or rad
+    soft: np.ndarray       # float64 [D]: compliance of what the joint joins, where it stuck in this step
+    reached: np.ndarray    # float64 [D]: value at the end of the last step that was solved for, m or rad
+    factor: np.ndarray     # float64 [D]: friction as a share of the largest in this iteration, 0 where it sticks
+    sign: np.ndarray       # int64 [D]: sign of the velocity at the end of the step, as taken in this iteration
+    flips: np.ndarray      # int64 [D]: how often an iteration of this step has changed the sign
+    judged: np.ndarray     # int64 [D]: how many iterations of this step have asked for the sign
+    doubt: Doubt           # of D coordinates
+    against: np.ndarray    # int64 [D]: -1 or 1 where it rests against its first or last stop, else 0
+    clock: np.ndarray      # float64 [1]: size of the step, s
+    ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
+
+
+@kernel
+def has_friction(term, i):
+    return term.limit[i] > 0.0 or term.share[i, 0] > 0.0
+
+
+@kernel
+def may_stick(term, i):
+    """Whether a sign has to be found: with friction, and at rest against a stop. Else the coordinate moves freely between its
+    stops, or its increment says what friction is."""
+    return has_friction(term, i) and not follows_motion(term, i) or term.against[i] != 0
+
+
+@kernel
+def follows_motion(term, i):
+    """Whether friction is a function of the increment."""
+    return term.smoothing[i] > 0.0 or term.given[i] != 0
+
+
+@kernel
+def rub_with_motion(term, i, way, system):
+    """Friction as a share of the largest where it is a function of the increment, and its derivative by that. A given motion
+    rests where its increment is round-off."""
+    if term.smoothing[i] > 0.0:
+        unit = term.clock[0] * term.smoothing[i]
+        factor = np.tanh(way / unit)
+        return -factor, (factor * factor - 1.0) / unit
+    if abs(way) <= least_increment(term, i, system):
+        return 0.0, 0.0
+    return -1.0 * np.sign(way * term.clock[0]), 0.0
+
+
+@kernel
+def least_increment(term, i, system):
+    """Increment of coordinate i below which it is at rest, m or rad."""
+    return LEFT * (system.length if term.motion.kind[term.which[i]] == LINE else 1.0)
+
+
+@generic
+def across_axis(dofs, term, i, system, force):
+    """The part of the force of a joint that holds a point across the axis of coordinate i."""
+
+
+@across_axis.register(Space)
+@kernel
+def across_axis_in_space(dofs, term, i, system, force):
+    if term.across[i] >= 0:
+        axis = ld3(system.work.q_mid, 12 * term.across[i] + 3, 1)
+    else:
+        axis = direction.call(dofs, term.motion, term.which[i], 0, 0, system.work.q_mid)
+    return force - (dot(force, axis) / dot(axis, axis)) * axis
+
+
+@across_axis.register(Plane)
+@kernel
+def across_axis_in_plane(dofs, term, i, system, force):
+    return 1.0 * force
+
+
+@kernel
+def load_pressing(term, i, system, j):
+    """Forces (j = 0) or moments (1) that press on the sides of coordinate i, into `hold`: how many, and their size."""
+    motion, contact, force = term.motion, system.contact, system.state.force
+    c, k = term.which[i], term.press[i, j]
+    first = contact.first_force[k]
+    # of moments those across the axis come first
+    n = contact.forces[k] if j == 0 else min(contact.forces[k], 2)
+    if j == 0 and (motion.kind[c] != LINE or term.across[i] >= 0):
+        put(motion.hold, 0, 1, across_axis.call(system.dofs, term, i, system, vector(force, first, 1, system.dofs)))
+    else:
+        for p in range(n):
+            motion.hold[p] = force[first + p]
+    size = 0.0
+    for p in range(n):
+        size += motion.hold[p] * motion.hold[p]
+    return n, np.sqrt(size)
+
+
+@kernel
+def most_of_friction(term, i, system):
+    """The largest friction of coordinate i under the forces of this iteration, (4.31), N or N m."""
+    most = term.limit[i]
+    for j in range(2):
+        if term.share[i, j] > 0.0 and term.press[i, j] >= 0:
+            most += term.share[i, j] * load_pressing(term, i, system, j)[1]
+    return most
+
+
+@kernel
+def put_pressing(term, i, system, factor):
+    """Derivatives of the friction `factor` times the largest, by the forces that press: in the columns of these."""
+    for j in range(2):
+        if not term.share[i, j] > 0.0 or term.press[i, j] < 0:
+            continue
+        n, size = load_pressing(term, i, system, j)
+        for p in range(n if size > 0.0 else 0):
+            put_entries(term, term.which[i], system, term.press[i, j], p,
+                        factor * term.share[i, j] * (term.motion.hold[p] / size), 0.0)
+
+
+@first_guess.register(JointFriction)
+@kernel
+def begin_friction(term, system, h, c):
+    """Velocities tell which coordinates may come to rest."""
+    motion, state = term.motion, system.state
+    term.clock[0] = h
+    # where one stopped while others moved, a little of its velocity is left, which turns around in every step; it is taken away
+    # as often as one comes to rest: in every step that would be a creep
+    stopped = False
+    for i in range(term.which.shape[0]):
+        stopped = stopped or state.history[term.place[i] + STICKS] == 1.0
+    for i in range(term.which.shape[0]):
+        system.contact.before[term.first[0] + i] = np.inf
+        term.start[i] = state.history[motion.place[term.which[i]] + VALUE]
+        term.sign[i] = int(state.history[term.place[i] + SIGN])
+        term.against[i] = int(state.history[term.place[i] + AGAINST])
+        term.flips[i] = 0
+        term.judged[i] = 0
+        term.soft[i] = 0.0
+        clear_doubt(term.doubt, i)
+        rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
+        if term.sign[i] == 0 and (not stopped or abs(rest) <= least_increment(term, i, system) or term.against[i] != 0):
+            rest = 0.0
+        term.rest[i] = rest
+
+
+@kernel
+def breaks_loose(term, i, force, most):
+    """-1 or 1 where a coordinate that sticks has to move into this direction, else 0; force: what holds it."""
+    # a rigid stop pushes only
+    if force > most and term.against[i] >= 0:
+        return -1
+    return 1 if force < -most and term.against[i] <= 0 else 0
+
+
+@kernel
+def judge(term, i, force, way, most):
+    """Sign of the velocity at the end of the step, from the force of the last iteration and the increment of the coordinate."""
+    term.judged[i] += 1
+    sign = term.sign[i]
+    if term.judged[i] == 1:
+        return sign
+    if sign == 0:
+        sign = breaks_loose(term, i, force, most)
+        # backward in time a velocity has the other sign
+        return sign if term.clock[0] > 0.0 else -sign
+    return 0 if sign * (way - term.rest[i]) * term.clock[0] < 0.0 else sign
+
+
+@kernel
+def rub_in_doubt(term, i, way, most, force):
+    """Where signs go in circles, see friction_fallback.py: friction as a share of the largest, and the derivative of the force by
+    the increment where friction is less than that. force: of the last iteration."""
+    term.rest[i] = 0.0
+    term.judged[i] += 1
+    if sticks_in_doubt(term.doubt, i, term.soft[i], way, most, breaks_loose(term, i, force, most) != 0):
+        term.sign[i] = 0
+        return 0.0, 0.0
+    ahead = 1.0 if term.clock[0] > 0.0 else -1.0
+    term.sign[i] = 1 if ahead * way > 0.0 else -1
+    if term.doubt.counts[i, WITHIN] != 0:
+        soft = ahead * term.doubt.compliance[i]
+        return -way / (soft * most), -1.0 / soft
+    return -1.0 * term.sign[i], 0.0
+
+
+@assemble.register(JointFriction, Conserving)
+@kernel
+def assemble_friction(term, method, system, h):
+    motion, contact, force = term.motion, system.contact, system.state.force
+    for i in range(term.which.shape[0]):
+        c = term.which[i]
+        k = term.first[0] + i
+        f = contact.first_force[k]
+        way = missing(motion, c, system.dofs, system.work.q_end, term.start[i])
+        if term.sign[i] == 0 and term.judged[i] > 0:
+            term.soft[i] = contact.compliance[k]
+        begin_joint(contact, k, 1)
+        most, factor, slope, by_load, sticks = 0.0, 0.0, 0.0, 0.0, False
+        if follows_motion(term, i):
+            most = most_of_friction(term, i, system)
+            factor, slope = rub_with_motion(term, i, way, system)
+            slope *= most
+            by_load = factor
+        elif may_stick(term, i):
+            most = most_of_friction(term, i, system)
+            if not is_in_doubt(term.flips, term.judged, i, system.work.increment):
+                sign = judge(term, i, force[f], way, most)
+                note_change(sign != term.sign[i], system.work.increment)
+                term.flips[i] += sign != term.sign[i]
+                term.sign[i] = sign
+                factor = -1.0 * sign
+            elif term.against[i] != 0:
+                # at the stop it stays for this step
+                term.sign[i] = 0
+            else:
+                factor, slope = rub_in_doubt(term, i, way, most, force[f])
+            sticks = term.sign[i] == 0
+            # friction below the bound does not change with it
+            by_load = factor if slope == 0.0 else 0.0
+        term.factor[i] = factor
+        if not sticks:
+            force[f] = factor * most
+        push(motion, c, system, grip_in_step(motion, c, system), force[f], slope)
+        put_entries(term, c, system, k, 0, 1.0 if sticks else 0.0, 1.0 if sticks else 0.0)
+        if sticks:
+            contact.residual[k, 0] = way - term.rest[i]
+        else:
+            # the force is known and stays
+            contact.residual[k, 0] = 0.0
+            contact.corner[k, 0] = 1.0
+            put_pressing(term, i, system, by_load)
+
+
+@is_settled.register(JointFriction)
+@kernel
+def friction_is_settled(term, system):
+    """False where no iteration has judged signs by now, or friction put energy in; there the sign of the increment is to
+    decide."""
+    settled = True
+    for i in range(term.which.shape[0]):
+        if not may_stick(term, i):
+            continue
+        c = term.which[i]
+        k = term.first[0] + i
+        force = system.state.force[system.contact.first_force[k]]
+        if term.judged[i] < JUDGED:
+            settled = False
+        if term.flips[i] >= MOST_FLIPS and term.against[i] == 0 and not is_sharp(term.doubt, i, term.judged[i]):
+            settled = False
+        if term.sign[i] == 0:
+            settled = is_held(term.motion, c, system, k) and settled
+            most = most_of_friction(term, i, system) * (1.0 + 1e-12)
+            if term.flips[i] < MOST_FLIPS and breaks_loose(term, i, force, most) != 0:
+                # it slips: the next iteration takes the other branch
+                settled = False
+        if term.rest[i] != 0.0 and term.clock[0] > 0.0:
+            way = missing(term.motion, c, system.dofs, system.work.q_end, term.start[i])
+            if (-1.0 * term.sign[i] if term.sign[i] != 0 else force) * way > 0.0:
+                term.rest[i] = 0.0
+                settled = False
+    note_change(not settled, system.work.increment)
+    return settled
+
+
+@account.register(JointFriction)
+@kernel
+def account_friction(term, system, h):
+    """What friction takes, and whether coordinates are at rest: there the value is that at the start, to the last bit."""
+    history = system.state.history
+    for i in range(term.which.shape[0]):
+        o = term.motion.place[term.which[i]]
+        f = system.contact.first_force[term.first[0] + i]
+        if term.smoothing[i] > 0.0:
+            # the last increment has changed it
+            factor = rub_with_motion(term, i, history[o + VALUE] - term.start[i], system)[0]
+            system.state.force[f] = factor * most_of_friction(term, i, system)
+        force = system.state.force[f]
+        if may_stick(term, i):
+            sticks = term.sign[i] == 0
+            if sticks:
+                history[o + VALUE] = term.start[i] + term.rest[i]
+            else:
+                history[term.place[i] + AGAINST] = 0.0
+            count_missed(term.doubt, term.flips, i)
+            history[term.place[i] + SIGN] = term.sign[i]
+            held = 1.0 if history[term.place[i] + STICKS] == 0.0 else 2.0
+            history[term.place[i] + STICKS] = held if sticks and term.against[i] == 0 else 0.0
+        if has_friction(term, i) or term.against[i] != 0:
+            history[term.place[i] + RUBBED] -= force * (history[o + VALUE] - term.start[i])
+        term.reached[i] = history[o + VALUE]
+
+
+@within_limits.register(JointFriction)
+@kernel
+def joints_are_within(term, system, counts_out):
+    """False where a coordinate is beyond a rigid stop by more than round-off; its number, behind the sliders, goes to
+    counts_out[3]."""
+    for i in range(term.which.shape[0]):
+        slack = END_SLACK * (system.length if term.motion.kind[term.which[i]] == LINE else 1.0)
+        if not (term.reached[i] >= term.stops[i, 0] - slack and term.reached[i] <= term.stops[i, 1] + slack):
+            counts_out[3] = system.state.s.shape[0] + i
+            return False
+    return True
+
+
+@take_unknowns.register(JointFriction)
+@kernel
+def take_friction(term, system):
+    """Friction that follows the load grows with what presses; the terms of joints have taken the increments of that before."""
+    take_forces_of(term.first[0], term.which.shape[0], system)
+    for i in range(term.which.shape[0]):
+        if term.share[i, 0] > 0.0 and term.factor[i] != 0.0:
+            k = term.first[0] + i
+            system.state.force[system.contact.first_force[k]] = term.factor[i] * most_of_friction(term, i, system)

@@ -1,0 +1,35 @@
+"""Factors that bring rows and columns of a sparse matrix to a size of 1 (D. Ruiz, 2001).
+
+Arrays: size [entries] of a matrix by rows; indptr [n + 1], indices [entries]; row [n], column [m]: factors; most_row [n],
+most_column [m]: largest entries.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from fastbeam.kernels.jit.decorators import kernel
+
+
+@kernel
+def balance(size, indptr, indices, sweeps, row, column, most_row, most_column):
+    """Divide the factors by the roots of the largest entries that they leave, so many times; those without entries stay.
+
+    Arrays: size, indices [entries], indptr [n + 1], row, most_row [n], column, most_column [m]
+    """
+    for _ in range(sweeps):
+        most_row[:] = 0.0
+        most_column[:] = 0.0
+        for i in range(row.shape[0]):
+            for k in range(indptr[i], indptr[i + 1]):
+                j = indices[k]
+                x = size[k] * row[i] * column[j]
+                if x > most_row[i]:
+                    most_row[i] = x
+                if x > most_column[j]:
+                    most_column[j] = x
+        for i in range(row.shape[0]):
+            if most_row[i] > 0.0:
+                row[i] /= np.sqrt(most_row[i])
+        for j in range(column.shape[0]):
+            if most_column[j] > 0.0:
+                column[j] /= np.sqrt(most_column[j])

@@ -1,0 +1,3 @@
+"""Sparse factorisations, eigenvalues and orders of elimination."""
+
+__all__: list[str] = []

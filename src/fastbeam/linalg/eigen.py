@@ -1,0 +1,493 @@
+"""The lowest eigenvalues of K x - B^T m = w M x, B x = 0: stiffness, constraints and masses as sparse matrices.
+
+Krylov vectors of (K - shift M)^-1 M, in blocks, so that double and triple eigenvalues come together, orthonormal in the masses
+and all of them kept (block Lanczos with full orthogonalisation; block Arnoldi where K is not symmetric). What has no mass
+(sliding coordinates, multipliers, triads without inertia) never enters: it follows from one more solution. Pivots of
+K - shift M tell how many eigenvalues lie below a shift (Sylvester), so that none is missed.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.linalg.linear_system import SMALL
+from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.orthonormal import NOTHING, TINY, orthonormal
+from fastbeam.linalg.saddle import Factors, counted, equilibrated, parity, signs_between, typical_factors
+
+Array = np.ndarray
+# right-hand sides of a solution
+BLOCK = 4
+# residual of a Ritz pair next to its value, up to which it counts
+CONVERGED = 1e-9
+# relative residual of a solution: wanted, and accepted
+GOOD, FAIR = 1e-13, 1e-6
+# solutions for last digits, solutions at most, and the residual next to the largest of its terms that is round-off
+REFINEMENTS, MOST_REFINEMENTS, ROUND_OFF = 4, 20, 1e-12
+# residual next to the solution of a matrix of size 1 that is round-off of the product
+LAST_BITS = 2.0 * np.finfo(float).eps
+# and residual up to which that is no sign of a matrix that is singular to round-off
+CLEAR = 1e-4
+# share of a right-hand side that GIVE may take up: factors whose pivots were moved leave more between dependent constraints
+GIVEN_WAY = 1e-3
+# shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
+LEAST_SHIFT = 1e-13
+# eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
+CLOSE = 1e3
+MOVES = 3
+# on the diagonal of the scaled matrix that is factored: of multipliers, so that constraints which say the same twice share the
+# force, and of what has neither mass nor stiffness, where it is singular. Refinement with the matrix itself takes both out again
+GIVE, IDLE = 1e-13, 1e-10
+# gap of constraints next to the largest component, scaled
+OPEN = 1e-6
+# round-off of x . K x, next to |x| . |K| |x|
+NOISE = 8.0 * np.finfo(float).eps
+# neighbours differ by more than this share where eigenvalues are counted; gaps and places in them where that is tried; unknowns
+# up to which it is done by all eigenvalues of a dense matrix where pivots are not certain
+DISTINCT, GAPS, SHARES, DENSE = 1e-6, 3, (0.5, 0.3), 1500
+# growth of the number of Krylov vectors between two looks at what they give
+GROWTH = 1.04
+
+
+class Pencil(NamedTuple):
+    """Of n coordinates, of which the first have mass, and multipliers."""
+
+    stiffness: Any        # sparse by rows [n, n]
+    mass: Any             # sparse by rows [k, k], k <= n, positive semidefinite
+    multiplier: Array     # bool [n]
+    is_symmetric: bool
+    still: Any            # sparse [k, j]: vectors with disjoint supports that cost nothing, left out
+    turns: Array          # bool [n]: which coordinates are rotations
+
+
+class Eigen(NamedTuple):
+    """Eigenvalues by their size, the negative ones first."""
+
+    values: Array         # [m], complex where the matrix is not symmetric
+    vectors: Array        # [n, m]: all coordinates and multipliers; of unit mass; of complex pairs the real and imaginary part
+    noise: Array          # [m]: what round-off of the stiffness may make of a zero
+    is_complete: bool     # whether there are no more, or the number of pivots confirms that none below the last is missing
+    factors: Shifted
+
+
+class SingularError(ArithmeticError):
+    """No solution was found that can be accepted."""
+
+
+class Shifted:
+    """Factors of K - shift M, scaled to a diagonal or entries of 1; by PARDISO, or SuperLU. `order`: that of factors of the same
+    pencil at another shift, which saves more than half of the time.
+
+    Raises
+    ------
+    SingularError
+        When it is made, or solves.
+    """
+
+    def __init__(self, pencil: Pencil, shift: float, backend: str, order: Array | None = None) -> None:
+        self.shift, self.pencil, self.order = shift, pencil, order
+        n, k = pencil.multiplier.size, pencil.mass.shape[0]
+        self.columns = BLOCK
+        matrix = pencil.stiffness
+        if shift:
+            matrix = (matrix - shift * grown(pencil.mass, n)).tocsr()
+        bordered = bool(pencil.multiplier.any()) or k < n
+        self.once, self.scale = scales(matrix, bordered, pencil)
+        self.matrix = with_diagonal(matrix)
+        row = rows_of(self.matrix)
+        self.matrix.data *= self.once * self.scale[self.matrix.indices] * self.scale[row]
+        diagonal = np.flatnonzero(self.matrix.indices == row)
+        self.below: int | None = None
+        massless = np.ones(n, bool)
+        massless[:k] = pencil.mass.diagonal() == 0.0
+        test = agreeing(self.matrix, massless, np.random.default_rng(1).standard_normal((2 * BLOCK, n)))
+        for idle in (0.0, IDLE):
+            held = self.matrix.copy()
+            # idle: neither stiffness nor mass, such as the spin of a thin rod about its axis
+            held.data[diagonal] += np.where(pencil.multiplier, -GIVE, np.where(massless, idle, 0.0))
+            if self._factored(held, test, backend, bordered):
+                return
+        raise SingularError
+
+    def _factored(self, matrix: Any, test: Array, backend: str, bordered: bool) -> bool:
+        """Whether there are factors, of this matrix, whose solutions can be accepted."""
+        n = matrix.shape[0]
+        mkl = None if backend == "superlu" else load_mkl()
+        if mkl is not None:
+            threads = 1 if n < SMALL else mkl.MKL_Get_Max_Threads()
+            factors = Factors(mkl, self.pencil.is_symmetric, bordered, BLOCK, threads, self.order)
+            if factors.factor(upper(matrix) if self.pencil.is_symmetric else matrix):
+                self._solve, self.order = factors.solve, factors.order
+                if self._is_good(test):
+                    if self.pencil.is_symmetric and not factors.perturbed:
+                        self.below = factors.negative - int(self.pencil.multiplier.sum())
+                    self.name = "PARDISO"
+                    return True
+        from scipy.sparse.linalg import splu
+        self.name = "SuperLU"
+        try:
+            symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
+            factors = splu(matrix.tocsc(), **(symmetric if self.pencil.is_symmetric else {}))
+        except RuntimeError:
+            return False
+        if self.pencil.is_symmetric and np.array_equal(factors.perm_r, factors.perm_c):
+            self.below = int(np.sum(factors.U.diagonal() < 0.0)) - int(self.pencil.multiplier.sum())
+        self._solve = lambda right: np.ascontiguousarray(factors.solve(np.ascontiguousarray(right.T)).T)
+        return self._is_good(test)
+
+    def _is_good(self, right: Array) -> bool:
+        try:
+            found = self._refined(right)
+        except SingularError:
+            return False
+        return bool(GIVE * np.max(np.abs(found[:, self.pencil.multiplier]), initial=0.0) <= GIVEN_WAY * np.max(np.abs(right)))
+
+    def _refined(self, right: Array) -> Array:
+        """Solutions of the scaled equations [m, n], refined where that helps."""
+        if len(right) < BLOCK:
+            return self._refined(np.concatenate((right, np.zeros((BLOCK - len(right), right.shape[1])))))[:len(right)]
+        return refined(self._solve, self.matrix, right, to_last_bits=False)[0]
+
+    def solve(self, right: Array) -> Array:
+        """Of K - shift M for right-hand sides [n, m]."""
+        return (self._refined(np.ascontiguousarray((self.once * self.scale[:, None] * right).T)) * self.scale).T
+
+
+def agreeing(matrix: Any, rows: Array, draw: Array) -> Array:
+    """Right-hand sides [m, n], the first half of what is drawn [2 m, n], that in some rows, bool [n], are products of the matrix
+    with the second half: constraints that say the same twice, and what is idle, can meet them."""
+    right, x = np.split(draw, 2)
+    return np.where(rows, (matrix @ x.T).T, right)
+
+
+def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, to_last_bits: bool = True,
+            round_off: float = ROUND_OFF) -> tuple[Array, float]:
+    """Solutions of matrix x = b for rows b of `right` [m, n], real or complex, refined where that helps, and the largest residual
+    next to its b; to_last_bits: also where the residual is round-off of the product; round_off: next to the largest term.
+
+    Raises
+    ------
+    SingularError
+        The residual is neither small nor what round-off leaves of large terms.
+    """
+    size = np.linalg.norm(right, axis=1)
+    size[size == 0.0] = 1.0
+    x = best = solve(right)
+    worst = np.inf
+    for k in range(MOST_REFINEMENTS):
+        rest = right - (matrix @ x.T).T
+        left = float(np.max(np.linalg.norm(rest, axis=1) / size))
+        if not left < 0.5 * worst:
+            break
+        worst, best = left, x
+        if k >= REFINEMENTS - 1 and worst <= FAIR:
+            break
+        if left <= GOOD:
+            break
+        # of a matrix whose largest entries are 1
+        if not to_last_bits and left <= CLEAR and np.all(np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
+            return x, left
+        x = x + solve(rest)
+    if worst <= FAIR:
+        return best, worst
+    terms = (abs(matrix) @ np.abs(best).T).T + np.abs(right)
+    if np.isfinite(best).all() and np.max(np.abs(right - (matrix @ best.T).T)) <= round_off * np.max(terms):
+        return best, worst
+    raise SingularError
+
+
+def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
+    """The n lowest eigenvalues, fewer where there are no more.
+
+    Raises
+    ------
+    SingularError
+        K - shift M is singular for every shift, or Krylov vectors do not converge.
+    """
+    shift, order = -LEAST_SHIFT * stiffest(pencil), None
+    for moves in range(MOVES + 1):
+        factors = Shifted(pencil, shift, backend, order)
+        order = factors.order
+        values, vectors, better = _krylov(factors, n, moves < MOVES)
+        if better is None:
+            break
+        shift = better
+    found = _with_noise(pencil, factors, values, vectors)
+    return found._replace(is_complete=True) if found.values.size < n else _confirmed(found, n, backend)
+
+
+def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, float | None]:
+    """Eigenvalues next to the shift with vectors [k, m], or a better shift."""
+
+    def anything() -> Array:
+        """To begin with [k, BLOCK]."""
+        return applied(mass @ (draw.standard_normal((k, BLOCK)) / root[:, None]))
+
+    pencil, k = factors.pencil, factors.pencil.mass.shape[0]
+    size = pencil.multiplier.size
+    draw = np.random.default_rng(0)
+    # of such masses roots have the same bits in other units
+    heavy = pencil.mass.diagonal() > 0.0
+    by = parity(pencil.mass.diagonal()[np.argmax(heavy)])
+    mass = by * pencil.mass
+    root = np.sqrt(np.where(heavy, mass.diagonal(), 1.0))
+    weights = np.asarray((mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
+
+    def applied(right: Array) -> Array:
+        """(K - shift M)^-1 on right [k, m], what has mass."""
+        whole = np.zeros((size, right.shape[1]))
+        whole[:k] = right / by
+        x = factors.solve(whole)[:k]
+        if weights.size:
+            x -= pencil.still @ ((pencil.still.T @ (mass @ x)) / weights[:, None])
+        return x
+
+    most = min(k, 12 * n + 200)
+    basis = np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F")
+    h = np.zeros((basis.shape[1],) * 2)
+    m, look = 0, min(n, most)
+    block, weighed, _, _ = orthonormal(anything(), basis[:, :0], mass)
+    values, y = np.zeros(0, complex), np.zeros((0, 0))
+    while block.shape[1]:
+        b = block.shape[1]
+        if m + 2 * b > basis.shape[1]:
+            more = min(basis.shape[1], max(most + 2 * BLOCK - basis.shape[1], 2 * BLOCK))
+            basis = np.asfortranarray(np.pad(basis, ((0, 0), (0, more))))
+            h = np.pad(h, (0, more))
+        basis[:, m:m + b] = block
+        known = basis[:, :m + b]
+        block, weighed, rest, h[:m + b, m:m + b] = orthonormal(applied(weighed), known, mass)
+        m += b
+        if rest.size:
+            h[m:m + len(rest), m - b:m] = rest
+        if m < look and m < most and block.shape[1]:
+            continue
+        # all of a small matrix each time would take longer than what it is for
+        look = int(GROWTH * m)
+        values, y = _ritz(h[:m, :m], pencil.is_symmetric)
+        error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
+        good = error <= CONVERGED * np.abs(values)
+        picks, done, better = _enough(values, good, factors, n)
+        if better is not None and may_move:
+            return values, basis, better
+        if done or m >= most:
+            break
+        if not block.shape[1]:
+            # closed under the operator: what is left, if anything, has equal eigenvalues
+            block, weighed, _, _ = orthonormal(anything(), known, mass)
+    if not m:
+        return np.zeros(0), np.zeros((k, 0)), None
+    if not done and block.shape[1] and m < k:
+        raise SingularError
+    return factors.shift + 1.0 / values[picks], basis[:, :m] @ y[:, picks], None
+
+
+def _ritz(h: Array, symmetric: bool) -> tuple[Array, Array]:
+    """Values and vectors of the projected operator."""
+    if symmetric:
+        return np.linalg.eigh(0.5 * (h + h.T))
+    values, y = np.linalg.eig(h)
+    return values, y / np.linalg.norm(y, axis=0)
+
+
+def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array, bool, float | None]:
+    """Which Ritz values are the lowest eigenvalues, whether they are n, and a shift that suits them better."""
+    with np.errstate(divide="ignore"):
+        real = factors.shift + np.real(1.0 / np.where(values == 0.0, TINY, values))
+    live = np.abs(values) > 1e-14 * np.max(np.abs(values), initial=0.0)
+    order = np.argsort(np.where(live, real, np.inf))[:int(live.sum())]
+    low = order[np.real(values[order]) < 0.0]
+    above = order[np.real(values[order]) >= 0.0]
+    if factors.below is not None:
+        # below the shift so many, those next to it come first
+        low = low[np.argsort(-np.abs(values[low]))][:factors.below]
+        low = low[np.argsort(real[low])]
+    else:
+        low = low[good[low]]
+    wanted = above[:max(n - low.size, 0)]
+    done = (factors.below is None or low.size >= factors.below) and bool(good[low].all() and good[wanted].all())
+    done &= wanted.size + low.size >= n
+    picks = np.concatenate((low, wanted))[:max(n, 0)]
+    shift = abs(factors.shift)
+    every = np.abs(real[order[good[order]]])
+    zero, elastic = every[every < 0.1 * shift], every[every > shift]
+    better = None
+    if zero.size and elastic.size and np.min(elastic) > CLOSE * shift:
+        # zero eigenvalues drown the others
+        better = -0.5 * float(np.min(elastic))
+    return picks, done, better
+
+
+def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array) -> Eigen:
+    """Whole vectors, of unit mass, and round-off of the values; zeros where that is all there is."""
+    k, n = pencil.mass.shape[0], pencil.multiplier.size
+    if not pencil.is_symmetric:
+        values, vectors = _in_pairs(values, vectors)
+    whole = np.zeros((n, vectors.shape[1]))
+    for j in range(0, vectors.shape[1], BLOCK):
+        right = np.zeros((n, vectors[:, j:j + BLOCK].shape[1]))
+        right[:k] = pencil.mass @ vectors[:, j:j + BLOCK]
+        whole[:, j:j + BLOCK] = factors.solve(right)
+    if pencil.still.shape[1]:
+        weights = np.asarray((pencil.mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
+        whole[:k] -= pencil.still @ ((pencil.still.T @ (pencil.mass @ whole[:k])) / weights[:, None])
+    size = np.sqrt(np.maximum(np.sum(whole[:k] * (pencil.mass @ whole[:k]), axis=0), TINY))
+    size[_others(values)] = size[np.flatnonzero(np.imag(values) > 0.0)]
+    whole /= size
+    absolute = abs(pencil.stiffness)
+    live = _allowed(pencil, factors, whole)
+    values, whole = values[live], whole[:, live]
+    free = np.where(pencil.multiplier[:, None], 0.0, np.abs(whole))
+    noise = NOISE * (np.sum(free * (absolute @ free), axis=0) + 2.0 * abs(factors.shift))
+    if pencil.is_symmetric:
+        values = np.where(np.abs(values) <= noise, 0.0, values)
+    return Eigen(values, whole, noise, False, factors)
+
+
+def _allowed(pencil: Pencil, factors: Shifted, whole: Array) -> Array:
+    """Which vectors satisfy the constraints; GIVE makes eigenvalues of its own behind all others."""
+    rows = np.flatnonzero(pencil.multiplier)
+    if not rows.size:
+        return np.arange(whole.shape[1])
+    gap = np.abs(factors.scale[rows, None] * (pencil.stiffness[rows] @ whole)).max(axis=0)
+    size = np.abs(whole[~pencil.multiplier] / factors.scale[~pencil.multiplier, None]).max(axis=0)
+    return np.flatnonzero(gap <= OPEN * size)
+
+
+def _in_pairs(values: Array, vectors: Array) -> tuple[Array, Array]:
+    """Real vectors: of a complex pair x, y with K (x + i y) = w M (x + i y), where w has a positive imaginary part and comes
+    first."""
+    order = np.lexsort((-np.imag(values), np.abs(np.imag(values)), np.round(np.real(values), 12)))
+    values, vectors = values[order], vectors[:, order]
+    alone = np.flatnonzero(np.imag(values) != 0.0)
+    if alone.size % 2:
+        # a pair that was cut
+        values, vectors = (np.delete(x, alone[-1], axis=-1) for x in (values, vectors))
+    return values, np.where(np.imag(values) >= 0.0, np.real(vectors), -np.imag(vectors))
+
+
+def _others(values: Array) -> Array:
+    """Of complex pairs the second ones."""
+    return np.flatnonzero(np.imag(values) < 0.0)
+
+
+def _confirmed(found: Eigen, n: int, backend: str) -> Eigen:
+    """The same with the number of eigenvalues below a shift in a gap, behind the last ones, compared with that of those that were
+    found; where some are missing they are looked for from there, as many as there are."""
+    pencil = found.factors.pencil
+    if not pencil.is_symmetric or found.values.size < 2:
+        return found
+    still = pencil.still.shape[1]
+    for last, shift in _gaps(found):
+        try:
+            between = Shifted(pencil, shift, backend, found.factors.order)
+        except SingularError:
+            continue
+        if between.below is None:
+            between.below = _below(pencil, shift)
+        if between.below is None:
+            continue
+        between.below -= still * (shift > 0.0)
+        if between.below == last + 1:
+            return found._replace(is_complete=True)
+        try:
+            values, vectors, _ = _krylov(between, max(n, between.below), False)
+        except SingularError:
+            continue
+        again = _with_noise(pencil, between, values, vectors)
+        if np.sum(again.values < shift) == between.below:
+            return again._replace(values=again.values[:n], vectors=again.vectors[:, :n], noise=again.noise[:n], is_complete=True)
+    return found
+
+
+def _gaps(found: Eigen) -> list[tuple[int, float]]:
+    """Places of shifts between the last eigenvalues, those of clear gaps, and the numbers of the eigenvalues before them."""
+    values = np.real(found.values)
+    size = np.maximum(np.abs(values), np.maximum(found.noise, abs(found.factors.shift)))
+    gaps = np.flatnonzero(np.diff(values) > DISTINCT * size[1:] + 2.0 * found.noise[1:])[::-1][:GAPS]
+    return [(int(k), float((1.0 - share) * values[k] + share * values[k + 1])) for share in SHARES for k in gaps]
+
+
+def _below(pencil: Pencil, shift: float) -> int | None:
+    """The number of eigenvalues below a shift where PARDISO cannot count its pivots; None where this cannot either."""
+    n = pencil.multiplier.size
+    matrix = (pencil.stiffness - shift * grown(pencil.mass, n)).tocsr()
+    once, scale = scales(matrix, True, pencil)
+    matrix = (once * matrix.multiply(scale[:, None]).multiply(scale)).tocsr()
+    if n <= DENSE:
+        # dependent constraints and idle coordinates are zeros
+        values = np.linalg.eigvalsh(matrix.toarray())
+        zero = np.abs(values) <= NOTHING
+        rows = matrix[pencil.multiplier][:, ~pencil.multiplier].toarray()
+        return int(np.sum((values < 0.0) & ~zero)) - (int(np.linalg.matrix_rank(rows, NOTHING)) if rows.size else 0)
+    found = signs_between(matrix, pencil.multiplier)
+    return None if found is None or found[1] else found[0]
+
+
+def stiffest(pencil: Pencil) -> float:
+    """Largest stiffness over mass of a coordinate; 1 where there is none."""
+    mass = pencil.mass.diagonal()
+    stiffness = np.abs(pencil.stiffness.diagonal()[:mass.size])
+    turns = pencil.turns[:mass.size]
+    heavy = (mass > 0.0) & np.where(turns, counted(stiffness, turns), counted(stiffness, ~turns))
+    # spins of thin rods have next to no inertia: the median does not see them where the largest does
+    return float(np.median(stiffness[heavy] / mass[heavy])) if heavy.any() else 1.0
+
+
+def grown(matrix: Any, n: int) -> Any:
+    """With rows and columns of zeros behind the others, [n, n]."""
+    grown = matrix.copy()
+    grown.resize((n, n))
+    return grown
+
+
+def scales(matrix: Any, bordered: bool, pencil: Pencil) -> tuple[float, Array]:
+    """Factors of a matrix, that of a pencil and perhaps rows behind it, and of its rows and columns, powers of two: products
+    with them are exact, and the same in units that differ by such powers."""
+    if bordered:
+        more = np.zeros(matrix.shape[0] - pencil.multiplier.size)
+        stiff = np.abs(pencil.stiffness.diagonal())
+        if pencil.mass.shape[0]:
+            # that of sliders may be round-off
+            stiff[pencil.mass.shape[0]:] = 0.0
+        whole = abs(matrix).tocsr()
+        once, *begin = typical_factors(whole, np.append(pencil.multiplier, more == 0.0), np.append(pencil.turns, more > 0.0),
+                              np.append(stiff, more))
+        row, column = equilibrated(once * whole, (begin[0], begin[1]))
+        squares = row * column
+    else:
+        diagonal = np.abs(matrix.diagonal())
+        largest = float(np.max(diagonal, initial=0.0)) or 1.0
+        once = parity(largest)
+        squares = 1.0 / (once * np.maximum(diagonal, 1e-20 * largest))
+    return once, np.exp2(np.round(0.5 * np.log2(squares)))
+
+
+def rows_of(matrix: Any) -> Array:
+    """Row of every entry of a matrix by rows."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def with_diagonal(matrix: Any) -> Any:
+    """A copy of a matrix by rows with all of its diagonal, zeros too, in order."""
+    from scipy import sparse
+    matrix = matrix.copy()
+    matrix.sum_duplicates()
+    row = rows_of(matrix)
+    absent = np.setdiff1d(np.arange(matrix.shape[0]), row[matrix.indices == row], assume_unique=True)
+    if not absent.size:
+        return matrix
+    where = np.append(row, absent), np.append(matrix.indices, absent)
+    matrix = sparse.csr_matrix((np.append(matrix.data, np.zeros(absent.size)), where), matrix.shape)
+    matrix.sort_indices()
+    return matrix
+
+
+def upper(matrix: Any) -> Any:
+    """Entries of a matrix by rows, in order, on and above the diagonal."""
+    from scipy import sparse
+    keep = matrix.indices >= rows_of(matrix)
+    before = np.concatenate(([0], np.cumsum(keep)))[matrix.indptr]
+    return sparse.csr_matrix((matrix.data[keep], matrix.indices[keep], before), matrix.shape)

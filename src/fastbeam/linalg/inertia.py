@@ -1,0 +1,428 @@
+"""Signs of the eigenvalues of sparse matrices: how many directions of an equilibrium are unstable, and how many free.
+
+They are the signs of the pivots of a symmetric matrix (Sylvester's law of inertia), and the sign of the determinant where a
+matrix is not symmetric. Matrices of a small bandwidth are factored as bands, others by SuperLU. Free motions that are known
+(`free_motions`) are held before, because round-off makes the signs of their pivots arbitrary.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels.linalg import band
+
+Array = np.ndarray
+# of a matrix scaled to a diagonal of 1, in which round-off moves eigenvalues by 1e-16 to 1e-15: where none is nearer to zero than
+# this, pivots count them; else those within one of these widths are computed, the first that has no more than so many
+CERTAIN, WIDTHS, MOST_NEAR = 1e-14, (1e-12, 1e-13, 1e-14), 60
+# inverse iteration for these: shift as a share of the width, vectors more than are wanted, and steps
+SHIFT, MORE, SWEEPS = 0.01, 8, 6
+# an eigenvalue is zero up to so many times the round-off of its terms
+NOISE = 8.0
+# sums of a row next to its terms, and skew parts of a block next to its diagonal, that are round-off; entries at once
+LAST_BITS, SKEW_BLOCK, CHUNK = 3.0 * np.finfo(float).eps, 1e-14, 100_000
+# where all pivots lie above this share of their diagonal entries no eigenvalue is zero
+CLEAR_PIVOT = 1e-6
+# a negative pivot above this share is no round-off of a free motion, which in long beams grows to 1e-9
+NEGATIVE_PIVOT = 1e-8
+# of a matrix that is factored as a band: entries beside its diagonal, and operations
+WIDEST, MOST_IN_BAND = 128, 2e7
+# skew parts up to this share of the diagonal are round-off
+SKEW = 1e-8
+
+
+class Nodes(NamedTuple):
+    """Which unknowns are those of nodes: the first ones."""
+
+    total: int    # unknowns of all nodes
+    size: int     # those of one
+    dim: int      # the first so many of them are positions
+
+    def turns(self, n: int) -> Array:
+        """Which of n unknowns are rotations of nodes, bool [n]."""
+        k = np.arange(n)
+        return (k < self.total) & (k % self.size >= self.dim)
+
+
+class Blocks:
+    """A matrix of square blocks.
+
+    Parameters
+    ----------
+    n : int
+        Rows.
+    rows, columns : array [m] of int
+        Of blocks; no block twice.
+    blocks : array [m, size, 8]
+    size : int
+    """
+
+    def __init__(self, n: int, rows: Array, columns: Array, blocks: Array, size: int) -> None:
+        self.n, self._rows, self._columns, self._blocks, self._size = n, rows, columns, blocks, size
+        self.width = size * (int(np.max(np.abs(rows - columns), initial=0)) + 1) - 1
+
+    def add_half(self, upper: Array) -> None:
+        """Its symmetric part, as `kernels.band` keeps it."""
+        band.add_blocks(self._rows, self._columns, self._blocks, self._size, upper)
+
+    def put(self, whole: Array) -> None:
+        """All of it, as `kernels.band` keeps it."""
+        band.put_blocks(self._rows, self._columns, self._blocks, self._size, self.width, whole)
+
+    @cached_property
+    def by_rows(self) -> Any:
+        """In scipy's format csr."""
+        from scipy import sparse
+        data = np.ascontiguousarray(self._blocks[:, :, :self._size])
+        indptr = np.searchsorted(self._rows, np.arange(self.n // self._size + 1))
+        return sparse.bsr_matrix((data, self._columns, indptr), shape=(self.n, self.n)).tocsr()
+
+    @cached_property
+    def matrix(self) -> Any:
+        """By columns."""
+        return self.by_rows.tocsc()
+
+
+class Entries:
+    """A matrix by rows.
+
+    Parameters
+    ----------
+    matrix : sparse matrix or array [n, n]
+        In scipy's format csr.
+    """
+
+    def __init__(self, matrix: Any) -> None:
+        self.by_rows, self.n = matrix, matrix.shape[0]
+        matrix.sum_duplicates()
+        rows = np.repeat(np.arange(self.n), np.diff(matrix.indptr))
+        self.width = int(np.max(np.abs(matrix.indices - rows), initial=0))
+
+    def add_half(self, upper: Array) -> None:
+        """Its symmetric part, as `kernels.band` keeps it."""
+        band.add_entries(self.by_rows.indptr, self.by_rows.indices, self.by_rows.data, upper)
+
+    def put(self, whole: Array) -> None:
+        """All of it, as `kernels.band` keeps it."""
+        band.put_entries(self.by_rows.indptr, self.by_rows.indices, self.by_rows.data, self.width, whole)
+
+    @cached_property
+    def matrix(self) -> Any:
+        """By columns."""
+        return self.by_rows.tocsc()
+
+
+class Signs:
+    """Signs of the eigenvalues of a matrix.
+
+    Parameters
+    ----------
+    of : Blocks or Entries
+    nodes : Nodes, optional
+    free : function of the matrix by rows -> int array, optional
+        One unknown of every free motion that is known, to be held.
+    """
+
+    def __init__(self, of: Blocks | Entries, nodes: Nodes | None = None, free: Callable[[Any], Array] | None = None) -> None:
+        self._of, self._nodes, self._free = of, nodes, free
+        self._is_narrow = of.width <= WIDEST and of.n * of.width**2 <= MOST_IN_BAND
+
+    def count(self, symmetric: bool) -> tuple[int, int] | None:
+        """Numbers of negative eigenvalues, if it is symmetric but for round-off, and of those that are zero to it.
+
+        Of a matrix that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
+        (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
+        neither decides, or the eigenvalues cannot be counted."""
+        free = self._free(self._of.by_rows) if self._free is not None else np.zeros(0, np.int64)
+        if free.size:
+            found = Signs(Entries(held(self._of.by_rows, free)), self._nodes).count(symmetric)
+            return None if found is None else (found[0], found[1] + len(free))
+        clear = self.clear()
+        if clear is not None and (symmetric or clear == (0, 0)):
+            return clear
+        # stiffnesses differ by many powers of ten
+        if not symmetric and self.skew(np.sqrt(1.0 / self._diagonal())) > SKEW:
+            # at first without the eigenvalues next to zero
+            is_positive = self.clear(NEGATIVE_PIVOT) in (None, (0, 0)) and self._of_symmetric_part() == (0, 0)
+            return (0, 0) if is_positive else (1, 0) if self.determinant() < 0 else None
+        return clear or self._of_symmetric_part()
+
+    def clear(self, least: float = CLEAR_PIVOT) -> tuple[int, int] | None:
+        """Of the symmetric part, from pivots in the order of the rows; None where the band is wide, or a pivot is not above the
+        least share of its diagonal entry."""
+        if not self._is_narrow:
+            return None
+        upper = np.zeros((self._of.n, self._of.width + 2))
+        self._of.add_half(upper)
+        count = int(band.negative_pivots(upper, least))
+        return None if count < 0 else (count, 0)
+
+    def skew(self, scale: Array) -> float:
+        """Largest entry of the difference to the transposed matrix, rows and columns multiplied by a scale [n]."""
+        if self._whole is not None:
+            return float(band.largest_skew(self._whole, self._of.width, scale))
+        skew = (self._of.matrix - self._of.matrix.T).tocoo()
+        return float(np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0))
+
+    def determinant(self) -> int:
+        """Its sign: 1, -1, or 0 where the matrix is singular."""
+        if self._whole is not None:
+            from scipy.linalg.lapack import dgbtrf
+            width = self._of.width
+            lapack, exchanged, fault = dgbtrf(self._whole.T, width, width)
+            if fault:
+                return 0
+            signs, odd = np.sign(lapack[2 * width]), np.sum(exchanged != np.arange(exchanged.size)) % 2
+        else:
+            from scipy.sparse.linalg import splu
+            try:
+                factors = splu(self._of.matrix)
+            except RuntimeError:
+                return 0
+            signs = np.sign(np.concatenate((factors.L.diagonal(), factors.U.diagonal())))
+            odd = _is_odd(factors.perm_r) ^ _is_odd(factors.perm_c)
+        return int(np.prod(signs)) * (-1 if odd else 1)
+
+    @cached_property
+    def _whole(self) -> Array | None:
+        """The matrix as a band, None where it is wide."""
+        if not self._is_narrow:
+            return None
+        whole = np.zeros((self._of.n, 3 * self._of.width + 1))
+        self._of.put(whole)
+        return whole
+
+    def _diagonal(self) -> Array:
+        return sizes_of(self._of.matrix.diagonal() if self._whole is None else self._whole[:, 2 * self._of.width])
+
+    def _of_symmetric_part(self) -> tuple[int, int] | None:
+        return inertia((0.5 * (self._of.matrix + self._of.matrix.T)).tocsc(), self._nodes)
+
+
+def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
+    """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off (Sylvester). None where row
+    exchanges spoil the count of pivots.
+
+    Pivots of the matrix scaled to a diagonal of 1 and shifted by s and by -s count what lies below -s and s, beyond doubt where s
+    is far above round-off. What lies between is computed: its vectors by inverse iteration, its values from differences of
+    positions (`Form`), and a value is zero where it is round-off of the terms that it is the sum of."""
+    from scipy import sparse
+    diagonal = np.abs(matrix.diagonal())
+    pivots = _pivots(matrix)
+    if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
+        return int(np.sum(pivots < 0.0)), 0
+    scale = np.sqrt(1.0 / sizes_of(matrix.diagonal()))
+    scaled = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
+    low = high = 0
+    for k, width in enumerate((CERTAIN, *WIDTHS)):
+        found = [_below(scaled, side * width) for side in (-1.0, 1.0)]
+        if min(found) < 0:
+            return None
+        low, high = found
+        if high <= low:
+            return low, 0
+        if k and high - low <= MOST_NEAR:
+            break
+    near = _nearest_to_zero(scaled, high - low, width)
+    if near is None:
+        return None
+    values, noise = Form(matrix.tocsr(), nodes).values(scale[:, None] * near)
+    first = np.argsort(np.abs(values))[:high - low]
+    zero = np.abs(values[first]) <= NOISE * noise[first]
+    return low + int(np.sum((values[first] < 0.0) & ~zero)), int(np.sum(zero))
+
+
+def held(matrix: Any, unknowns: Array) -> Any:
+    """A matrix by rows with as much on the diagonal of some unknowns as the largest entry there is on it.
+
+    With z, K z = 0, z_i not 0, the matrix K + k e_i e_i^T has one zero eigenvalue less than K, and as many negative ones."""
+    from scipy import sparse
+    more = np.zeros(matrix.shape[0])
+    more[unknowns] = float(np.max(np.abs(matrix.diagonal()), initial=0.0)) or 1.0
+    return (matrix + sparse.diags(more)).tocsr()
+
+
+class Form:
+    """x . K y of a symmetric matrix K, from differences of positions.
+
+    Where all nodes shift alike nothing is strained, so that of the entries between positions, and of those between rotations and
+    positions, every row has the sum zero but for what holds the node in space. Positions may then be replaced by their
+    differences to the node of the row. Without that, round-off of a stiffness EA/h stands beside the energy of bending, and
+    hides it in fine meshes of slender beams.
+
+    Parameters
+    ----------
+    matrix : sparse by rows [n, n]
+    nodes : Nodes, optional
+        Default: plain products.
+    """
+
+    def __init__(self, matrix: Any, nodes: Nodes | None) -> None:
+        rows, columns, data = _entries(matrix)
+        # (values, numbers whose difference stands on the left, the same on the right)
+        self._parts: list[tuple[Array, tuple[Array, ...], tuple[Array, ...]]] = []
+        if nodes is None:
+            self._parts.append((data, (rows,), (columns,)))
+            return
+        count, size, dim = nodes
+        of_nodes = (rows < count) & (columns < count)
+        from_place, to_place = (of_nodes & (x % size < dim) for x in (rows, columns))
+        other_node = rows // size != columns // size
+        others = ~(from_place | to_place)
+        self._parts.append((data[others], (rows[others],), (columns[others],)))
+        at = from_place & to_place & other_node
+        a, b = rows[at], columns[at]
+        self._parts.append((-0.5 * data[at], (a, _component(b, a, size)), (_component(a, b, size), b)))
+        # a block that is not symmetric by itself
+        skew = 0.5 * (data[at] - _at(matrix, _component(a, b, size), _component(b, a, size)))
+        real = np.abs(skew) > SKEW_BLOCK * np.sqrt(np.abs(matrix.diagonal()))[a] * np.sqrt(np.abs(matrix.diagonal()))[b]
+        a, b = a[real], b[real]
+        self._parts.append((skew[real], (a,), (b, _component(a, b, size))))
+        at = ~from_place & to_place & other_node
+        a, b = rows[at], columns[at]
+        self._parts.append((2.0 * data[at], (a,), (b, _component(a, b, size))))
+        row, place, total = _totals(rows[to_place], columns[to_place], data[to_place], nodes)
+        self._parts.append((np.where(row % size < dim, 1.0, 2.0) * total, (row,), (place,)))
+
+    def values(self, x: Array) -> tuple[Array, Array]:
+        """Eigenvalues of x^T K x, x [n, m], and of each what may be round-off."""
+        product = np.zeros((x.shape[1],) * 2)
+        for value, left, right in self._parts:
+            for k in range(0, value.size, CHUNK):
+                a, b = (_difference(x, [i[k:k + CHUNK] for i in side]) for side in (left, right))
+                product += (a * value[k:k + CHUNK, None]).T @ b
+        values, turn = np.linalg.eigh(0.5 * (product + product.T))
+        y, noise = x @ turn, np.zeros(values.size)
+        for value, left, right in self._parts:
+            for k in range(0, value.size, CHUNK):
+                a, b = (np.abs(_difference(y, [i[k:k + CHUNK] for i in side])) for side in (left, right))
+                noise += np.abs(value[k:k + CHUNK]) @ (a * b)
+        return values, np.finfo(float).eps * noise
+
+
+def strained(matrix: Any, nodes: Nodes, x: Array) -> tuple[Array, Array]:
+    """K x of motions by columns [n, m], from differences of positions as in `Form`, and sums of the largest sizes that its terms
+    could have, those of entries sqrt(K_ii K_jj)."""
+    rows, columns, data = _entries(matrix)
+    count, size, dim = nodes
+    place = (rows < count) & (columns < count) & (columns % size < dim)
+    row, at, total = _totals(rows[place], columns[place], data[place], nodes)
+    own = np.where(place, _component(rows, columns, size), 0)
+    root = np.sqrt(np.abs(matrix.diagonal()))
+    most = np.maximum(np.abs(data), root[rows] * root[columns])
+    product, sizes = np.zeros(x.shape), np.zeros(x.shape)
+    for j, one in enumerate(x.T):
+        change = one[columns] - np.where(place, one[own], 0.0)
+        product[:, j] = np.bincount(rows, data * change, len(x)) + np.bincount(row, total * one[at], len(x))
+        sizes[:, j] = np.bincount(rows, most * np.abs(change), len(x)) + np.bincount(row, np.abs(total * one[at]), len(x))
+    return product, sizes
+
+
+def _entries(matrix: Any) -> tuple[Array, Array, Array]:
+    """Rows, columns and values."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices.astype(np.int64), matrix.data
+
+
+def _component(row: Array, column: Array, size: int) -> Array:
+    """Of the nodes of rows the unknowns that are those of columns of theirs."""
+    return row // size * size + column % size
+
+
+def _at(matrix: Any, rows: Array, columns: Array) -> Array:
+    """Entries of a sparse matrix."""
+    return np.asarray(matrix[rows, columns]).reshape(-1)
+
+
+def _difference(x: Array, of: list[Array]) -> Array:
+    return x[of[0]] - x[of[1]] if len(of) > 1 else x[of[0]]
+
+
+def _totals(rows: Array, columns: Array, data: Array, nodes: Nodes) -> tuple[Array, Array, Array]:
+    """Row, position of its node, and sum of the entries of the row that belong to this component of positions: what holds nodes
+    in space. Sums that are round-off are left out."""
+    key = rows * nodes.dim + columns % nodes.size
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    if not first.size:
+        return rows[:0], columns[:0], data[:0]
+    # in more digits: the sum is smaller than its terms by as many as there are
+    total = np.add.reduceat(data[order].astype(np.longdouble), first).astype(float)
+    real = np.abs(total) > LAST_BITS * np.add.reduceat(np.abs(data[order]), first)
+    row, column = rows[order[first[real]]], columns[order[first[real]]]
+    return row, _component(row, column, nodes.size), total[real]
+
+
+def sizes_of(diagonal: Array) -> Array:
+    """Of its entries, 1 for those that vanish."""
+    sizes = np.abs(diagonal)
+    return np.where(sizes > 0.0, sizes, 1.0)
+
+
+def _factored(matrix: Any) -> Any:
+    """Without exchange of rows; None where the matrix is singular."""
+    from scipy.sparse.linalg import splu
+    try:
+        return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:
+        return None
+
+
+def _pivots(matrix: Any) -> Array | None:
+    """Pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
+    factors = _factored(matrix)
+    # perm_c[j] is where column j went
+    exchanged = factors is None or not np.array_equal(factors.perm_r, factors.perm_c)
+    return None if exchanged else factors.U.diagonal()[factors.perm_c]
+
+
+def _below(matrix: Any, shift: float) -> int:
+    """Number of eigenvalues of a symmetric matrix below a shift; -1 where it is not found."""
+    from scipy import sparse
+    pivots = _pivots((matrix - shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
+    return -1 if pivots is None else int(np.sum(pivots < 0.0))
+
+
+def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
+    """Orthonormal vectors [n, m] among which are those of the `count` eigenvalues nearest to zero of a symmetric matrix with a
+    diagonal of 1, which lie within this width."""
+    from scipy import sparse
+    n = matrix.shape[0]
+    # about a point beside zero, where the matrix is not singular
+    factors = _factored((matrix + SHIFT * width * sparse.identity(n, format="csc")).tocsc())
+    if factors is None:
+        return None
+    v = np.random.default_rng(0).standard_normal((n, min(n, count + MORE)))
+    for _ in range(SWEEPS):
+        v = orthonormal_columns(factors.solve(v))[0]
+        if not np.isfinite(v).all():
+            return None
+    return v
+
+
+def orthonormal_columns(v: Array) -> tuple[Array, Array]:
+    """Q, R of a few long columns, by Gram and Schmidt, each column twice: LAPACK takes a hundred times as long."""
+    q, r = v.copy(), np.zeros((v.shape[1], v.shape[1]))
+    for j in range(v.shape[1]):
+        for _ in range(2):
+            part = q[:, :j].T @ q[:, j]
+            q[:, j] -= q[:, :j] @ part
+            r[:j, j] += part
+        r[j, j] = np.linalg.norm(q[:, j])
+        if r[j, j] > 0.0:
+            q[:, j] /= r[j, j]
+    return q, r
+
+
+def _is_odd(order: Array) -> bool:
+    """Whether a permutation takes an odd number of exchanges: those of each of its cycles are one less than its length."""
+    seen = np.zeros(order.size, bool)
+    cycles = 0
+    for k in range(order.size):
+        cycles += not seen[k]
+        while not seen[k]:
+            seen[k] = True
+            k = order[k]
+    return bool((order.size - cycles) % 2)

@@ -1,0 +1,286 @@
+"""Sparse direct solution of block matrices: PARDISO by phases, SuperLU as the fallback, every residual checked.
+
+MKL's PARDISO perturbs small pivots and may return garbage without an error code on indefinite matrices; the check is the only
+warning there is.
+"""
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import BackendError, SceneError
+from fastbeam.kernels.linalg import pardiso as kernels
+from fastbeam.kernels.linalg.pardiso import REFINE_AT, REFUSE_AT, PardisoTables
+from fastbeam.linalg.halves import Each, Halves, cut
+from fastbeam.linalg.inertia import Blocks, Nodes, Signs, held, sizes_of
+from fastbeam.linalg.mkl import load_mkl, on_threads, pardiso_tables
+from fastbeam.linalg.pattern import Pattern
+
+Array = np.ndarray
+# PARDISO cuts a matrix for so many threads and gets the same bits on any number; another number gives other bits
+REPRODUCIBLE = 8
+# unknowns below which PARDISO runs on one thread
+SMALL = 5000
+BACKENDS = ("auto", "pardiso", "superlu")
+# unknowns from which on a matrix is cut in two, where results have to be the same bits on any number of threads
+HALVES_FROM = 8000
+# relative residual up to which a solution of slender beams may be round-off of their stiff directions; its backward error decides
+ILL_CONDITIONED = 1e-2
+
+
+def check_backend(backend: str) -> None:
+    """Refuse what is no name of a solver.
+
+    Raises
+    ------
+    SceneError
+    """
+    if backend not in BACKENDS:
+        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+
+
+class Pardiso:
+    """One structure, analysed once: square blocks by rows (0-based BSR), real unsymmetric.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+    indptr, indices : int [n + 1], [n_blocks]
+    columns : int
+        Right-hand sides of a solve.
+    size : int
+        Of a block.
+    threads : int, optional
+        Default: as many as MKL likes.
+    reproducible : bool
+        The same bits for any number of threads. Large matrices are then cut in two (`halves`), where that leaves little between.
+    symmetric : bool
+        Take the symmetric part of the matrix: half the operations and memory.
+
+    Raises
+    ------
+    ArithmeticError
+        The analysis fails.
+    """
+
+    def __init__(self, mkl: Any, indptr: Array, indices: Array, columns: int, size: int, threads: int | None = None,
+                 reproducible: bool = False, symmetric: bool = False) -> None:
+        n = indptr.size - 1
+        block = mirror = np.arange(indices.size)
+        if symmetric:
+            rows = np.repeat(np.arange(n), np.diff(indptr))
+            block = np.flatnonzero(indices >= rows)
+            mirror = np.searchsorted(rows * n + indices, indices[block] * n + rows[block])
+            indptr, indices = np.searchsorted(rows[block], np.arange(n + 1)), indices[block]
+        self._mkl = mkl
+        # threads cost more than they bring in small systems
+        self._threads = 1 if size * n < SMALL else threads or mkl.MKL_Get_Max_Threads()
+        kind = kernels.SYMMETRIC if symmetric else kernels.UNSYMMETRIC
+        more = {33: REPRODUCIBLE if reproducible else 0, 36: size}
+        self._call = kernels.call_pardiso
+        self.halves: Halves | None = None
+        tables = pardiso_tables(indptr, indices, kind, more, columns, size, refined=True)
+        self.tables = tables._replace(block=block, mirror=mirror)
+        if reproducible and not symmetric and size * n >= HALVES_FROM:
+            parts = cut(self.tables.indptr, self.tables.indices)
+            if parts is not None:
+                self.halves = Halves(mkl, parts, self.tables, size)
+                return
+        with self.threads():
+            code = self._call(self.tables, kernels.ANALYSE, self.tables.b, self.tables.x)
+        if code:
+            raise ArithmeticError(f"PARDISO error {code} in the analysis")
+
+    def threads(self) -> AbstractContextManager[None]:
+        """Calls in here run on the threads of the analysis; PARDISO crashes with fewer."""
+        return on_threads(self._mkl, self._threads)
+
+    @property
+    def factor_bytes(self) -> int:
+        """Of the factors, by PARDISO's own account."""
+        return 1024 * int(self.tables.iparm[16]) if self.halves is None else self.halves.factor_bytes
+
+    @property
+    def arrays(self) -> list[Array]:
+        """Whatever it keeps besides the factors."""
+        return [*self.tables, *([] if self.halves is None else self.halves.arrays)]
+
+    def solve(self, blocks: Array, panel: Array, width: int, size: Any, each: Each) -> bool:
+        """Solve for the panel in place, see `kernels.sparse.solve_sparse`; each: works on a list by threads."""
+        if self.halves is not None:
+            return self.halves.solve(blocks, panel, width, size, each)
+        with self.threads():
+            return bool(kernels.solve_sparse(self.tables, blocks, panel, width, size))
+
+    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
+        # nothing to free where the analysis was never reached; where Python ends compiled code may be gone before this
+        tables = getattr(self, "tables", None)
+        if tables is not None and not python_ends() and tables.handle.any():
+            with self.threads():
+                self._call(tables, kernels.RELEASE, tables.b, tables.x)
+
+
+class SuperLU:
+    """The fallback: factorises anew every time, slower, with pivoting across blocks.
+
+    Attributes
+    ----------
+    solves : int
+    worst_residual : float
+        Largest accepted relative residual.
+    """
+
+    def __init__(self, rows: Array, columns: Array, n: int, size: int) -> None:
+        self.n, self.size = n, size
+        self._rows, self._columns = np.ascontiguousarray(rows), np.ascontiguousarray(columns)
+        self.solves = 0
+        self.worst_residual = 0.0
+        # what finds one unknown of every free motion of the matrix by rows, to be held
+        self.free: Callable[[Any], Array] | None = None
+
+    def solve(self, blocks: Array, right: Array) -> Array | None:
+        """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
+        from scipy import sparse
+        from scipy.sparse.linalg import splu
+        if not (np.isfinite(blocks).all() and np.isfinite(right).all()):
+            return None
+        self.solves += 1
+        matrix, scale = self.matrix(blocks), np.ones(right.shape[1])
+        # the order that suits a symmetric structure first, then plain partial pivoting
+        symmetric: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+        tried = [symmetric, {}]
+        if self.free is not None:
+            # in statics before that with few exchanges of rows, which fill the factors of fine meshes
+            free = self.free(self.by_rows(blocks))
+            matrix = held(matrix.tocsr(), free)
+            scale = np.sqrt(1.0 / sizes_of(matrix.diagonal()))
+            matrix = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
+            tried.insert(0, symmetric | {"diag_pivot_thresh": 1e-3})
+        right = scale * right
+        for options in tried:
+            try:
+                factors = splu(matrix, **options)
+            except RuntimeError:
+                continue
+            x = factors.solve(right.T).T
+            worst = self._residual(matrix, x, right)
+            if REFINE_AT < worst < 1.0:
+                x = x + factors.solve((right - (matrix @ x.T).T).T).T
+                worst = self._residual(matrix, x, right)
+            if worst <= REFUSE_AT or (worst <= ILL_CONDITIONED and self._backward_error(matrix, x, right) <= REFINE_AT):
+                self.worst_residual = max(self.worst_residual, worst)
+                return np.ascontiguousarray(scale * x)
+        return None
+
+    def signs(self, blocks: Array, symmetric: bool, free: Callable[[Any], Array] | None = None) -> tuple[int, int] | None:
+        """As `inertia.Signs.count`, of the matrix of blocks [n_blocks, size, 8]."""
+        of = self._of(blocks)
+        return Signs(of, Nodes(of.n, self.size, 2 if self.size == 3 else 3), free).count(symmetric)
+
+    def matrix(self, blocks: Array) -> Any:
+        """The matrix of blocks [n_blocks, size, 8] by columns."""
+        return self._of(blocks).matrix
+
+    def by_rows(self, blocks: Array) -> Any:
+        """The same by rows."""
+        return self._of(blocks).by_rows
+
+    def _of(self, blocks: Array) -> Blocks:
+        return Blocks(self.size * self.n, self._rows, self._columns, blocks, self.size)
+
+    @staticmethod
+    def _backward_error(matrix: Any, x: Array, b: Array) -> float:
+        """Largest relative change of any entry of matrix and right-hand side that would make x exact."""
+        rest = np.abs(b - (matrix @ x.T).T)
+        size = (abs(matrix) @ np.abs(x).T).T + np.abs(b)
+        return float(np.max(rest / np.where(size > 0.0, size, 1.0)))
+
+    @staticmethod
+    def _residual(matrix: Any, x: Array, b: Array) -> float:
+        size = np.linalg.norm(b, axis=1)
+        worst = float(np.max(np.linalg.norm(b - (matrix @ x.T).T, axis=1) / np.where(size > 0.0, size, 1.0)))
+        return worst if np.isfinite(worst) else np.inf
+
+
+class LinearSystem:
+    """Who solves for the nodes of a model: block elimination where the pattern has a plan, else PARDISO, both inside compiled
+    code; SuperLU where there is no MKL, and for a step in which the others failed.
+
+    Parameters
+    ----------
+    pattern : Pattern
+    columns : int
+        Right-hand sides of a solve.
+    backend : {'auto', 'pardiso', 'superlu'}
+        For patterns without a plan.
+    size : int
+        Unknowns a node.
+    threads, reproducible, symmetric
+        Of PARDISO.
+
+    Raises
+    ------
+    BackendError
+        backend='pardiso' without MKL.
+    """
+
+    def __init__(self, pattern: Pattern, columns: int, backend: str = "auto", size: int = 6, threads: int | None = None,
+                 reproducible: bool = False, symmetric: bool = False) -> None:
+        self.pattern, self.size = pattern, size
+        self.fallbacks = 0
+        self.pardiso: Pardiso | None = None
+        self._superlu: SuperLU | None = None
+        self._why = ""
+        if pattern.plan is not None or backend == "superlu":
+            return
+        mkl = load_mkl()
+        if mkl is None:
+            if backend == "pardiso":
+                raise BackendError("backend='pardiso': no MKL runtime was found; pip install pypardiso, or use backend='auto'")
+            self._why = "MKL not found"
+            return
+        indptr = np.searchsorted(pattern.rows, np.arange(pattern.n + 1))
+        self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size, threads, reproducible, symmetric)
+
+    def threads(self) -> AbstractContextManager[None]:
+        """Where the compiled loop has to run."""
+        return nullcontext() if self.pardiso is None else self.pardiso.threads()
+
+    def begin_step(self) -> None:
+        """Factors of earlier steps are not used again."""
+        if self.pardiso is not None:
+            kernels.begin_step(self.pardiso.tables)
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the time loop runs in compiled code."""
+        return self.pattern.plan is not None or self.pardiso is not None
+
+    @property
+    def tables(self) -> PardisoTables | None:
+        """For the compiled loop."""
+        return None if self.pardiso is None else self.pardiso.tables
+
+    @property
+    def superlu(self) -> SuperLU:
+        """The fallback, made when first needed."""
+        if self._superlu is None:
+            self._superlu = SuperLU(self.pattern.rows, self.pattern.columns, self.pattern.n, self.size)
+        return self._superlu
+
+    @property
+    def name(self) -> str:
+        """What was used and how often it fell back, for the result."""
+        fell = f"{self.fallbacks} steps fell back to SuperLU"
+        if self.pattern.plan is not None:
+            return f"block elimination, {fell}"
+        if self.pardiso is not None:
+            t = self.pardiso.tables
+            kind = " (symmetric)" if t.numbers[2] == kernels.SYMMETRIC else " (two halves)" if self.pardiso.halves else ""
+            return (f"PARDISO{kind}, {t.counts[0]} factorisations, used again {t.counts[2]} times, {t.counts[1]} refined, "
+                    f"largest relative residual {t.worst[0]:.1e}, {fell}")
+        return "SuperLU" + (f" ({self._why})" if self._why else "")

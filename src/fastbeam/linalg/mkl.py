@@ -1,0 +1,120 @@
+"""The MKL runtime: where it is found, how many threads it takes, how PARDISO is set, and the order in which METIS, which comes
+with it, eliminates the rows of a matrix."""
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import glob
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.jit.decorators import link_library
+from fastbeam.kernels.linalg import pardiso as kernels
+from fastbeam.kernels.linalg.pardiso import PardisoTables
+
+Array = np.ndarray
+
+
+def load_mkl() -> Any | None:
+    """The MKL runtime, or None where it is not installed."""
+    return None if os.environ.get("FASTBEAM_NO_MKL") else _found_mkl()
+
+
+@cache
+def _found_mkl() -> Any | None:
+    """The same, looked for once."""
+    names = ["libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll"]
+    folders = [os.path.join(sys.prefix, "lib"), os.path.join(sys.prefix, "Library", "bin"), os.path.join(sys.base_prefix, "lib")]
+    found = [path for folder in folders for name in names for path in sorted(glob.glob(os.path.join(folder, name)), key=len)]
+    for path in found:
+        if (library := _loaded(path)) is not None:
+            return library
+    # asks compilers and linkers, which takes a tenth of a second
+    system = ctypes.util.find_library("mkl_rt")
+    return _loaded(system) if system else None
+
+
+def _loaded(path: str) -> Any | None:
+    """A library, None where it cannot be loaded."""
+    try:
+        library = ctypes.CDLL(path)
+    except OSError:
+        return None
+    # compiled code finds the symbol `pardiso` by name
+    link_library(path)
+    return library
+
+
+@contextmanager
+def on_threads(mkl: Any, n: int) -> Iterator[None]:
+    """MKL on so many threads, the calling one among them."""
+    before = mkl.MKL_Set_Num_Threads_Local(n)
+    try:
+        yield
+    finally:
+        mkl.MKL_Set_Num_Threads_Local(before)
+
+
+def settings(more: dict[int, int]) -> Array:
+    """PARDISO's iparm: METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of
+    its own, which would take the present matrix and cost two more solutions; and `more`, by place."""
+    iparm = np.zeros(64, np.int32)
+    for k, value in ({0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 34: 1} | more).items():
+        iparm[k] = value
+    return iparm
+
+
+def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int], columns: int = 1, size: int = 1,
+                   refined: bool = False) -> PardisoTables:
+    """What PARDISO takes, not yet analysed.
+
+    Parameters
+    ----------
+    indptr, indices : int [n + 1], [n_blocks]
+        Square blocks by rows, 0-based.
+    kind : int
+        `kernels.sparse.SYMMETRIC` (blocks on and above the diagonal) or `UNSYMMETRIC`.
+    more : dict
+        Of `settings`.
+    columns, size : int
+        Right-hand sides at most; unknowns of a block.
+    refined : bool
+        Keep places for residuals and corrections.
+    """
+    n, rows = indptr.size - 1, size * (indptr.size - 1)
+    every = np.arange(indices.size)
+    indptr, indices = indptr.astype(np.int32), indices.astype(np.int32)
+    return PardisoTables(
+        np.zeros(64, np.int64), settings(more), np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32),
+        np.zeros(max(n, 1), np.int32), indptr, indices, every, every, empty(size**2 * indices.size),
+        *(empty((m, rows)) for m in (columns, columns, *(columns * refined,) * 2)), np.zeros(5, np.int64), np.zeros(2))
+
+
+def nested_dissection(matrix: Any) -> Array | None:
+    """Rows of a matrix of symmetric structure, its diagonal included, in the order in which METIS eliminates them.
+
+    Parameters
+    ----------
+    matrix : scipy.sparse array [n, n] by rows, columns ascending
+
+    Returns
+    -------
+    int32 [n], or None
+        None without MKL, or where its analysis fails.
+    """
+    mkl = load_mkl()
+    if mkl is None:
+        return None
+    t = pardiso_tables(matrix.indptr, matrix.indices, kernels.UNSYMMETRIC, {4: 2})
+    t.data[:] = 1.0
+    with on_threads(mkl, 1):
+        failed = kernels.call_pardiso(t, kernels.ANALYSE, t.b, t.x)
+        kernels.call_pardiso(t, kernels.RELEASE, t.b, t.x)
+    return None if failed else t.perm

@@ -1,0 +1,345 @@
+"""Rigid and ball connections as linear maps between nodes: no multipliers, nothing to drift.
+
+Nodes joined rigidly form a set with one root; a ball joint makes the position of one set's root follow another set. Every tied
+node ends up with the entries of `kernels.nodes.Ties`, or, where beams of a net are welded, with the row of its root.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.layout import ARM, POSITION, TRIAD
+
+Array = np.ndarray
+HOLD_POSITION, HOLD_TRIAD = 7, 56
+AXES = "xyz"
+# components of an axis of a plane below this are none
+OBLIQUE = 1e-9
+NO_PAIRS = np.zeros((0, 2), np.int64)
+
+
+@dataclass
+class Connections:
+    """What ties nodes to others.
+
+    Attributes
+    ----------
+    held : int [N]
+        Mask of held unknowns of every node.
+    spin_root, row_root : int [N]
+        The node whose spin a node shares; the node whose row, all six unknowns, it shares.
+    start : int [N + 1]
+        Range of the entries of every node; none for a free one.
+    kind, target : int [M]
+    offset, rotation : [M, 3], [M, 3, 3]
+        Offset of an ARM in the triad of the target; d_i = sum_j R_ij d_j of the target of a TRIAD.
+    loops : int [L]
+        Ball joints, counted through `balls` and then `hinges`, that close loops of rigid parts and supports: held by multipliers.
+    """
+
+    held: Array
+    spin_root: Array
+    row_root: Array
+    start: Array
+    kind: Array
+    target: Array
+    offset: Array
+    rotation: Array
+    loops: Array
+
+    @property
+    def tied(self) -> Array:
+        """Whether a node has entries, bool [N]."""
+        return np.diff(self.start) > 0
+
+    @property
+    def owner(self) -> Array:
+        """The tied node of every entry, int [M]."""
+        return np.repeat(np.arange(self.held.size), np.diff(self.start))
+
+    @cached_property
+    def entries(self) -> dict[int, list[tuple[int, int, Array, Array]]]:
+        """(kind, target, offset, rotation) of every tied node."""
+        flat = list(zip(self.kind.tolist(), self.target.tolist(), self.offset, self.rotation))
+        return {int(k): flat[self.start[k]:self.start[k + 1]] for k in np.flatnonzero(self.tied)}
+
+    def targets(self, node: int) -> list[int]:
+        """Nodes that the unknowns of `node` belong to."""
+        return np.unique(self.target[self.start[node]:self.start[node + 1]]).tolist() or [node]
+
+    def without_welds(self) -> Connections:
+        """Without the entries of nodes that share the row of another."""
+        owner = self.owner
+        keep = self.row_root[owner] == owner
+        start = np.concatenate(([0], np.cumsum(np.bincount(owner[keep], minlength=self.held.size))))
+        return Connections(self.held, self.spin_root, self.row_root, start, self.kind[keep], self.target[keep],
+                           self.offset[keep], self.rotation[keep], self.loops)
+
+
+class _Sets:
+    """Union-find."""
+
+    def __init__(self, n: int) -> None:
+        self.parent = list(range(n))
+
+    def find(self, i: int) -> int:
+        while self.parent[i] != i:
+            self.parent[i] = self.parent[self.parent[i]]
+            i = self.parent[i]
+        return i
+
+    def join(self, i: int, j: int) -> bool:
+        a, b = self.find(i), self.find(j)
+        self.parent[max(a, b)] = min(a, b)
+        return a != b
+
+
+def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], balls: list[tuple[int, int, str]], held: Array,
+            rank: Array, labels: Sequence[str], tolerance: float, welds: Array = NO_PAIRS,
+            hinges: Array = NO_PAIRS) -> Connections:
+    """Resolve all connections.
+
+    Parameters
+    ----------
+    phi, directors : [N, 3], [N, 3, 3]
+        Reference positions and triads.
+    rigid, balls : list of (node, node, name)
+    held : int [N]
+        Masks of supports: 63 clamped, 7 pinned, some of its bits where single axes are held, 56 the inert triad of a point mass.
+    rank : int [N]
+        Which node of a rigid set becomes its root: the lowest; 9 for nodes without rotation.
+    labels : sequence of str
+        Names of the nodes for messages.
+    tolerance : float
+        Length below which an offset counts as zero.
+    welds, hinges : int [*, 2]
+        Pairs of coincident beam ends joined rigidly, by ball joints. A welded end shares the row of its root where that is free.
+
+    Raises
+    ------
+    SceneError
+        A support or joint that this elimination cannot express; the message says what to do instead.
+    """
+    n = len(phi)
+    fixed = np.concatenate((_pairs(rigid), welds))
+    ball = np.concatenate((_pairs(balls), hinges))
+    every = np.arange(n)
+    out = Connections(held.copy(), every.copy(), every.copy(), np.zeros(n + 1, np.int64), np.zeros(0, np.int64),
+                      np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, np.int64))
+    if not (len(fixed) or len(ball)):
+        return out
+    touched = np.zeros(n, bool)
+    touched[fixed] = touched[ball] = True
+    touched = np.flatnonzero(touched)
+    root_of = _rigid_roots(n, fixed, touched, held, rank, labels)
+    offset = np.zeros((n, 3))
+    root = root_of[touched]
+    c = (directors[root] @ (phi[touched] - phi[root])[:, :, None])[:, :, 0]
+    offset[touched] = np.where(np.abs(c) > tolerance, c, 0.0)
+    pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
+    np.bitwise_or.at(out.held, root_of[pinned], held[pinned])
+    for k in pinned[np.any(offset[pinned], axis=1) & (out.held[root_of[pinned]] & HOLD_TRIAD == 0)]:
+        raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root_of[k]]} at a distance, together they are "
+                         "more than one pin; clamp it, or pin only one of them")
+
+    def name(j: int) -> str:
+        return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
+
+    out.loops = _loops(root_of, ball, offset, out.held, name)
+    base, arms = _ball_trees(root_of, np.delete(ball, out.loops, axis=0), offset, out.held, rank)
+
+    def fixed_axes(node: int) -> int:
+        """Axes along which nothing can move a node, bit by bit."""
+        top = root_of[node]
+        turns = np.any(offset[node]) or int(top) in arms
+        return HOLD_POSITION if out.held[top] == 63 else 0 if turns else int(out.held[base[top]]) & HOLD_POSITION
+
+    for j in out.loops.tolist():
+        a, b = ball[j].tolist()
+        both = fixed_axes(a) & fixed_axes(b)
+        if both:
+            along = "" if both == HOLD_POSITION else " along " + "".join(x for i, x in enumerate(AXES) if both >> i & 1)
+            raise SceneError(f"{name(j)}: both sides are held{along} ({labels[root_of[a]]}, {labels[root_of[b]]}), the joint "
+                             f"does nothing{along and ' there'}; remove {'' if along else 'it or '}one of the supports")
+
+    # entries: position, arms, triad of every tied node
+    slave = touched[(touched != root) | (base[root] != root)]
+    root = root_of[slave]
+    kind, owner, target = [np.full(slave.size, POSITION)], [slave], [base[root]]
+    offsets, rotations = [np.zeros((slave.size, 3))], [np.broadcast_to(np.eye(3), (slave.size, 3, 3))]
+    on_arms = slave[np.any(offset[slave], axis=1)]
+    if arms:
+        through = np.isin(root, list(arms))
+        on_arms = on_arms[~np.isin(root_of[on_arms], list(arms))]
+        for k in slave[through].tolist():
+            spread: dict[int, Array] = {}
+            for node, part in [*arms[root_of[k]], (int(root_of[k]), offset[k])]:
+                spread[node] = spread.get(node, np.zeros(3)) + part
+            longer = {node: x for node, x in spread.items() if np.any(np.abs(x) > tolerance)}
+            kind.append(np.full(len(longer), ARM)); owner.append(np.full(len(longer), k))
+            target.append(np.array(list(longer), np.int64)); offsets.append(np.array(list(longer.values())).reshape(-1, 3))
+            rotations.append(np.broadcast_to(np.eye(3), (len(longer), 3, 3)))
+    turns = (slave != root) & (rank[slave] != 9)
+    rotation = np.broadcast_to(np.eye(3), (slave.size, 3, 3)).copy()
+    rotation[turns] = directors[slave[turns]] @ directors[root[turns]].transpose(0, 2, 1)
+    kind += [np.full(on_arms.size, ARM), np.full(slave.size, TRIAD)]
+    owner += [on_arms, slave]
+    target += [root_of[on_arms], np.where(turns, root, slave)]
+    offsets += [offset[on_arms], np.zeros((slave.size, 3))]
+    rotations += [np.broadcast_to(np.eye(3), (on_arms.size, 3, 3)), rotation]
+    of = np.concatenate(owner)
+    order = np.argsort(of, kind="stable")
+    out.start = np.concatenate(([0], np.cumsum(np.bincount(of, minlength=n))))
+    out.kind, out.target = np.concatenate(kind)[order], np.concatenate(target)[order]
+    out.offset, out.rotation = np.concatenate(offsets)[order], np.concatenate(rotations)[order]
+    out.held[slave] |= HOLD_POSITION
+    out.held[slave[turns]] |= HOLD_TRIAD
+    out.spin_root[slave[turns]] = root[turns]
+    # a welded end at the place of a root with unknowns of its own needs no entries: the same unknowns move it
+    welded = np.zeros(n, bool)
+    welded[welds] = True
+    shares = welded[slave] & turns & (base[root] == root) & ~np.any(offset[slave], axis=1)
+    out.row_root[slave[shares]] = root[shares]
+    out.held[slave[shares]] = 0
+    return out
+
+
+def _pairs(joints: list[tuple[int, int, str]]) -> Array:
+    return np.array([joint[:2] for joint in joints], np.int64).reshape(-1, 2)
+
+
+def held_axes(held: Array) -> Array:
+    """Of masks [n] the components of positions that are held, bool [n, 3]."""
+    return (held[:, None] >> np.arange(3)) & 1 != 0
+
+
+def held_in_plane(held: Array, axes: Array) -> Array:
+    """Masks of the three unknowns in a plane from those of six, int [*]: the turn where all three spins are held, a position
+    along an axis of the plane where all its components are. axes: of the plane, [3, 3]."""
+    out = np.where(held & HOLD_TRIAD == HOLD_TRIAD, 4, 0)
+    for c in range(2):
+        parts = sum(1 << i for i in range(3) if abs(axes[c, i]) > OBLIQUE)
+        out |= np.where(held & parts == parts, 1 << c, 0)
+    return out
+
+
+def _freedom(held: Array) -> Array:
+    """0 where a position is held, 1 where some of its components are, 2 where none is, [n]."""
+    some = held & HOLD_POSITION
+    return np.where(some == HOLD_POSITION, 0, np.where(some != 0, 1, 2))
+
+
+def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array, labels: Sequence[str]) -> Array:
+    """The root of the rigid set of every touched node, int [n]."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    graph = coo_matrix((np.ones(len(fixed), np.int8), (fixed[:, 0], fixed[:, 1])), shape=(n, n))
+    group = connected_components(graph, directed=False)[1][touched]
+    rate = np.where(held[touched] == 63, 0, 1 + _freedom(held[touched]))
+    order = np.lexsort((touched, rank[touched], rate))
+    _, first, of, count = np.unique(group[order], return_index=True, return_inverse=True, return_counts=True)
+    root = touched[order[first]]
+    for g in np.flatnonzero((rank[root] == 9) & (count > 1)):
+        members = np.sort(touched[order[of == g]])
+        raise SceneError(f"rigid connection of {' and '.join(labels[k] for k in members)}: point masses have no rotation; "
+                         "use a RigidBody, or a BallJoint where they coincide")
+    root_of = np.arange(n)
+    root_of[touched[order]] = root[of]
+    return root_of
+
+
+def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callable[[int], str]) -> Array:
+    """Ball joints that join rigid sets, or supports of them, which others before them join already, int [L].
+
+    Raises
+    ------
+    SceneError
+        A joint between parts that are joined at the same point already.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    if not len(ball):
+        return np.zeros(0, np.int64)
+    sides = root_of[ball]
+    roots, local = np.unique(sides, return_inverse=True)
+    local = local.reshape(-1, 2)
+    m = roots.size
+    standing = held[roots] & HOLD_POSITION != 0
+    # every support hangs on the ground, one more set
+    ground = np.flatnonzero(standing)
+    graph = coo_matrix((np.ones(len(ball) + ground.size, np.int8), (np.concatenate((local[:, 0], ground)),
+                                                                    np.concatenate((local[:, 1], np.full(ground.size, m))))),
+                       shape=(m + 1, m + 1))
+    n_trees = connected_components(graph, directed=False)[0]
+    if not np.any(local[:, 0] == local[:, 1]) and len(ball) + ground.size == m + 1 - n_trees:
+        return np.zeros(0, np.int64)
+    sets = _Sets(m + 1)
+    for i in ground.tolist():
+        sets.join(i, m)
+    loops = []
+    first: dict[tuple[int, int], list[int]] = {}
+    for j, (a, b) in enumerate(local.tolist()):
+        before = first.setdefault((min(a, b), max(a, b)), [])
+        before.append(j)
+        if a == b:
+            raise SceneError(f"{name(j)}: rigid connections hold both of its sides together, so the joint does nothing; remove "
+                             "it")
+        if sets.join(a, b):
+            continue
+        if any(np.array_equal(_sides(offset, ball[j], a, local[j]), _sides(offset, ball[k], a, local[k])) for k in before[:-1]):
+            raise SceneError(f"{name(j)}: a second ball joint between the same rigid parts at the same point, beside "
+                             f"{name(before[0])}: it does nothing; remove it")
+        loops.append(j)
+    return np.array(loops, np.int64)
+
+
+def _sides(offset: Array, pair: Array, a: int, local: Array) -> Array:
+    """Offsets of both sides of a joint in the triads of their roots, that of root a first."""
+    return offset[pair if local[0] == a else pair[::-1]]
+
+
+def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array,
+                rank: Array) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
+    """(node whose position starts that of a root's set [n], offsets in triads from there on for the roots that have any), for
+    ball joints that close no loops; at most one set of a tree is supported."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+    base = np.arange(root_of.size)
+    arms: dict[int, list[tuple[int, Array]]] = {}
+    if not len(ball):
+        return base, arms
+    sides = root_of[ball]
+    roots, local = np.unique(sides, return_inverse=True)
+    local = local.reshape(-1, 2)
+    m = roots.size
+    graph = coo_matrix((np.ones(len(ball), np.int8), (local[:, 0], local[:, 1])), shape=(m, m))
+    n_trees, tree = connected_components(graph, directed=False)
+    order = np.lexsort((roots, rank[roots], _freedom(held[roots])))
+    top = np.full(n_trees, -1)
+    top[tree[order[::-1]]] = order[::-1]
+    base[roots] = roots[top[tree]]
+    # every tree hangs on one more node, so that one search goes through all
+    graph = coo_matrix((np.ones(len(ball) + n_trees, np.int8), (np.concatenate((local[:, 0], np.full(n_trees, m))),
+                                                                np.concatenate((local[:, 1], top)))), shape=(m + 1, m + 1))
+    reached, parent = breadth_first_order(graph.tocsr(), m, directed=False)
+    child = reached[parent[reached] >= 0]
+    child = child[parent[child] != m]
+    # the joint between a child and its parent: the keys of both sides are distinct in a forest
+    key = np.minimum(local[:, 0], local[:, 1]) * m + np.maximum(local[:, 0], local[:, 1])
+    by_key = np.argsort(key)
+    above = parent[child].astype(np.int64)
+    joint = by_key[np.searchsorted(key[by_key], np.minimum(child, above) * m + np.maximum(child, above))]
+    side = (sides[joint, 1] == roots[child]).astype(np.int64)
+    at_child, at_parent = ball[joint, side], ball[joint, 1 - side]
+    away = np.any(offset[at_parent], axis=1) | np.any(offset[at_child], axis=1)
+    if away.any():
+        # parents come before their children
+        for i in range(child.size):
+            up, down = int(roots[above[i]]), int(roots[child[i]])
+            if away[i] or up in arms:
+                arms[down] = [*arms.get(up, []), (up, offset[at_parent[i]]), (down, -offset[at_child[i]])]
+    return base, arms

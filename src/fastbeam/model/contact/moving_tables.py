@@ -1,0 +1,202 @@
+"""Tables of beams whose elements move with contacts (moving_beam.py), and their momenta at the start."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.contact.moving_beam import MovingBeam
+from fastbeam.model.numbering import NodeList
+from fastbeam.model.tables import strains_of
+from fastbeam.model.workspace import scratch_of_moving
+from fastbeam.scene import Beam, Slider
+from fastbeam.scene.interpolation.basis import Basis, build_basis
+from fastbeam.scene.moving_mesh import PlaceOnBeam, has_coulomb
+
+Array = np.ndarray
+# differences of the strains of the reference along a beam that count as none
+UNIFORM = 1e-7
+# share of a beam that stays between two contacts, or a contact and an end; where they come nearer, a run ends
+SHORTEST = 5e-4
+
+
+class Mesh:
+    """One beam with the sliders that its elements move with, in the order of their places.
+
+    Parameters
+    ----------
+    beam : Beam
+    sliders : list of Slider
+
+    Raises
+    ------
+    SceneError
+        The curvature of the beam changes along it.
+    """
+
+    def __init__(self, beam: Beam, sliders: list[Slider]) -> None:
+        self.beam, self.sliders = beam, sorted(sliders, key=lambda x: x.at)
+        self.places = [PlaceOnBeam(f"{slider.name} (place on {beam.name})", mass=1.0, position=(slider.at, 0.0, 0.0))
+                       for slider in self.sliders]
+        self.reference = _reference(beam)
+        ends = beam.basis.element_ends
+        self.end = np.array([int(np.argmin(np.abs(ends - x.at))) for x in self.sliders])
+
+    def contact(self, k: int) -> Any:
+        """The node of the beam at contact k."""
+        return self.beam.node(int(self.end[k]) * self.beam.degree)
+
+    def slots(self) -> tuple[Array, Array]:
+        """Of every element the contacts that it lies between, or -1 [E, 2], and where its ends are there, 0 to 1 [E, 2]."""
+        ends = self.beam.basis.element_ends
+        fixed = np.concatenate(([0], self.end, [len(ends) - 1]))
+        slot, share = [], []
+        for k, (a, b) in enumerate(zip(fixed[:-1], fixed[1:])):
+            f = (ends[a:b + 1] - ends[a]) / (ends[b] - ends[a])
+            f[-1] = 1.0
+            share += zip(f[:-1], f[1:])
+            slot += [(k - 1, k if k < len(self.end) else -1)] * (b - a)
+        return np.array(slot, np.int64), np.array(share)
+
+    def way(self) -> Array:
+        """Of every node how far it goes with each contact, dx/ds [n, S]."""
+        slot, share = self.slots()
+        p, out = self.beam.degree, np.zeros((self.beam.n_nodes, len(self.end)))
+        local = build_basis("lagrange", p, 1, 1.0).node_s
+        for e, (of, f) in enumerate(zip(slot, share)):
+            at = f[0] + local * (f[1] - f[0])
+            for side, part in ((0, 1.0 - at), (1, at)):
+                if of[side] >= 0:
+                    out[p * e:p * e + p + 1, of[side]] = part
+        return out
+
+    def nodes(self, numbers: NodeList) -> Array:
+        """Of every element its nodes, then the places that it depends on, or -1, int64 [E, p + 3]."""
+        slot, _ = self.slots()
+        places = np.array([*(numbers.start(x) for x in self.places), -1])
+        return np.concatenate((numbers.start(self.beam) + self.beam.basis.element_nodes, places[slot]), axis=1)
+
+    def held(self, numbers: NodeList) -> Array:
+        """Nodes of contacts with Coulomb friction and of their points, which multipliers hold there, int64 [H, 2]."""
+        found = [(numbers.number(self.contact(k)), numbers.number(slider.point)) for k, slider in enumerate(self.sliders)
+                 if has_coulomb(slider)]
+        return np.array(found, np.int64).reshape(-1, 2)
+
+    def pairs(self, numbers: NodeList, root: Array) -> Array:
+        """Coupled nodes as i N + j."""
+        at, n = self.nodes(numbers), len(numbers)
+        a, b = (x.reshape(-1) for x in np.broadcast_arrays(at[:, :, None], at[:, None, :]))
+        live = (a >= 0) & (b >= 0)
+        x, y = self.held(numbers).T
+        a, b = np.concatenate((a[live], x, y)), np.concatenate((b[live], y, x))
+        return np.asarray(root[a] * n + root[b])
+
+    def table(self, numbers: NodeList, blocks: Any, row_of: Array, gravity: Array) -> MovingBeam:
+        """Constants; the place in the history is not known yet."""
+        beam, at = self.beam, self.nodes(numbers)
+        n, p = beam.degree + 1, beam.degree
+        unit: Basis = build_basis("lagrange", p, 1, 1.0)
+        a, b = np.broadcast_arrays(at[:, :, None], at[:, None, :])
+        block = np.full(a.shape, -1, np.int64)
+        live = (a >= 0) & (b >= 0)
+        block[live] = blocks.between(a[live], b[live])
+        places = np.array([numbers.start(x) for x in self.places], np.int64)
+        slot, share = self.slots()
+        first, values, slopes = unit.curve("own").evaluate(unit.mass_point_s[0])
+        held = self.held(numbers)
+        section = beam.section
+        rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
+        return MovingBeam(
+            np.ascontiguousarray(at[:, :n]), np.where(at >= 0, row_of[at], -1), block,
+            np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, places, row_of[places].astype(np.int64), share,
+            np.array((beam.length, SHORTEST * beam.length)), np.ascontiguousarray(np.stack((values, slopes))),
+            np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
+            unit.weight[0].copy(), np.array(section.C, dtype=float), self.reference - beam.start_strain, rho,
+            rho[0] * np.asarray(gravity, dtype=float), held, row_of[held[:, 0]].astype(np.int64),
+            np.stack((blocks.between(held[:, 0], held[:, 0]), blocks.between(*held.T)), axis=1).astype(np.int64).reshape(-1, 2),
+            scratch_of_moving(n))
+
+
+def _reference(beam: Beam) -> Array:
+    """Strains of the reference, the same everywhere [6]."""
+    fine = build_basis("lagrange", 8, 16, beam.length)
+    phi, triads = beam.reference(fine.node_s)
+    q = np.concatenate((phi[:, None], triads), axis=1)[fine.element_nodes]
+    slopes = np.einsum("egn,enic->egic", fine.phi_s, q - q[:, :1])
+    found = strains_of(beam.strain, slopes[:, :, 0], np.einsum("egn,enic->egic", fine.phi, q)[:, :, 1:], slopes[:, :, 1:])
+    strains = found.reshape(-1, 6)
+    mean = np.asarray(strains.mean(axis=0))
+    scale = np.array((1.0, 1.0, 1.0, *[1.0 / beam.length] * 3)) + np.abs(mean)
+    if np.max(np.abs(strains - mean) / scale) > UNIFORM:
+        raise SceneError(f"moving mesh of {beam.label}: its curvature changes along it, and strains of its reference are taken "
+                         "at places that move; use a straight beam, an arc or a helix")
+    mean[np.abs(mean) < UNIFORM * 1e-3 * scale] = 0.0
+    return mean
+
+
+def element_lengths(table: MovingBeam, q: Array) -> Array:
+    """Between the contacts at coordinates [N, 4, 3]: [E], m."""
+    ends = np.where(table.slot >= 0, q[table.places, 0, 0][table.slot], (0.0, table.length[0]))
+    return np.asarray((table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0]))
+
+
+class OfRates(NamedTuple):
+    """Momenta of the points of an element, by mass, as linear functions of some rates.
+
+    Attributes
+    ----------
+    columns : int64 [m]
+        The rates, of those of all coordinates [12 N].
+    matrix : float64 [points, 4, 3, m]
+        Zero for fields without inertia.
+    length : float
+        Of the element, m.
+    """
+
+    columns: Array
+    matrix: Array
+    length: float
+
+
+def of_rates(table: MovingBeam, q: Array) -> Iterator[OfRates]:
+    """Of all elements at coordinates [N, 4, 3], theory.md (5.19): h a less x_t g."""
+    values, slopes = table.mass_shape
+    x, n = table.mass_point[0], table.node.shape[1]
+    vector, component = np.divmod(np.arange(12), 3)
+    for nodes, slots, (begin, end), h in zip(table.node, table.slot, table.share, element_lengths(table, q)):
+        live = slots >= 0
+        columns = np.concatenate(((12 * nodes[:, None] + np.arange(12)).reshape(-1), 12 * table.places[slots[live]]))
+        matrix = np.zeros((x.size, 4, 3, columns.size))
+        for i in range(n):
+            matrix[:, vector, component, 12 * i + np.arange(12)] = h * values[:, i, None]
+        f = begin + x * (end - begin)
+        slope = np.einsum("gn,nkc->gkc", slopes, q[nodes])
+        matrix[..., 12 * n:] = -slope[..., None] * np.stack((1.0 - f, f), axis=1)[:, live][:, None, None]
+        yield OfRates(columns, matrix * (table.rho != 0.0)[:, None, None], float(h))
+
+
+def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
+    """Of points of the elements, by mass, as the history has them [E, points, 4, 3], at coordinates and rates [N, 4, 3]; 0 for
+    fields without inertia."""
+    return np.array([one.matrix @ v.reshape(-1)[one.columns] for one in of_rates(table, q)])
+
+
+def masses(table: MovingBeam) -> Array:
+    """Of the points of an element for its length 1, by fields, [points, 4], kg/m."""
+    return np.outer(table.mass_point[1], table.rho)
+
+
+def mass_matrix(table: MovingBeam, q: Array) -> Any:
+    """Of the rates of all coordinates at coordinates [N, 4, 3], (5.20): sparse [12 N, 12 N]."""
+    from scipy import sparse
+    c, rows, columns, entries = masses(table), [], [], []
+    for one in of_rates(table, q):
+        block = np.einsum("gk,gkci,gkcj->ij", c / one.length, one.matrix, one.matrix, optimize=True)
+        i, j = np.broadcast_arrays(one.columns[:, None], one.columns)
+        rows.append(i.reshape(-1))
+        columns.append(j.reshape(-1))
+        entries.append(block.reshape(-1))
+    at = np.concatenate(rows), np.concatenate(columns)
+    return sparse.csr_matrix((np.concatenate(entries), at), shape=(q.size, q.size))

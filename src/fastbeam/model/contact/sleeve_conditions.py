@@ -1,0 +1,115 @@
+"""Conditions of sleeves as NumPy sees them: products D_i . d_j(s) between the triad of a holder and the section of a beam."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.model.mapping import shapes_at
+
+if TYPE_CHECKING:
+    from fastbeam.model.model import Model
+
+Array = np.ndarray
+# products (factor, i, j), counted from 0, whose sum is zero; the last one of keyed sleeves alone: no turn of triad and section
+# about D_1 changes it, though d_2 and d_3 between nodes are not quite at a right angle
+CONDITIONS = (((1.0, 0, 1),), ((1.0, 0, 2),), ((0.5, 1, 2), (-0.5, 2, 1)))
+
+
+class Section(NamedTuple):
+    """The section of a beam in a sleeve: n nodes with shape functions and their first and second derivatives, P conditions."""
+
+    nodes: Array    # int64 [n + 1]: nodes of the beam, then the holder
+    roots: Array    # int64 [n + 1]: the nodes that their spins belong to
+    shapes: Array   # float64 [3, n]
+    d: Array        # float64 [n, 3, 3]: directors of the nodes
+    turn: Array     # float64 [3, 3]: R with D_i = sum_k R_ik d_k of the holder
+    axes: Array     # float64 [3, 3]: D_1, D_2, D_3
+    pairs: int      # 3, or 2 where the twist is free
+
+    def turned_by(self, angle: float) -> Section:
+        """The same with D_2, D_3 turned about D_1, so that the section at this angle is held there."""
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+        return self._replace(turn=turn @ self.turn, axes=turn @ self.axes, pairs=3)
+
+    def values(self, derivative: int = 0) -> Array:
+        """The conditions [P], or a derivative of them by s."""
+        d = np.einsum("a,ajc->jc", self.shapes[derivative], self.d)
+        return np.array([sum(f * (self.axes[i] @ d[j]) for f, i, j in some) for some in CONDITIONS[:self.pairs]])
+
+    def by_spins(self, derivative: int = 0) -> tuple[Array, Array]:
+        """Derivatives of `values` by the spins of the nodes [P, n, 3] and of the holder [P, 3]."""
+        n = self.shapes[derivative]
+        d = np.einsum("a,ajc->jc", n, self.d)
+        every = CONDITIONS[:self.pairs]
+        of_nodes = [sum(f * n[:, None] * np.cross(self.d[:, j], self.axes[i]) for f, i, j in some) for some in every]
+        return np.array(of_nodes), np.array([sum(f * np.cross(self.axes[i], d[j]) for f, i, j in some) for some in every])
+
+    def row(self, derivative: int, size: int) -> Any:
+        """The same as a matrix on the unknowns (position, spin) of all nodes, sparse [P, 6 size]."""
+        from scipy import sparse
+        of_nodes, of_holder = self.by_spins(derivative)
+        values = np.concatenate((of_nodes, of_holder[:, None]), axis=1)
+        column = np.broadcast_to(6 * self.roots[:, None] + 3 + np.arange(3), values.shape)
+        row = np.broadcast_to(np.arange(self.pairs)[:, None, None], values.shape)
+        return sparse.csr_matrix((values.reshape(-1), (row.reshape(-1), column.reshape(-1))), shape=(self.pairs, 6 * size))
+
+    def by_coordinates(self, size: int) -> Any:
+        """Derivative of `values` by the coordinates of all nodes, sparse [P, 12 size]."""
+        from scipy import sparse
+        n = len(self.shapes[0])
+        d = np.einsum("a,ajc->jc", self.shapes[0], self.d)
+        out = np.zeros((self.pairs, n + 1, 4, 3))
+        for p, some in enumerate(CONDITIONS[:self.pairs]):
+            for f, i, j in some:
+                out[p, :n, 1 + j] += f * np.outer(self.shapes[0], self.axes[i])
+                out[p, n, 1:] += f * np.outer(self.turn[i], d[j])
+        column = np.broadcast_to((12 * self.nodes[:, None] + np.arange(12)).reshape(-1), (self.pairs, 12 * (n + 1)))
+        row = np.repeat(np.arange(self.pairs), column.shape[1])
+        return sparse.csr_matrix((out.reshape(-1), (row, column.reshape(-1))), shape=(self.pairs, 12 * size))
+
+    def moment(self, mu: Array) -> Array:
+        """Moment [3] of the multipliers [3] on the holder."""
+        return self.by_spins()[1].T @ mu[:self.pairs]
+
+    def turned(self, mu: Array, size: int) -> Any:
+        """Minus the derivative of the moments of multipliers mu [3] on all nodes by the spins, sparse [6 size, 6 size]."""
+        from scipy import sparse
+        n = self.shapes[0]
+        count = len(n)
+        blocks = np.zeros((count + 1, count + 1, 3, 3))
+        d_here = np.einsum("a,ajc->jc", n, self.d)
+        for m, i, j in ((moment * f, i, j) for moment, some in zip(mu, CONDITIONS[:self.pairs]) for f, i, j in some):
+            axis = self.axes[i]
+            for a in range(count):
+                blocks[a, a] -= m * n[a] * _double_cross(axis, self.d[a, j])
+                blocks[a, count] += m * n[a] * _double_cross(self.d[a, j], axis)
+                blocks[count, a] += m * n[a] * _double_cross(axis, self.d[a, j])
+            blocks[count, count] -= m * _double_cross(d_here[j], axis)
+        row = 6 * self.roots[:, None, None, None] + 3 + np.arange(3)[:, None]
+        column = 6 * self.roots[:, None, None] + 3 + np.arange(3)
+        row, column = (np.broadcast_to(x, blocks.shape).reshape(-1) for x in (row, column))
+        return sparse.csr_matrix((blocks.reshape(-1), (row, column)), shape=(6 * size, 6 * size))
+
+
+def _double_cross(a: Array, b: Array) -> Array:
+    """The matrix of a x (b x .)."""
+    return np.outer(b, a) - (a @ b) * np.eye(3)
+
+
+def sections(model: Model, s: Array, q: Array) -> list[Section]:
+    """Sections in all sleeves of a model in space at sliding coordinates s [S] and coordinates q [N, 4, 3]."""
+    sleeves = model.sleeves
+    if sleeves is None:
+        return []
+    assert model.sliders is not None
+    out = []
+    for o, k in enumerate(model.sleeve_pairs[:, 0]):
+        nodes, shapes = shapes_at(model, int(k), float(s[k]))
+        holder = int(model.sliders.point[k])
+        turn = sleeves.axes.reshape(-1, 3, 3)[o]
+        every = np.append(nodes, holder)
+        out.append(Section(every, model.spin_root[every], shapes, q[nodes, 1:], turn, turn @ q[holder, 1:],
+                           3 if sleeves.keyed[o] else 2))
+    return out

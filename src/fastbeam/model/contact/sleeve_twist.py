@@ -1,0 +1,119 @@
+"""Friction of beams that turn in unkeyed sleeves: tables, where a run starts from, and what rows tell of it (theory.md 5.8)."""
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.contact.sleeve import KnownTwist, Rubbing, Sleeves
+from fastbeam.kernels.contact.sleeve_twist import ANGLE, SIGN, STICKS, TWIST, Twist
+from fastbeam.kernels.contact.slider import Sliding
+from fastbeam.model.contact.sleeve_conditions import Section, sections
+from fastbeam.model.mapping import contact
+from fastbeam.model.model import Model
+
+Array = np.ndarray
+# an angle in the history that differs more from that of the coordinates belongs to another state, rad
+STALE = 1e-11
+# a velocity below this share of the fastest motion is none
+AT_REST = 1e-12
+
+
+def sleeves_of_run(table: Sleeves) -> Sleeves:
+    """The table with the arrays of one run."""
+    if not isinstance(table.twist, Twist):
+        return table
+    return table._replace(axes=table.axes.copy(), twist=deepcopy(table.twist))
+
+
+def rubbing(terms: tuple[Any, ...]) -> Sleeves | None:
+    """The sleeves among the terms of a run if beams rub that turn in them."""
+    return next((x.sleeves for x in terms if isinstance(x, Rubbing)), None)
+
+
+def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Terms with the moments of friction of the state instead of equations for them; running: those of the run, which tell where
+    their sections are."""
+    sleeves = rubbing(running)
+    if sleeves is None:
+        return terms
+    (own,) = [x for x in terms if isinstance(x, Sleeves)]
+    known = own._replace(axes=sleeves.axes, twist=KnownTwist())
+    return tuple(x._replace(sleeves=known) if isinstance(x, Sliding) else known if isinstance(x, Sleeves) else x
+                 for x in terms if not isinstance(x, Rubbing))
+
+
+def check_twist(who: str, model: Model) -> None:
+    """Refuse friction of twist in an analysis that does not know it.
+
+    Raises
+    ------
+    SceneError
+        Names the sleeve and the function that was called.
+    """
+    if model.twisting.size:
+        name = model.names["sliders"][model.sleeve_pairs[model.twisting[0], 0]]
+        raise SceneError(f"{who}: sleeve {name!r} rubs on a beam that turns in it (radius=), which this analysis does not know; "
+                         "leave radius out, or hold the twist by keyed=True. Equilibria with it are found by solve_static, or by "
+                         "a run until it rests")
+
+
+def twist_label(slider: str) -> str:
+    """Name of the twist in the sleeve of a slider, where friction is told of."""
+    return f"{slider}: twist"
+
+
+def numbers_of(model: Model, history: Array) -> Array:
+    """Of every sleeve that rubs in a history, float64 [R, 4], see `kernels.twist`."""
+    return history[model.twist_place:][:TWIST * model.twisting.size].reshape(-1, TWIST)
+
+
+def _sine_and_cosine(axes: Array, d: Array) -> tuple[float, float]:
+    """Of the angle from D_2, D_3 to d_2, d_3, times the length of the latter; axes, d [3, 3]."""
+    return float(axes[1] @ d[2] - axes[2] @ d[1]) / 2.0, float(axes[1] @ d[1] + axes[2] @ d[2]) / 2.0
+
+
+def angle_of(section: Section, known: float) -> float:
+    """Angle of a section in its sleeve, rad, of all turns the one next to `known`."""
+    found = float(np.arctan2(*_sine_and_cosine(section.axes, np.einsum("a,ajc->jc", section.shapes[0], section.d))))
+    return found + 2.0 * np.pi * float(np.round((known - found) / (2.0 * np.pi)))
+
+
+def start_twisting(model: Model, history: Array, q: Array, v: Array, s: Array) -> None:
+    """Bring angles and signs of velocities in a history up to coordinates q, v [N, 4, 3] and places s [S]. What a run before left
+    at rest stays there."""
+    every = sections(model, s, q)
+    fastest = float(np.max(np.abs(v), initial=0.0))
+    for own, o in zip(numbers_of(model, history), model.twisting.tolist()):
+        section, k = every[o], int(model.sleeve_pairs[o, 0])
+        found = angle_of(section, float(own[ANGLE]))
+        if abs(found - own[ANGLE]) > STALE * (1.0 + abs(found)):
+            own[ANGLE] = found
+        rate = rate_of(model, section, k, q, v, s, own[ANGLE])
+        own[SIGN] = np.sign(rate) if abs(rate) > AT_REST * fastest and own[STICKS] == 0.0 else 0.0
+
+
+def rate_of(model: Model, section: Section, k: int, q: Array, v: Array, s: Array, angle: float) -> float:
+    """Velocity of the angle of a section in the sleeve of slider k, rad/s."""
+    _, tangent, relative = contact(model, k, float(s[k]), q, v)
+    along = float(relative @ tangent / (tangent @ tangent))
+    d, slope = (np.einsum("a,ajc->jc", shapes, section.d) for shapes in section.shapes[:2])
+    moving = np.einsum("a,ajc->jc", section.shapes[0], v[section.nodes[:-1], 1:]) + along * slope
+    there = section.turned_by(angle)
+    lead = _sine_and_cosine(there.turn @ v[section.nodes[-1], 1:], d)[0] + _sine_and_cosine(there.axes, moving)[0]
+    return lead / _sine_and_cosine(there.axes, d)[1]
+
+
+def angles(model: Model, history: Array) -> Array:
+    """Angle by which the section has turned about d_1 in every sleeve since t = 0, rad, [O]; 0 of those that do not rub."""
+    out = np.zeros(len(model.sleeve_pairs))
+    out[model.twisting] = -numbers_of(model, history)[:, ANGLE]
+    return out
+
+
+def push_of_twist(section: Section, angle: float) -> float:
+    """Force along the beam, N, of a moment of 1 N m of friction in its twist, as a beam that is twisted in its reference screws
+    itself out; angle: as of `angles`."""
+    return float(section.turned_by(-angle).values(1)[2])

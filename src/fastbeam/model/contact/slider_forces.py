@@ -1,0 +1,471 @@
+"""Friction, drives, stops and locks of sliders as tables, what drives are given in every step, and their forces at rows."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.contact.friction_fallback import no_doubt
+from fastbeam.kernels.contact.slider_forces import (AGAINST, ASKED, BY_RATE, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT,
+    LAW, LOCKED, MOST_KEPT, NO_DRIVE, OFF, OFFSET, POSITION, SIGN, STIFFNESS, TURNS, Along)
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.model.contact.drive_laws import (force_at, gains_of, given_over, given_to, kind_of, law_at, law_of, slope_at_rest,
+    value_at)
+from fastbeam.scene import Drive, Path, Slider, Switch
+from fastbeam.scene.switches import AT_END, Arrival, span_of, stops_on
+
+Array = np.ndarray
+# a prescribed position may be so far from the place of the slider at the start, of the length of the beam
+AT_START = 1e-9
+# the same of the state that a run starts from
+JUMP = 1e-6
+
+
+@dataclass
+class AtRow:
+    """Forces along the beam at one time, N, on the sliding points in the direction of growing s; all [S]."""
+
+    along: Array
+    friction: Array
+    drive: Array
+    stop: Array
+    lock: Array
+
+
+class SliderForces:
+    """Forces along the beam on all sliders of a scene, of which one at least has some.
+
+    Parameters
+    ----------
+    sliders : list of Slider
+
+    Raises
+    ------
+    SceneError
+        A function of a drive cannot be compiled.
+    """
+
+    def __init__(self, sliders: list[Slider]) -> None:
+        self.sliders = sliders
+        n = len(sliders)
+        self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
+                            np.zeros(n, np.int64), np.zeros((n, ASKED)), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64),
+                            np.zeros(n),
+                            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64),
+                            no_doubt(n), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
+                            np.zeros((n, MOST_KEPT, 4)))
+        for k, slider in enumerate(sliders):
+            self._fill(k, slider)
+
+    def _fill(self, k: int, slider: Slider) -> None:
+        t, friction, drive, stops = self.tables, slider.friction, slider.drive, slider.stops
+        if friction is not None:
+            t.friction[k], t.viscous[k], t.smoothing[k] = friction.coefficient, friction.viscous, friction.smoothing or 0.0
+        t.stops[k, :2] = -np.inf, np.inf
+        if stops is not None and stops.stiffness is not None:
+            t.stops[k] = *self._between(k, slider.at, np.zeros(HISTORY)), stops.stiffness
+        t.drive[k] = kind_of(drive)
+        if drive is None:
+            return
+        if t.drive[k] == CONTROL:
+            t.gains[k] = gains_of(drive)
+        elif t.drive[k] == LAW:
+            t.law[k] = law_of(drive, f"slider {slider.name!r}")
+        t.given[k] = self._given(k, 0.0, 0.0)
+
+    @property
+    def timed(self) -> bool:
+        """Whether a drive has to be told the time of a step."""
+        return any(x is not None and x.is_timed for x in self._drives)
+
+    @property
+    def _drives(self) -> list[Drive | None]:
+        return [slider.drive for slider in self.sliders]
+
+    @property
+    def acts_on(self) -> Array:
+        """Whether a slider has any, bool [S]."""
+        return np.array([not x.slides_freely for x in self.sliders])
+
+    @property
+    def lets_go_of(self) -> Array:
+        """Whether a slider is locked at some time or may leave its beam, bool [S]."""
+        return np.array([not (x.lock is None and x.release is None and x.one_sided is None) for x in self.sliders])
+
+    @property
+    def is_rough(self) -> Array:
+        """Whether something may hold a slider, let it go or prescribe its motion, or it is on a switch, so that its place at rest
+        is no smooth function of the loads, bool [S]."""
+        rough = [isinstance(x.beam, Switch) or x.stops is not None and x.stops.is_rigid for x in self.sliders]
+        return self.lets_go_of | self.hold_by_friction | np.array(rough) | np.isin(self.tables.drive, (POSITION, INCREMENT))
+
+    @property
+    def hold_by_friction(self) -> Array:
+        """Which sliders Coulomb friction can hold at rest, bool [S]."""
+        t = self.tables
+        return (t.friction > 0.0) & (t.smoothing == 0.0) & ~np.isin(t.drive, (POSITION, INCREMENT))
+
+    def has_functions(self, of: Array) -> bool:
+        """Whether drives of some sliders, bool [S], are functions of time alone that count when nothing moves."""
+        return any(x is not None and not x.takes_state and (callable(x.position) or callable(x.force))
+                   for x, mine in zip(self._drives, of) if mine)
+
+    def check_times(self, who: str, free: Array, at_time: Any, more: str = "") -> None:
+        """Refuse equilibria at no given time, s, where drives of the free sliders, bool [S], are functions of time.
+
+        Raises
+        ------
+        SceneError
+        """
+        if at_time is None and self.has_functions(free):
+            raise SceneError(f"{who}: drives have time functions; say with at_time=... where to evaluate them{more}")
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether something takes energy away."""
+        t = self.tables
+        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or np.any(t.law)
+                    or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether the total energy changes: there is more than elastic stops."""
+        return self.dissipates or bool(np.any(self.tables.drive != NO_DRIVE)) or self.lets_go
+
+    @property
+    def lets_go(self) -> bool:
+        """Whether sliders are locked or leave their beams."""
+        return bool(self.lets_go_of.any())
+
+    @property
+    def leaves(self) -> bool:
+        """Whether a slider may leave its beam."""
+        return any(x.release is not None or x.one_sided is not None for x in self.sliders)
+
+    @property
+    def locked_at_start(self) -> Array:
+        """Whether sliders are locked from the start, bool [S]."""
+        return np.array([x.lock is not None and x.lock[0].from_start for x in self.sliders])
+
+    @property
+    def off_at_start(self) -> Array:
+        """Whether points are away from their beams at the start, bool [S]."""
+        return np.array([x.starts_off for x in self.sliders])
+
+    @property
+    def initial_history(self) -> Array:
+        """`State.history` at the start, float64 [11 S]."""
+        out = np.zeros((len(self.sliders), HISTORY))
+        locked = self.locked_at_start
+        out[locked, HELD], out[locked, TURNS] = LOCKED, 1.0
+        out[self.off_at_start, HELD] = OFF
+        return out.reshape(-1)
+
+    @property
+    def plan(self) -> Array:
+        """What locks and releases wait for, as numbers: times and places, NaN where it is something else; float64 [*]."""
+        out: list[float] = []
+        for slider in self.sliders:
+            waits: list[Any] = [x for lock in slider.lock or () for x in (lock.when, lock.at, lock.until)]
+            waits += [] if slider.release is None else [slider.release.when]
+            waits += [] if slider.one_sided is None else [*slider.one_sided.side.tolist(), slider.one_sided.restitution,
+                                                              float(slider.one_sided.catch)]
+            out += [x if isinstance(x, float) else np.nan for x in waits] + [np.inf]
+        return np.array(out)
+
+    @property
+    def choices(self) -> str:
+        """Where sliders on switches go on, their stops and locks, as a text; functions count only by being there."""
+        switches = [x.beam for x in self.sliders if isinstance(x.beam, Switch)]
+        chosen = [sorted(x.choose.items()) if isinstance(x.choose, dict) else x.choose for x in switches]
+        places = [[x.stops and (x.stops.start, x.stops.end), *(lock.at for lock in x.lock or ())] for x in self.sliders
+                  if isinstance(x.beam, Switch)]
+        return repr([places, *(([track.name for track in x.tracks], "function" if callable(y) else y)
+                               for x, y in zip(switches, chosen))])
+
+    @property
+    def size(self) -> int:
+        """Numbers of `State.history`."""
+        return HISTORY * len(self.sliders)
+
+    def work(self, mass: float) -> Along:
+        """The tables with arrays of one run; mass: of the scene, kg."""
+        self.tables.clock[2] = mass if mass > 0.0 else 1.0
+        return self.tables._replace(doubt=no_doubt(len(self.sliders)), **{
+            name: getattr(self.tables, name).copy() for name in (
+                "stops", "asked", "given", "clock", "sign", "rest", "flips", "judged", "against", "held", "offset", "under")},
+            **{name: empty(getattr(self.tables, name).shape) for name in ("needed", "taken", "shapes")})
+
+    @cached_property
+    def sides(self) -> list[Array]:
+        """In which direction of the triads of the nodes of their curves sliders may lift off, float64 [n, 3] each; n = 0 where
+        they may not.
+
+        Raises
+        ------
+        SceneError
+            Of a path, around a corner the direction is along a beam, or around a closed one it becomes another.
+        """
+        return [np.zeros((0, 3)) if slider.one_sided is None else sides_of(slider) for slider in self.sliders]
+
+    def free_way(self, limits: Array) -> Array:
+        """Arc lengths between which no stop acts on sliders, from their limits [S, 2]."""
+        out = limits.copy()
+        for k, slider in enumerate(self.sliders):
+            if slider.stops is not None and not isinstance(slider.beam, Switch):
+                out[k] = np.clip(slider.stops.between, *limits[k])
+        return out
+
+    # --- stops, where sliders are -------------------------------------------------------------------------------------
+    def _between(self, k: int, s: float, own: Array) -> tuple[float, float]:
+        """Arc lengths between which the stops of slider k leave it at s, by its history [11]; infinite where there are none."""
+        stops, on = self.sliders[k].stops, self.sliders[k].beam
+        if stops is None:
+            return -np.inf, np.inf
+        if not isinstance(on, Switch):
+            return stops.between
+        return stops_on(on, stops, span_of(on, s), Arrival(float(own[OFFSET]), float(own[CAME_BY])))
+
+    def elastic(self, s: Array, history: Array) -> Array:
+        """Arc lengths at which elastic stops begin, float64 [S, 2]; history [S, 11]."""
+        out = self.tables.stops[:, :2].copy()
+        for k, slider in enumerate(self.sliders):
+            if isinstance(slider.beam, Switch) and self.tables.stops[k, STIFFNESS] > 0.0:
+                out[k] = self._between(k, float(s[k]), history[k])
+        return out
+
+    def speed_given(self, k: int, t: float) -> float:
+        """Velocity that a drive prescribes at time t, m/s."""
+        return self._value(k, "speed", t)
+
+    # --- what drives are given ----------------------------------------------------------------------------------------
+    def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:
+        """What every drive is given in substeps from times `starts` on, of these lengths [n]: (float64 [n, S, 2], times of their
+        middle [n])."""
+        out = np.zeros((len(starts), len(self.sliders), 2))
+        for k, (drive, kind) in enumerate(zip(self._drives, self.tables.drive.tolist())):
+            if kind != NO_DRIVE:
+                out[:, k] = given_over(drive, kind, f"slider {self.sliders[k].name!r}", starts, lengths)
+        return out, starts + 0.5 * lengths
+
+    def _given(self, k: int, t: float, h: float) -> tuple[float, float]:
+        """For a step from t to t + h; (0, 0) where a drive does not ask for the time."""
+        drive = self.sliders[k].drive
+        assert drive is not None
+        return given_to(drive, f"slider {self.sliders[k].name!r}", t, h)
+
+    def _value(self, k: int, what: str, t: float) -> float:
+        drive = self.sliders[k].drive
+        assert drive is not None
+        return value_at(drive, f"slider {self.sliders[k].name!r}", what, t)
+
+    # --- rigid stops --------------------------------------------------------------------------------------------------
+    def limits(self, ends: Array, s: Array, history: Array) -> Array:
+        """Arc lengths between which sliders at s [S] may go: `ends` [S, 2] of their tracks, or rigid stops; history [S, 11]."""
+        out = ends.copy()
+        for k, slider in enumerate(self.sliders):
+            if slider.stops is not None and slider.stops.is_rigid:
+                out[k] = np.clip(self._between(k, float(s[k]), history[k]), *ends[k])
+        return out
+
+    @property
+    def restitutions(self) -> Array:
+        """Of the rigid stops of all sliders at both ends, on whatever track, -1 where there is none, float64 [S, 2]."""
+        out = np.full((len(self.sliders), 2), -1.0)
+        for k, slider in enumerate(self.sliders):
+            stops = slider.stops
+            if stops is not None and stops.is_rigid:
+                there = [x is not None for x in (stops.start, stops.end)]
+                # from behind a wall on a track stands at its other side
+                out[k, any(there) if stops.on_tracks else there] = stops.restitution or 0.0
+        return out
+
+    def restitutions_at(self, s: Array, history: Array) -> Array:
+        """As `restitutions`, of the stops that sliders at s meet on their tracks; history [S, 11]."""
+        found = [[self.restitution(k, at_end, float(x), own) for at_end in (False, True)]
+                 for k, (x, own) in enumerate(zip(s, history))]
+        return np.array([[-1.0 if x is None else x for x in both] for both in found])
+
+    def check_start(self, t: float, s: Array, history: Array) -> None:
+        """Prescribed positions at the time t where a run starts are those of its sliders.
+
+        Raises
+        ------
+        SceneError
+            One would jump.
+        """
+        for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
+            slider, place = self.sliders[k], self.place_given(k, t, history[k])
+            if abs(place - s[k]) > JUMP * slider.beam.length:
+                raise SceneError(f"slider {slider.name!r} stands at s = {s[k]:.6g} m, its drive at t = {t:.6g} s at {place:.6g} "
+                                 "m; start at the time of the state (t_start=...), or let the position begin there")
+
+    def restitution(self, k: int, at_end: bool, s: float, own: Array) -> float | None:
+        """Of the rigid stop of slider k, at s, at its end or start; None where it has none there. own [11]: of its history."""
+        stops, on = self.sliders[k].stops, self.sliders[k].beam
+        if stops is None or not stops.is_rigid:
+            return None
+        wall = self._between(k, s, own)[int(at_end)]
+        if not np.isfinite(wall):
+            return None
+        if isinstance(on, Switch):
+            begin, end = on.spans[span_of(on, s)]
+            slack = AT_END * float(end - begin)
+            if not begin - slack <= wall <= end + slack:
+                return None
+        return stops.restitution or 0.0
+
+    # --- rows ---------------------------------------------------------------------------------------------------------
+    def stop_energy(self, s: Array, history: Array) -> Array:
+        """Energy that elastic stops store, J, [S]; history [S, 11], or flat."""
+        stiff, (low, high) = self.tables.stops[:, STIFFNESS], self.elastic(s, history[:self.size].reshape(-1, HISTORY)).T
+        beyond = np.maximum(low - s, 0.0)**2 + np.maximum(s - high, 0.0)**2
+        return np.asarray(0.5 * stiff * np.where(stiff > 0.0, beyond, 0.0))
+
+    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array, push: Array,
+               edges: Array, share: float | None = None) -> AtRow:
+        """Forces along the beam at time t.
+
+        Parameters
+        ----------
+        t : float
+        s, rate : float64 [S]
+            Places, m, and velocities ds/dt, m/s.
+        history : float64 [S, 11]
+            Of the state.
+        tangent, force : float64 [S, 3]
+            Derivatives of the curves by s; contact forces, N.
+        push : float64 [S]
+            Of the moments of sleeves along the beam, N.
+        edges : float64 [S]
+            What these moments press on the edges of bores, N.
+        share : float, optional
+            The load factor of an equilibrium.
+        """
+        table, sign = self.tables, history[:, SIGN]
+        along = np.sum(force * tangent, axis=1)
+        long = np.linalg.norm(tangent, axis=1)
+        across = (np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) + edges) * long
+        along = along - push
+        stiff, (low, high), offset = table.stops[:, STIFFNESS], self.elastic(s, history).T, history[:, OFFSET]
+        beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
+        stop = np.where(stiff > 0.0, stiff * beyond, 0.0)
+        drive = np.zeros(len(s))
+        prescribed = np.isin(table.drive, (POSITION, INCREMENT))
+        for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
+            drive[k] = self._drive_at(k, t, s[k], rate[k], offset[k]) if share is None else self.at_rest(
+                k, t, s[k], share, offset[k])
+        smooth = table.smoothing > 0.0
+        # of a prescribed motion that of the last step: what is left of its velocity where it has come to rest alternates
+        direction = np.where(smooth, np.tanh(rate / np.where(smooth, table.smoothing, 1.0)), sign)
+        friction = -table.friction * across * direction - table.viscous * rate
+        sticks = (table.friction > 0.0) & ~smooth & ~prescribed & (sign == 0.0)
+        friction = np.where(sticks, along - stop - drive, friction)
+        drive = np.where(prescribed, along - stop - friction, drive)
+        # against a rigid stop friction gives what it can
+        against = history[:, AGAINST] != 0.0
+        friction = np.where(against, np.clip(along - drive, -table.friction * across, table.friction * across), friction)
+        stop = np.where(against, along - drive - friction, stop)
+        locked, off = history[:, HELD] == LOCKED, history[:, HELD] == OFF
+        friction, drive = np.where(locked | off, 0.0, friction), np.where(off, 0.0, drive)
+        stop = np.where(off | locked & ~(stiff > 0.0), 0.0, stop)
+        return AtRow(along, friction, drive, stop, np.where(locked, along - drive - stop, 0.0))
+
+    def _drive_at(self, k: int, t: float, s: float, rate: float, offset: float) -> float:
+        # laws know s of a switch, controllers follow the way
+        way = s + offset if self.tables.drive[k] == CONTROL else s
+        return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, way, rate)
+
+    def at_rest(self, k: int, t: float, s: float, share: float, offset: float) -> float:
+        """Force of a drive that does not prescribe the motion on a slider at rest at s, N, at the time t and the load factor
+        `share`, with which it grows like a load; offset: arc length of the way less s."""
+        kind, gains = self.tables.drive[k], self.tables.gains[k]
+        if kind == LAW:
+            return share * law_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, 0.0)
+        given = self._given(k, t, 0.0)[0]
+        return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - offset - s), -gains[2], gains[2])))
+
+    def slope_at_rest(self, k: int, t: float, s: float, share: float, offset: float, by_rate: bool) -> float:
+        """Derivative of this force by s, N/m, or by ds/dt, N s/m.
+
+        Raises
+        ------
+        SceneError
+            A law has a kink or jumps there.
+        """
+        slider = self.sliders[k]
+        # laws know s of a switch, controllers follow the way
+        way = s + offset if self.tables.drive[k] == CONTROL else s
+        return share * slope_at_rest(slider.drive, f"slider {slider.name!r}", t, way, slider.beam.length, by_rate)
+
+    def place_given(self, k: int, t: float, own: Array) -> float:
+        """Where a drive puts slider k at time t, m; own [11]: of its history."""
+        return self._value(k, "position", t) - float(own[OFFSET])
+
+
+def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
+    """None where no slider has any.
+
+    Raises
+    ------
+    SceneError
+        A prescribed position does not begin where its slider stands.
+    """
+    if all(x.slides_freely for x in sliders):
+        return None
+    found = SliderForces(sliders)
+    # looked at now, for what it has against paths
+    assert len(found.sides) == len(sliders)
+    for k in np.flatnonzero(found.tables.drive == POSITION).tolist():
+        slider = sliders[k]
+        begin = float(found.tables.given[k, 0])
+        if abs(begin - slider.at) > AT_START * slider.beam.length:
+            raise SceneError(f"slider {slider.name!r}: its drive begins at position(0) = {begin:.6g} m, the slider at "
+                             f"{slider.at:.6g} m; begin with at={begin:.6g}")
+    return found
+
+
+def sides_of(slider: Slider) -> Array:
+    """Direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to beam of a
+    path it stays the same in space, in the reference shape.
+
+    Raises
+    ------
+    SceneError
+        As of `SliderForces.sides`.
+    """
+    if not isinstance(slider.beam, Path):
+        side = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side
+        side[0] = 0.0
+        return np.tile(side, (slider.beam.n_nodes, 1))
+    path, n = slider.beam, len(slider.beam.beams)
+    (first,), (at,) = path.places([slider.at])
+    sides = np.zeros((n, 3))
+    sides[first] = _across(slider, path.beams[first].reference(at)[1][0], slider.one_sided.side)
+    # on from its beam, and back from it; around a closed path only on
+    on = [(k % n, (k + 1) % n) for k in range(first, first + n if path.closed else n - 1)]
+    back = [] if path.closed else [(k, k - 1) for k in range(first, 0, -1)]
+    for k, other in (*on, *back):
+        forward = other == (k + 1) % n if path.closed else other > k
+        ends = [path.beams[j].reference(path.beams[j].length * (x == (path.directions[j] > 0)))[1][0]
+                for j, x in ((k, forward), (other, not forward))]
+        found = _across(slider, ends[1], sides[k] @ ends[0])
+        if np.any(sides[other]) and np.linalg.norm(found - sides[other]) > 1e-3:
+            raise SceneError(f"slider {slider.name!r}: one_sided: around {path.label} its side turns about the axis and comes "
+                             "back as another; give the beams triads that close, or slide it on an open path")
+        sides[other] = found if not np.any(sides[other]) else sides[other]
+    return np.repeat(sides, [beam.n_nodes for beam in path.beams], axis=0)
+
+
+def _across(slider: Slider, triad: Array, side: Array) -> Array:
+    """Unit direction across a beam, in its triad, from one in space."""
+    out = triad @ side
+    out[0] = 0.0
+    size = float(np.linalg.norm(out))
+    if not size > 1e-3 * float(np.linalg.norm(side)):
+        raise SceneError(f"slider {slider.name!r}: one_sided: its side is a direction along one of the beams of "
+                         f"{slider.beam.label}; give one across them all")
+    return out / size

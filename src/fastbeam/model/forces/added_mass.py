@@ -1,0 +1,140 @@
+"""Nodes with added mass (theory.md (4.34)): tables, the momenta that start in `State.history`, energy and momenta of rows."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.forces.added_mass import AddedMass
+from fastbeam.kernels.state import State
+from fastbeam.model.model import Model
+from fastbeam.model.numbering import NodeList
+from fastbeam.model.tables import Elements, node_lengths
+from fastbeam.scene import Scene
+from fastbeam.scene.added_mass import added_masses
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Added:
+    """Nodes with added mass.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Of the added masses.
+    node, part : int64 [A]
+        Nodes, and to which added mass they belong.
+    normal, along : float64 [A]
+        Of whole nodes, kg: mass across d1, and what that along d1 is more.
+    """
+
+    labels: tuple[str, ...]
+    node: Array
+    part: Array
+    normal: Array
+    along: Array
+
+    @property
+    def size(self) -> int:
+        """Numbers in `State.history`."""
+        return self.node.size
+
+    @property
+    def turns(self) -> bool:
+        """Whether the masses turn with the sections."""
+        return bool(np.any(self.along != 0.0))
+
+    def tables(self, row_of: Array, block: Array, first: int) -> AddedMass:
+        """Tables; block: diagonal blocks [A]; first: place of the first momentum in the history."""
+        return AddedMass(self.node, row_of[self.node], block, self.normal, self.along, first + np.arange(self.size))
+
+    def momenta(self, q: Array, v: Array) -> Array:
+        """Along d1, of velocities: float64 [A]; q, v [N, 12], in a plane [N, 4]."""
+        d = 3 if q.shape[1] == 12 else 2
+        return np.asarray(self.along * np.einsum("ac,ac->a", q[self.node, d:2 * d], v[self.node, :d]))
+
+    def misfit(self, own: Array, q: Array, v: Array) -> float:
+        """The largest difference between velocities along d1 and those of momenta own [A], m/s; q, v [12 N]."""
+        there = self.along != 0.0
+        off = (own - self.momenta(q.reshape(-1, 12), v.reshape(-1, 12)))[there] / self.along[there]
+        return float(np.max(np.abs(off), initial=0.0))
+
+    def add_to(self, own: Array, state: State, out: Array) -> None:
+        """Kinetic energy and momenta to those of `energies.motion`; own: momenta in the history [A]."""
+        q, v = (x.reshape(-1, 4, 3)[self.node] for x in (state.q, state.v))
+        p = self.normal[:, None] * v[:, 0] + own[:, None] * q[:, 1]
+        there = self.along != 0.0
+        out[0] += 0.5 * float(self.normal @ np.sum(v[:, 0]**2, axis=1))
+        out[0] += 0.5 * float(np.sum(own[there]**2 / self.along[there]))
+        out[1:4] += p.sum(axis=0)
+        out[4:7] += np.cross(q[:, 0], p).sum(axis=0)
+
+    def mass_map(self, q: Array) -> Any:
+        """Masses on the coordinates of all nodes at q [12 N], sparse [12 N, 12 N]."""
+        from scipy import sparse
+        d1 = q.reshape(-1, 4, 3)[self.node, 1]
+        blocks = self.normal[:, None, None] * np.eye(3) + self.along[:, None, None] * d1[:, :, None] * d1[:, None, :]
+        at = 12 * self.node[:, None] + np.arange(3)
+        rows, columns = np.broadcast_arrays(at[:, :, None], at[:, None, :])
+        return sparse.csr_matrix((blocks.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(q.size, q.size))
+
+
+def added_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Added | None:
+    """None where there is no added mass. elements: of every beam, then of every net."""
+    given = added_masses(scene)
+    if not given:
+        return None
+    length = np.zeros(len(nodes))
+    for part in elements:
+        length += node_lengths(part.nodes, part.mass_phi, length.size)
+    node = [np.arange(len(nodes))[nodes.span(x.on)] for x in given]
+    part = np.repeat(np.arange(len(node)), [x.size for x in node])
+    every = np.concatenate(node)
+    slender = np.array([x.is_slender for x in given])[part]
+    size = np.where(slender, length[every], 1.0)
+    normal, tangential = (np.array([getattr(x, of) for x in given])[part] for of in ("normal", "tangential"))
+    return Added(tuple(f"{x.label} on {x.on.label}" for x in given), every, part, size * normal,
+                 size * (tangential - normal))
+
+
+def with_added(model: Model, added: Added | None, diagonal: Callable[[Array], Array]) -> Model:
+    """The model with the tables of its added mass; diagonal: blocks of the own terms of nodes.
+
+    Raises
+    ------
+    SceneError
+        The scene has blows, whose jumps of velocities do not know these masses.
+    """
+    if added is None:
+        return model
+    forces = model.slider_forces
+    blows = forces is not None and bool(forces.lets_go_of.any() or np.any(forces.restitutions >= 0.0))
+    if blows or model.catches or model.motions is not None and model.motions.holds.has_rigid_stops:
+        raise SceneError(f"{added.labels[0]}: sliders or joints have rigid stops, locks, releases or one-sided contact, or "
+                         "supports take hold, whose blows do not know the mass of the fluid; leave these out, or use elastic "
+                         "stops")
+    model = replace(model, added=added)
+    return replace(model, added_tables=added.tables(model.pattern.row_of, diagonal(added.node), model.added_place))
+
+
+def refuse_added(who: str, model: Model, why: str) -> None:
+    """Refuse added mass.
+
+    Raises
+    ------
+    SceneError
+        Names the first.
+    """
+    if model.added is not None:
+        raise SceneError(f"{who}: {model.added.labels[0]}: {why}")
+
+
+def add_energies(model: Model, state: State, out: Array) -> None:
+    """Kinetic energy and momenta of all added mass, as `energies.motion` puts them."""
+    if model.added is not None:
+        model.added.add_to(state.history[model.added_place:][:model.added.size], state, out)

@@ -1,0 +1,276 @@
+"""What resists velocities about a state of rest, as a sparse matrix (theory.md 14): damped sections, linear drag, dampers in
+joints, springs and bushings, forces by laws of the user's own. And the stiffness of the material alone, whose share loses energy
+by a loss factor."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.contact.slider_forces import CONTROL
+from fastbeam.kernels.forces.bushing import Bushings
+from fastbeam.kernels.forces.force_element import ForceElements
+from fastbeam.kernels.forces.line_force import LineForces
+from fastbeam.kernels.forces.spring_laws import SpringLaws
+from fastbeam.kernels.forces.user_force import UserForces
+from fastbeam.kernels.layout import VISCOSITY, layout_of
+from fastbeam.model.forces.failed_laws import ask
+from fastbeam.model.model import Model
+from fastbeam.model.tables import strain_gradient
+
+Array = np.ndarray
+# rates with which laws are tried, in sizes of the scene a second, and rad/s
+RATE = 1e-6
+
+
+def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
+    """Forces against the rates of all coordinates at a state of rest, sparse [12 N, 12 N].
+
+    Parameters
+    ----------
+    model : Model
+        In space.
+    q : float64 [N, 4, 3]
+    t, factor : float
+        Time, s, with which laws are evaluated, and load factor, which scales those that grow.
+
+    Raises
+    ------
+    SceneError
+        Drag in moving air, under which nothing is at rest.
+    """
+    damped = () if model.damped is None else model.damped.strains
+    links = _of_joints(model, q) + _of_springs(model, q) + _of_bushings(model, q) + _of_laws(model, q, t, factor)
+    links = links + _of_lines(model, q, t) + _of_elements(model, q, t)
+    return (_of_sections(model, q, damped, VISCOSITY) + _of_drag(model) + links).tocsr()
+
+
+def material_map(model: Model, q: Array) -> Any:
+    """Stiffness of the stresses of all beams against changes of their strains, sparse [12 N, 12 N]: that of the tangent without
+    the part of the stresses that there are."""
+    return _of_sections(model, q, ("simo_reissner", "green_lagrange"), 0)
+
+
+def _of_sections(model: Model, q: Array, sets: tuple[str, ...], first: int) -> Any:
+    """int E_q^T X E_q ds with the 6 x 6 matrix X that stands at `first` from C in the tables of these strain sets."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
+    for name, tables in (("simo_reissner", model.simo), ("green_lagrange", model.green)):
+        for nn, nq, co, no, *_ in tables.meta.tolist() if tables is not None and name in sets else ():
+            live = np.flatnonzero(tables.rows[no:no + 8] != model.n_nodes)
+            matrix = tables.tab[co + first:co + first + 288].reshape(6, 6, 8)[:, :, live]
+            if not matrix.any():
+                continue
+            at = tables.nodes[no:no + 8 * nn].reshape(nn, 8)[:, live]
+            place = layout_of(SPACE, nn, nq)
+            point = tables.tab[co + place.point:co + place.inertia].reshape(nq, -1, 8)[:, :, live]
+            shapes = [np.moveaxis(point[:, 1 + k::3], 2, 0) for k in range(3)]
+            lead = _by_coordinates(name, q[at.T], *shapes)
+            weighed = np.moveaxis(point[:, 0], 1, 0)[:, :, None, None] * np.einsum("ijl,lgjm->lgim", matrix, lead)
+            blocks = np.einsum("lgim,lgin->lmn", lead, weighed, optimize=True)
+            unknown = (12 * at.T[:, :, None] + np.arange(12)).reshape(live.size, -1)
+            rows, columns = np.broadcast_arrays(unknown[:, :, None], unknown[:, None])
+            parts.append((rows.reshape(-1), columns.reshape(-1), blocks.reshape(-1)))
+    rows, columns, values = (np.concatenate(x) for x in zip(*parts))
+    return sparse.csr_matrix((values, (rows, columns)), shape=(n, n))
+
+
+def _by_coordinates(name: str, x: Array, phi_s: Array, shape: Array, slope: Array) -> Array:
+    """Derivative of the strains at g points by the coordinates of nn nodes, [l, g, 6, 12 nn]; x [l, nn, 4, 3], shapes
+    [l, g, nn]."""
+    f = np.einsum("lga,lac->lgc", phi_s, x[:, :, 0])
+    d, k = (np.einsum("lga,laic->lgic", y, x[:, :, 1:]) for y in (shape, slope))
+    gradient = strain_gradient(name, f, d, k)
+    lead = np.empty((*phi_s.shape[:2], 6, phi_s.shape[2], 4, 3))
+    lead[..., 0, :] = np.einsum("lga,lgic->lgiac", phi_s, gradient[:, :, :, 0])
+    lead[..., 1:, :] = (np.einsum("lga,lgikc->lgiakc", shape, gradient[:, :, :, 1:4])
+                        + np.einsum("lga,lgikc->lgiakc", slope, gradient[:, :, :, 4:]))
+    return lead.reshape(*lead.shape[:3], -1)
+
+
+def check_still_air(model: Model) -> None:
+    """Refuse drag in moving air.
+
+    Raises
+    ------
+    SceneError
+        It adds to the damping of small motions, and to stiffness that is not symmetric.
+    """
+    drag = model.dragged
+    if drag is not None and drag.windy:
+        asked = int(drag.part[np.argmax(drag.wind.laws.address != 0)])
+        raise SceneError(f"{drag.labels[asked]}: its air moves by wind=, and what it adds to the damping of small motions is not "
+                         "known; leave wind= out, or run in time")
+    if drag is not None and np.any(drag.air):
+        moves = int(drag.part[np.argmax(np.any(drag.air != 0.0, axis=1))])
+        raise SceneError(f"{drag.labels[moves]}: its air moves, and what it adds to the damping of small motions is not known; "
+                         "leave air= out, or run in time")
+
+
+def _of_drag(model: Model) -> Any:
+    """Linear drag; that of the square of a velocity has no linear part at rest."""
+    from scipy import sparse
+    diagonal = np.zeros((model.n_nodes, 4, 3))
+    drag = model.dragged
+    check_still_air(model)
+    if drag is not None:
+        np.add.at(diagonal[:, 0], drag.node, drag.coefficient[:, 2:])
+    return sparse.diags(diagonal.reshape(-1), format="csr")
+
+
+def _of_joints(model: Model, q: Array) -> Any:
+    """Dampers and controllers on the distances and angles that joints leave free."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    motions = model.motions
+    if motions is None:
+        return sparse.csr_matrix((n, n))
+    damping = motions.every.damping.copy()
+    # those of controllers below their largest force
+    kind, _, by_rate, _ = motions.holds.gains.T
+    damping[motions.holds.driven] += np.where(kind == CONTROL, by_rate, 0.0)
+    damped = np.flatnonzero(damping)
+    rates = np.zeros((damped.size, model.n_nodes, 4, 3))
+    for row, k in enumerate(damped.tolist()):
+        pair = motions.node[k].tolist()
+        rates[row, pair] += motions.laws[k].lead(q[pair])[0]
+    lead = sparse.csr_matrix(rates.reshape(len(rates), n))
+    return lead.T @ sparse.diags(damping[damped]) @ lead
+
+
+def _of_springs(model: Model, q: Array) -> Any:
+    """Dampers along the line of two points, those of one side where they act."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    total = sparse.csr_matrix((n, n))
+    for table in model.links:
+        if not isinstance(table, SpringLaws):
+            continue
+        a, b = table.node.T
+        way = q[b, 0] - q[a, 0]
+        length = np.linalg.norm(way, axis=1)
+        acts = (table.damping > 0.0) & (table.side * (length - table.length) >= 0.0) & (length > 0.0)
+        direction = (way / np.where(length > 0.0, length, 1.0)[:, None])[acts]
+        k, c = np.arange(int(acts.sum()))[:, None], np.arange(3)
+        rows = np.tile(np.repeat(k, 3), 2)
+        columns = np.concatenate(((12 * b[acts][:, None] + c).reshape(-1), (12 * a[acts][:, None] + c).reshape(-1)))
+        lead = sparse.csr_matrix((np.concatenate((direction.reshape(-1), -direction.reshape(-1))), (rows, columns)),
+                                 shape=(k.size, n))
+        total = total + lead.T @ sparse.diags(table.damping[acts]) @ lead
+    return total
+
+
+def _of_lines(model: Model, q: Array, t: float) -> Any:
+    """Of forces along lines the derivative of the tension by the rate of the length: central differences."""
+    from scipy import sparse
+    total = sparse.csr_matrix((12 * model.n_nodes, 12 * model.n_nodes))
+    for table in model.links:
+        if not isinstance(table, LineForces):
+            continue
+        for k, (a, b) in enumerate(table.node.tolist()):
+            way = q[b, 0] - q[a, 0]
+            length = float(np.linalg.norm(way))
+            size, found = RATE * length, np.zeros(2)
+            for i, rate in enumerate((size, -size)):
+                found[i] = ask(model, table, k, t, np.array([length, rate]), 1)[0]
+            at = np.concatenate((12 * b + np.arange(3), 12 * a + np.arange(3)))
+            lead = sparse.csr_matrix((np.concatenate((way, -way)) / length, (np.zeros(6, int), at)), shape=(1, total.shape[0]))
+            total = total + (found[0] - found[1]) / (2.0 * size) * (lead.T @ lead)
+    return total
+
+
+def _of_bushings(model: Model, q: Array) -> Any:
+    """Dampers of displacements along the axes of the first node and of products of the axes of both, theory.md (4.21)."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    total = sparse.csr_matrix((n, n))
+    for table in model.links:
+        if not isinstance(table, Bushings):
+            continue
+        count = len(table.node)
+        turn = table.axes.reshape(count, 2, 3, 3)
+        for k, (a, b) in enumerate(table.node.tolist()):
+            axes = [x @ q[node, 1:] for x, node in zip(turn[k], (a, b))]
+            shifts, products = np.zeros((3, 2, 4, 3)), np.zeros((3, 3, 2, 4, 3))
+            shifts[:, 1, 0], shifts[:, 0, 0] = axes[0], -axes[0]
+            shifts[:, 0, 1:] = turn[k, 0][:, :, None] * (q[b, 0] - q[a, 0])
+            products[:, :, 0, 1:] = turn[k, 0][:, None, :, None] * axes[1][None, :, None]
+            products[:, :, 1, 1:] = turn[k, 1][None, :, :, None] * axes[0][:, None, None]
+            shifts, products = shifts.reshape(3, 24), products.reshape(3, 3, 24)
+            viscosity, drag = (x.reshape(count, 3, 3)[k] for x in (table.viscosity, table.drag))
+            block = shifts.T @ viscosity @ shifts + np.einsum("ijm,il,ljn->mn", products, drag, products)
+            at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
+            rows, columns = np.broadcast_arrays(at[:, None], at)
+            total = total + sparse.csr_matrix((block.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(n, n))
+    return total
+
+
+def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
+    """Minus the derivative of forces and moments by laws of the user's own, by velocity and spin: central differences."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    total = sparse.csr_matrix((n, n))
+    for table in model.links:
+        if not isinstance(table, UserForces):
+            continue
+        for k, node in enumerate(table.node.tolist()):
+            block = np.zeros((6, 6))
+            for c in range(6):
+                size = RATE * (model.length if c < 3 else 1.0)
+                ends = []
+                for sign in (1.0, -1.0):
+                    given = np.concatenate((q[node].reshape(-1), np.zeros(6)))
+                    given[12 + c] = sign * size
+                    ends.append(ask(model, table, k, t, given, 6))
+                block[:, c] = -(factor if table.grows[k] else 1.0) * table.share[k] * (ends[0] - ends[1]) / (2.0 * size)
+            # rates of coordinates -> velocity and spin
+            motion = np.zeros((6, 12))
+            motion[:3, :3] = np.eye(3)
+            for i in range(3):
+                motion[3:, 3 * i + 3:3 * i + 6] = 0.5 * np.cross(q[node, 1 + i], np.eye(3)).T
+            at = 12 * node + np.arange(12)
+            rows, columns = np.broadcast_arrays(at[:, None], at)
+            total += sparse.csr_matrix(((motion.T @ block @ motion).reshape(-1), (rows.reshape(-1), columns.reshape(-1))),
+                                       shape=(n, n))
+    return total
+
+
+def _of_elements(model: Model, q: Array, t: float) -> Any:
+    """The same of force elements, whose forces do work on the rates of position and rotation in the axes of the first node."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    total = sparse.csr_matrix((n, n))
+    for table in model.links:
+        if not isinstance(table, ForceElements):
+            continue
+        turn = table.axes.reshape(-1, 2, 3, 3)
+        for k, (a, b) in enumerate(table.node.tolist()):
+            own, other = (x @ q[node, 1:] for x, node in zip(turn[k], (a, b)))
+            arm, c = q[b, 0] - q[a, 0], own @ other.T
+            rates, product = np.zeros((6, 2, 4, 3)), np.zeros((3, 3, 2, 4, 3))
+            rates[:3, 1, 0], rates[:3, 0, 0] = own, -own
+            rates[:3, 0, 1:] = turn[k, 0][:, :, None] * arm
+            product[:, :, 0, 1:] = turn[k, 0][:, None, :, None] * other[None, :, None]
+            product[:, :, 1, 1:] = turn[k, 1][None, :, :, None] * own[:, None, None]
+            spin = np.einsum("ilxyz,jl->ijxyz", product, c)
+            for i in range(3):
+                j, l = (i + 1) % 3, (i + 2) % 3
+                rates[3 + i] = 0.5 * (spin[l, j] - spin[j, l])
+            lead = rates.reshape(6, 24)
+            block = np.zeros((6, 6))
+            for column in range(6):
+                size = RATE * (model.length if column < 3 else 1.0)
+                ends = []
+                for sign in (1.0, -1.0):
+                    given = np.concatenate((own @ arm, c.reshape(-1), np.zeros(6)))
+                    given[12 + column] = sign * size
+                    ends.append(ask(model, table, k, t, given, 6))
+                block[:, column] = -(ends[0] - ends[1]) / (2.0 * size)
+            at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
+            rows, columns = np.broadcast_arrays(at[:, None], at)
+            block = lead.T @ block @ lead
+            total += sparse.csr_matrix((block.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(n, n))
+    return total

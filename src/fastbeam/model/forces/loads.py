@@ -1,0 +1,129 @@
+"""Factors of loads at their time."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.arguments import LARGEST, Number, Numbers, real, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.model.model import Model
+
+Array = np.ndarray
+# three Gauss points: what is smooth is exact to order 6, and a step stays symmetric in time
+POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+def load_factors(model: Model, times: Array, steps: Array) -> Array:
+    """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads
+    are exact to order 6 and a step stays symmetric."""
+    out = np.ones((len(times), len(model.load_times)))
+    for k, time in enumerate(model.load_times):
+        if time is not None:
+            out[:, k] = mean_factors(time, times, steps, f"of {model.load_names[k]}")
+    return out
+
+
+def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
+    """Factor of every load vector at a time, [K]; who: the function that was called.
+
+    Raises
+    ------
+    SceneError
+        There are time functions and no time.
+    """
+    for one in model.controllers:
+        # what a run has left does not count at rest
+        one.held[0] = one.start
+    laws = model.uneliminated.scene.user_forces if model.user_forces and model.uneliminated is not None else []  # type: ignore
+    timed = any(time is not None for time in (*model.load_times, *(getattr(law, "time", None) for law in laws)))
+    if at_time is None and (timed or model.blows and model.dragged.timed):
+        raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
+    return np.array([1.0 if time is None else factor_at(time, at_time or 0.0, f"of {name}")
+                     for time, name in zip(model.load_times, model.load_names)])
+
+
+def which_times(value: Any) -> float | tuple[float, float]:
+    """A time, or two.
+
+    Raises
+    ------
+    Refusal
+    """
+    if real(value) is not None:
+        return Number(unit="s")(value)
+    first, last = Numbers((2,), "a time in s, or two, of the loads at load factor 0 and at 1")(value)
+    return float(first), float(last)
+
+
+def load_path(who: str, model: Model, at_time: float | tuple[float, float] | None,
+              others_change: bool = False) -> tuple[Array, Array]:
+    """Factors [K] of all load vectors at load factor 0, and their change until load factor 1; who: the function that was called;
+    others_change: whether what is no load vector changes.
+
+    Raises
+    ------
+    SceneError
+        There are time functions and no time, or between two times nothing changes.
+    """
+    if not isinstance(at_time, tuple):
+        factors = load_factors_at(who, model, at_time)
+        return np.zeros_like(factors), factors
+    if model.blows and (model.dragged.timed or model.dragged.windy):
+        raise SceneError(f"{who}: at_time={at_time}: the air of {model.dragged.labels[0]} changes in time, and two times tell no "
+                         "path of its force; give one time, with which it grows from zero")
+    first, last = (load_factors_at(who, model, t) for t in at_time)
+    if np.array_equal(first, last) and not others_change:
+        raise SceneError(f"{who}: at_time={at_time}: no load changes between these times; give those that grow a time function, "
+                         "as in Load(..., time=lambda t: t), those without one stay")
+    return first, last - first
+
+
+def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of gravity") -> Array:
+    """Means of a time function over steps [t, t + h], [n]."""
+    return means(lambda t: factor_at(time, t, who), getattr(time, "_rows", None), times, steps)
+
+
+def means(value: Callable[[float], float], rows: Array | None, times: Array, steps: Array) -> Array:
+    """Means of a function over steps [t, t + h], [n]: of what is smooth by three Gauss points, of a table from row to row (rows:
+    their times) that lie within a step."""
+    def smooth(begins: Array, sizes: Array) -> Array:
+        points = (begins[:, None] + POINTS * sizes[:, None]).reshape(-1)
+        values = np.array([value(float(t)) for t in points]).reshape(-1, 3)
+        # written out: a matrix product rounds a row differently in calls of different length
+        return np.asarray(SHARES[0] * values[:, 0] + SHARES[1] * values[:, 1] + SHARES[2] * values[:, 2])
+
+    times, steps = np.asarray(times), np.asarray(steps)
+    out = smooth(times, steps)
+    if rows is not None:
+        ends = times + steps
+        low, high = np.minimum(times, ends), np.maximum(times, ends)
+        first, last = np.searchsorted(rows, low, "right"), np.searchsorted(rows, high, "left")
+        for k in np.flatnonzero(last > first):
+            cuts = np.concatenate(([low[k]], rows[first[k]:last[k]], [high[k]]))
+            sizes = np.diff(cuts)
+            out[k] = float(np.sum(smooth(cuts[:-1], sizes) * sizes)) / (high[k] - low[k])
+    return out
+
+
+def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity") -> float:
+    """A time function at t as a number; who: whose it is.
+
+    Raises
+    ------
+    SceneError
+        It failed, or returned something else, or nothing finite.
+    """
+    try:
+        value = time(t)
+    except SceneError:
+        raise
+    except Exception as error:
+        text = f"must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
+        raise SceneError(f"time function {who}: {text}") from error
+    factor = real(value)
+    if factor is None or not abs(factor) <= LARGEST:
+        raise SceneError(f"time function {who}: must return a finite number, got "
+                         f"{shown(value)} at t = {t:.6g} s")
+    return factor

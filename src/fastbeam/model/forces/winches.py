@@ -1,0 +1,189 @@
+"""Winches: tables of their ropes, what they have at rows, and how ropes move at the start (forces/winch.py)."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.forces.winch import GAUSS, Winches, motion_of_ropes, weight_of_ropes
+from fastbeam.kernels.state import State
+from fastbeam.model.workspace import law_work
+
+Array = np.ndarray
+
+
+class Ropes:
+    """Nodes of the ropes of all winches of a scene.
+
+    Attributes
+    ----------
+    winches : list of Winch
+    node : int64 [G, 3]
+        Upper and lower end of every segment, and the drum.
+    of : int64 [G]
+        Which winch.
+    """
+
+    def __init__(self, scene: Any, nodes: Any) -> None:
+        self.winches = scene.winches
+        if self.winches and scene.gravity_time is not None:
+            raise SceneError(f"{self.winches[0].label}: ropes know constant gravity alone; leave gravity_time out")
+        self.gravity = np.array(scene.gravity, float)
+        found, of = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
+        for k, winch in enumerate(self.winches):
+            chain = [nodes.number(winch.drum), *(nodes.start(x) for x in winch.points), nodes.number(winch.load)]
+            drum = np.full(winch.segments, nodes.start(winch.coil))
+            found.append(np.stack((chain[:-1], chain[1:], drum), axis=1).astype(np.int64))
+            of.append(np.full(winch.segments, k))
+        self.node, self.of = np.concatenate(found), np.concatenate(of)
+
+    def pairs(self, root: Array) -> list[Array]:
+        """Coupled nodes as i N + j; root: the node whose row a node shares."""
+        nodes = root[self.node].T
+        return [a * root.size + b for a in nodes for b in nodes]
+
+    def table(self, row_of: Array, blocks: Any, q: Array) -> Winches:
+        """The term; q [N, 3]: positions at the start."""
+        of, node = self.of, self.node
+        first = np.flatnonzero(np.diff(of, prepend=-1))
+
+        def each(name: str) -> Array:
+            return np.array([float(getattr(winch, name)) for winch in self.winches])
+
+        segments = each("segments")
+        mass = each("mass_per_length")
+        has = np.array([winch.total is not None for winch in self.winches])
+        total = np.array([np.inf if winch.total is None else winch.total for winch in self.winches])
+        block = np.stack([blocks.between(node[:, i], node[:, j]) for i in range(3) for j in range(3)], axis=1)
+        return Winches(node, row_of[node], block, segments[of] - (np.arange(of.size) - first[of]), segments[of],
+                       each("length")[of], q[node[:, 2], 0].copy(), each("stiffness")[of], mass[of], first, total,
+                       np.where(has, mass, 0.0), each("inertia"), self.gravity, law_work())
+
+
+class WinchRows:
+    """What winches have at rows: free length, m, its rate, m/s, and the tension at the drum and at the load, N: at the ends of
+    the rope, by a straight line through the forces of the last two segments; of a single one less its weight, not its inertia.
+
+    Parameters
+    ----------
+    names : list of str
+    table : Winches
+    """
+
+    kind = "winches"
+
+    def __init__(self, names: list[str], table: Winches) -> None:
+        self.names, self._table = names, table
+        self._last = np.append(table.first[1:], table.below.size) - 1
+
+    def series(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of their series."""
+        n = len(self.names)
+        return {"winch_length": (n,), "winch_speed": (n,), "winch_tension": (n, 2)}
+
+    def slack(self, state: State) -> list[str]:
+        """Names of those without tension."""
+        tension = self.row(state)["winch_tension"]
+        return [name for name, both in zip(self.names, tension) if not np.any(both > 0.0)]
+
+    def row(self, state: State) -> dict[str, Array]:
+        """Series of one row."""
+        t = self._table
+        x, v = (y.reshape(-1, 12)[:, :3] for y in (state.q, state.v))
+        drum = t.node[t.first, 2]
+        length = t.length[t.first] + (x[drum, 0] - t.origin[t.first])
+        rest = length / t.segments[t.first]
+
+        def force(k: Array) -> Array:
+            """Of segments k [W], on their upper ends, [W, 3]: that of their middles."""
+            along = x[t.node[k, 1]] - x[t.node[k, 0]]
+            chord = np.linalg.norm(along, axis=1)
+            pull = t.stiffness[k] * np.maximum(chord - rest, 0.0) / rest
+            return np.asarray((pull / np.maximum(chord, 1e-300))[:, None] * along)
+
+        weight = (t.mass[t.first] * rest)[:, None] * t.gravity
+        tension = []
+        for end, side in ((t.first, 1), (self._last, -1)):
+            own, other = force(end), force(end + side * (t.first < self._last))
+            # what carries and moves a segment changes the force from middle to middle, and half as much up to the end
+            change = np.where((t.first < self._last)[:, None], own - other, side * weight)
+            pulls = own.any(axis=1) & other.any(axis=1)
+            at_end = own + 0.5 * np.where(pulls[:, None], change, 0.0)
+            tension.append(np.where(np.sum(own * at_end, axis=1) > 0.0, np.linalg.norm(at_end, axis=1), 0.0))
+        return {"winch_length": length, "winch_speed": v[drum, 0].copy(), "winch_tension": np.stack(tension, axis=1)}
+
+
+def ropes_of(model: Any) -> Winches | None:
+    """The table of the ropes of a model."""
+    return next((table for table in model.links if isinstance(table, Winches)), None)
+
+
+def rope_masses(table: Winches, q: Array) -> Any:
+    """Masses of ropes and drums at q [12 N] on the coordinates of all nodes, sparse [12 N, 12 N]: those of T in (4.24), with w by
+    the velocities of both ends of a segment and the rate of the length."""
+    from scipy import sparse
+    x = q.reshape(-1, 12)[:, :3]
+    a, b, drum = table.node.T
+    length = table.length + (x[drum, 0] - table.origin)
+    along = (x[b] - x[a]) / length[:, None]
+    at = np.concatenate((12 * a[:, None] + np.arange(3), 12 * b[:, None] + np.arange(3), 12 * drum[:, None]), axis=1)
+    blocks, places = [], []
+    for place in (0.5 - GAUSS, 0.5 + GAUSS):
+        w = np.zeros((len(at), 3, 7))
+        w[:, :, :3], w[:, :, 3:6] = (1.0 - place) * np.eye(3), place * np.eye(3)
+        w[:, :, 6] = (table.below - place)[:, None] * along
+        blocks.append((0.5 * table.mass * length / table.segments)[:, None, None] * np.swapaxes(w, 1, 2) @ w)
+        places.append(at)
+    # what is on the drum moves with it and around it
+    k = table.first
+    store = np.where(table.stored > 0.0, table.stored * (np.where(table.stored > 0.0, table.total, 0.0) - length[k]), 0.0)
+    on = np.zeros((k.size, 7, 7))
+    on[:, np.arange(3), np.arange(3)] = store[:, None]
+    on[:, 6, 6] = store + table.inertia
+    values, where = np.concatenate((*blocks, on)), np.concatenate((*places, at[k]))
+    rows, columns = np.broadcast_arrays(where[:, :, None], where[:, None, :])
+    return sparse.csr_matrix((values.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(q.size, q.size))
+
+
+def add_motion(model: Any, q: Array, v: Array, out: Array) -> None:
+    """Kinetic energy and momenta of all ropes, as `energies.motion` puts them."""
+    table = ropes_of(model)
+    if table is not None:
+        motion_of_ropes(table, q, v, out)
+
+
+def weight_energy(model: Any, q: Array) -> float:
+    """Of all ropes in the gravity of the scene, J."""
+    table, out = ropes_of(model), np.zeros(1)
+    if table is not None:
+        weight_of_ropes(table, q, out)
+    return float(out[0])
+
+
+def used_up(model: Any, state: State, h: float) -> str:
+    """What to say where a rope is all on its drum, or all of it is paid out, one step of size h on; empty where none is."""
+    table = ropes_of(model)
+    if table is None:
+        return ""
+    x, v = (y.reshape(-1, 12)[:, 0] for y in (state.q, state.v))
+    for i, k in enumerate(table.first.tolist()):
+        drum = table.node[k, 2]
+        length = table.length[k] + (x[drum] - table.origin[k])
+        ahead = length + 2.0 * h * v[drum]
+        if not 0.0 < ahead <= table.total[i]:
+            what = "all rope is paid out" if ahead > 0.0 else "all rope is on it"
+            return f"{what}, of {model.labels[drum]}: {length:.6g} m are free and change by {v[drum]:.6g} m/s"
+    return ""
+
+
+def refuse_winches(who: str, model: Any) -> None:
+    """For what does not know them.
+
+    Raises
+    ------
+    SceneError
+    """
+    if ropes_of(model) is not None:
+        raise SceneError(f"{who} does not know winches; use simulate or solve_static, or a Spring of the same length and "
+                         "stiffness, and a mass, in its place")

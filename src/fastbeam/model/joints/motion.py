@@ -1,0 +1,329 @@
+"""Coordinates that joints with axes leave free: tables of their springs, dampers and motors, what motors give in every step, and
+values and energies at rows. What holds, stops and drives them: joints/drives.py."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.joints.coordinates import ANGLE, LINE, LOSS, MOTION, NO_SWING, SWING, VALUE, WORK, JointMotion
+from fastbeam.kernels.joints.forces import MotorSchedule
+from fastbeam.kernels.joints.friction import RUB
+from fastbeam.kernels.state import State
+from fastbeam.model.forces.loads import factor_at, mean_factors
+from fastbeam.model.joints.coordinates import KINDS, Coordinate
+from fastbeam.model.joints.drives import Holds, JointsOfRun, holds_of
+from fastbeam.model.joints.tables import bearing_nodes
+from fastbeam.model.plane import Plane, numbers_of
+
+Array = np.ndarray
+# a value in the history that differs more from that of the coordinates belongs to another state
+STALE = 1e-11
+
+
+@dataclass(frozen=True)
+class Motions:
+    """All free coordinates of the joints of a scene, C of them.
+
+    Attributes
+    ----------
+    table : JointMotion
+        Of those that are left in a plane, in its model.
+    rows : int64 [*]
+        Which of all coordinates the table has.
+    names : list of str
+        The joint of every coordinate.
+    labels : list of str
+        For messages.
+    what : list of str
+        'angle', 'distance', 'swing', 'twist' or 'cosine' of every coordinate.
+    motors : list
+        Force or torque of every coordinate: a number, a function of time, or None.
+    turn : float64 [C, 2, 3, 3]
+        R with D_i = sum_k R_ik d_k of both nodes.
+    node : int64 [C, 2]
+    spring : float64 [C, 2]
+        Stiffness and rest value.
+    every : JointMotion
+        Of all of them in space.
+    laws : list of Coordinate
+    damped : bool
+    holds : Holds
+        What holds and stops them.
+    """
+
+    table: JointMotion
+    rows: Array
+    names: list[str]
+    labels: list[str]
+    what: list[str]
+    motors: list[Any]
+    turn: Array
+    node: Array
+    spring: Array
+    every: JointMotion
+    laws: list[Coordinate]
+    damped: bool
+    holds: Holds
+
+    @property
+    def size(self) -> int:
+        """Numbers of `State.history`."""
+        return MOTION * len(self.names) + RUB * self.holds.rubs.size
+
+    @property
+    def driven(self) -> bool:
+        """Whether there are motors or drives."""
+        return any(motor is not None for motor in self.motors) or self.holds.driven.size > 0
+
+    @property
+    def timed(self) -> bool:
+        """Whether a motor has to be told the time."""
+        return any(callable(motor) for motor in self.motors)
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether the total energy changes: there is more than springs."""
+        return self.damped or self.driven or self.holds.held.size > 0
+
+    @property
+    def acts(self) -> bool:
+        """Whether there are springs, dampers or motors."""
+        return self.damped or any(motor is not None for motor in self.motors) or bool(np.any(self.spring[:, 0]))
+
+    def work(self, model: Any) -> JointsOfRun:
+        """The tables with arrays of one run of a model."""
+        table = self.table._replace(given=self.table.given.copy(), hold=empty(64))
+        return self.holds.tables(table, self.acts, model.ties, model.kept, model.n_sliders)
+
+    def schedules(self, tables: JointsOfRun, starts: Array, lengths: Array, end: float) -> list[Any]:
+        """What motors, given coordinates and drives have in substeps that begin at `starts`, of these lengths [n]; the last ends
+        at `end`."""
+        out: list[Any] = []
+        if self.timed:
+            out.append(MotorSchedule(tables.motion, self.schedule(starts, lengths)))
+        if tables.drives is not None:
+            out.append(self.holds.schedule(tables.drives, starts, lengths, end))
+        if tables.control is not None:
+            out.append(self.holds.controls(tables.control, starts, lengths))
+        return out
+
+    def schedule(self, starts: Array, lengths: Array) -> Array:
+        """Mean forces of the motors in the table over substeps from times `starts` on, of these lengths [n]: [n, *]."""
+        out = np.zeros((len(starts), len(self.rows)))
+        for column, k in enumerate(self.rows.tolist()):
+            motor = self.motors[k]
+            who = f"(motor) of {self.labels[k]}"
+            out[:, column] = mean_factors(motor, starts, lengths, who) if callable(motor) else motor or 0.0
+        return out
+
+    def at_rest(self, tables: JointsOfRun, t: float, share: float) -> None:
+        """Motors and drives of the tables of an equilibrium, at time t, with this share of what they give."""
+        for column, k in enumerate(self.rows.tolist()):
+            motor = self.motors[k]
+            if motor is not None:
+                full = factor_at(motor, t, f"(motor) of {self.labels[k]}") if callable(motor) else float(motor)
+                tables.motion.given[column] = share * full
+        if tables.control is not None:
+            self.holds.at_rest(tables.control, t, share)
+
+    # --- at rows ------------------------------------------------------------------------------------------------------
+    def _vectors(self, q: Array) -> tuple[Array, Array]:
+        """x_b - x_a [C, 3] and D of both nodes [C, 2, 3, 3]."""
+        return q[self.node[:, 1], 0] - q[self.node[:, 0], 0], np.einsum("csik,cskx->csix", self.turn, q[self.node, 1:])
+
+    def _factors(self, q: Array) -> tuple[Array, Array]:
+        """Both vectors of every product, [P, 3] each."""
+        r, d = self._vectors(q)
+        (i, j), of = self.every.pair[:, 1:].T, self._of
+        return d[of, 0, i], np.where(j[:, None] < 0, r[of], d[of, 1, j])
+
+    @property
+    def _of(self) -> Array:
+        """The coordinate of every product, [P]."""
+        return np.repeat(np.arange(len(self.names)), np.diff(self.every.start))
+
+    def _summed(self, products: Array) -> tuple[Array, Array]:
+        """Sums y and z of all coordinates, [C] each, from products [P]."""
+        out = np.zeros((2, len(self.names)))
+        np.add.at(out, (self.every.pair[:, 0], self._of), self.every.sign * products)
+        return out[0], out[1]
+
+    def _sums(self, q: Array) -> tuple[Array, Array]:
+        """y and z [C] at q [N, 4, 3]; y of a swing is the sine."""
+        a, b = self._factors(q)
+        y, z = self._summed(np.sum(a * b, axis=1))
+        swings = np.flatnonzero(self.every.kind == SWING)
+        if swings.size:
+            d = self._vectors(q)[1]
+            y[swings] = np.linalg.norm(np.cross(d[swings, 0, 0], d[swings, 1, 0]), axis=1)
+        return y, z
+
+    def values(self, q: Array, before: Array) -> Array:
+        """Coordinates [C] at q [N, 4, 3], of angles those next to `before` [C]."""
+        y, z = self._sums(q)
+        angle = np.arctan2(y, z)
+        turns = np.where(self.every.kind == ANGLE, np.round((before - angle) / (2.0 * np.pi)), 0.0)
+        return np.where(self.every.kind == LINE, y - self.every.value, angle + 2.0 * np.pi * turns)
+
+    def rates(self, q: Array, v: Array) -> Array:
+        """Rates [C] of the coordinates at q and rates v [N, 4, 3]."""
+        (a, b), (da, db), (y, z) = self._factors(q), self._factors(v), self._sums(q)
+        dy, dz = self._summed(np.sum(da * b + a * db, axis=1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turning = (z * dy - y * dz) / (y * y + z * z)
+        return np.choose(self.every.kind, (dy, turning, -dz / np.maximum(y, NO_SWING)))
+
+    def energy(self, history: Array) -> Array:
+        """Energy [C] that springs store, J; history [C, 3]."""
+        stiffness, rest = self.spring.T
+        energy = 0.5 * stiffness * (history[:, VALUE] - rest)**2
+        return energy + self.holds.stop_energy(history[:, VALUE]) if self.holds.stopped.size else energy
+
+    def own(self, history: Array, place: int) -> Array:
+        """Numbers [C, 3] of all coordinates in a history, from `place` on."""
+        return history[place:place + MOTION * len(self.names)].reshape(-1, MOTION)
+
+    def settle(self, state: State, space: State, place: int, t: float | None) -> None:
+        """Bring the values in the history of a state, from `place` on, up to its coordinates, those of `space`; t: when a run
+        starts from there, None in an equilibrium."""
+        own = self.own(state.history, place)
+        q, v = (x.reshape(-1, 4, 3) for x in (space.q, space.v))
+        found = self.values(q, own[:, VALUE])
+        stale = np.abs(found - own[:, VALUE]) > STALE * (1.0 + np.abs(found))
+        own[stale, VALUE] = found[stale]
+        if t is None or not self.holds.held.size:
+            return
+        self.holds.start(t, own[:, VALUE], found)
+        if self.holds.rubs.size:
+            self.holds.check_within(found)
+            self.holds.start_rubbing(self.holds.numbers(state.history), self.rates(q, v),
+                                     float(np.max(np.abs(v), initial=0.0)))
+
+    def given_between(self, history: Array, place: int, t: float) -> tuple[Array, Array]:
+        """Of coordinates that are given the values in a history and those at time t; one whose speed is given stays."""
+        before = self.own(history, place)[self.holds.given, VALUE].copy()
+        after = [x if self.holds.parts[k].speed is not None else self.holds.value(k, t)
+                 for k, x in zip(self.holds.given.tolist(), before)]
+        return before, np.array(after)
+
+    def check_stays(self, who: str, state: State, place: int, t: float) -> None:
+        """As of `Holds`, in a state in space."""
+        if self.holds.given.size:
+            before = self.own(state.history, place)[:, VALUE]
+            self.holds.check_stays(who, t, self.values(state.q.reshape(-1, 4, 3), before))
+
+    def row(self, t: float, state: State, place: int) -> dict[str, Array]:
+        """Series of one row, at time t."""
+        q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+        values, rates = self.own(state.history, place)[:, VALUE].copy(), self.rates(q, v)
+        drive = {"joint_drive": self.holds.drive_forces(t, values, rates)} if self.holds.driven.size else {}
+        return {"joint_value": values, "joint_rate": rates, **drive}
+
+    def exchanged(self, state: State, place: int) -> dict[str, Array]:
+        """Series of energies of one row."""
+        own = self.own(state.history, place)
+        return {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(),
+                **self.holds.exchanged(state.history)}
+
+
+def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: Any) -> Motions | None:
+    """Of the joints of a scene; links: `links.Links`; model: the scene's, without them. None where there are none."""
+    parts, place = [x[0] for x in links.freedoms], model.motion_place
+    if not parts:
+        return None
+    node = np.array([x[1] for x in links.freedoms], np.int64).reshape(-1, 2)
+    # what nothing acts on has no blocks
+    acts = np.array([x.acts for x in parts], bool)
+    bearing = bearing_nodes(node, np.array([x.shape.is_angle for x in parts], bool), spin_root)
+    a, b = bearing[acts].T
+    block = np.full((node.shape[0], 4), blocks.n_blocks)
+    block[acts] = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
+    turn = np.array([frame.turn for *_, frame in links.freedoms])
+    kind = np.array([KINDS[x.shape.what] for x in parts], np.int64)
+    products = [one for x in parts for one in x.shape.products]
+    start = np.concatenate(([0], np.cumsum([len(x.shape.products) for x in parts]))).astype(np.int64)
+    stiffness, damping, rest = (np.array([getattr(x, name) for x in parts], float) for name in ("stiffness", "damping", "rest"))
+    motors, count = [x.motor for x in parts], len(parts)
+    laws = [Coordinate(x.shape, frame) for x, _, frame in links.freedoms]
+    table = JointMotion(node, row_of[bearing], block, kind, spin_root[node], start, np.array([x[:3] for x in products], np.int64),
+                        np.array([x.sign for x in products]), turn.reshape(-1), np.array([x.at_start for x in laws]),
+                        place + MOTION * np.arange(count), stiffness, damping, rest,
+                        np.array([float(m) if m is not None and not callable(m) else 0.0 for m in motors]), np.zeros(64))
+    holds = holds_of(parts, model.n_sliders + len(model.kept), place + MOTION * count, model.length)
+    return Motions(table, np.arange(count), [x.name for x in parts], [x.label for x in parts], [x.shape.what for x in parts],
+                    motors, turn, node, np.stack((stiffness, rest), axis=1), table, laws, bool(np.any(damping)), holds)
+
+
+def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane, constraints: int) -> Motions | None:
+    """With the table of what is left in a plane; reference: coordinates [N, 4, 3] in space; constraints: all that are left there
+    but moments of sleeves."""
+    if motions is None:
+        return None
+    table = motions.table
+    d = np.einsum("csik,cskx->csix", motions.turn, reference[motions.node, 1:])
+    up = np.abs(d @ plane.axes[2]) > 0.5
+    (i, j), of = table.pair[:, 1:].T, np.repeat(np.arange(len(motions.names)), np.diff(table.start))
+    out = up[of, 0, i] | (j >= 0) & up[of, 1, j]
+    rows = np.flatnonzero(np.bincount(of, weights=out, minlength=len(motions.names)) == 0)
+    mine = np.isin(of, rows)
+    start = np.concatenate(([0], np.cumsum(np.diff(table.start)[rows]))).astype(np.int64)
+    flat = np.einsum("csik,csk->csi", motions.turn[rows], plane.factor[motions.node[rows]])
+    size = np.abs(flat)
+    flat = np.where(size > 0.5, flat / np.where(size > 0.5, size, 1.0), 0.0)
+    some = {name: np.ascontiguousarray(getattr(table, name)[rows]) for name in
+            ("node", "row", "block", "kind", "spin_node", "value", "place", "stiffness", "damping", "rest", "given")}
+    first = constraints - int(np.sum(np.isin(motions.holds.held, rows)))
+    return replace(motions, table=table._replace(**some, start=start, pair=np.ascontiguousarray(table.pair[mine]),
+                                                 sign=table.sign[mine], axes=numbers_of(flat)),
+                   rows=rows, holds=motions.holds.in_plane(rows, first))
+
+
+def check_motions(motions: Motions | None, compared: str | None, substeps: int) -> None:
+    """Refuse what forces in joints do not go together with.
+
+    Raises
+    ------
+    SceneError
+    """
+    if motions is None:
+        return
+    holds = motions.holds
+    if not (motions.acts or motions.driven or holds.held.size or holds.stopped.size):
+        return
+    if compared is not None:
+        raise SceneError(f"method {compared!r} has no springs, dampers, motors, drives, friction and stops in joints; use the "
+                         "default method")
+    if substeps > 1 and motions.damped:
+        raise SceneError("order=4 has a step backward in time, in which dampers of joints would put energy in; use order=2")
+    if substeps > 1 and holds.backward:
+        raise SceneError(f"order=4 has a step backward in time, in which {holds.backward} would put energy in; use order=2")
+
+
+def check_at_rest(who: str, model: Any, drives: bool = False) -> None:
+    """Refuse motors, drives, friction and rigid stops of joints, which equilibria of `who` do not know, and elements that move;
+    drives: whether they know motors and drives.
+
+    Raises
+    ------
+    SceneError
+    """
+    if model.moving is not None:
+        model.moving.check(None, True)
+    motions = model.motions
+    if motions is None:
+        return
+    holds = motions.holds
+    if not drives and motions.driven:
+        driven = [k for k, motor in enumerate(motions.motors) if motor is not None] + holds.driven.tolist()
+        raise SceneError(f"{motions.labels[driven[0]]}: {who} takes no motors and drives of joints; leave it out, or hold the "
+                         "joint by a stiff spring with rest=")
+    if holds.rubs.size:
+        part = holds.parts[holds.rubs[0]]
+        what = "friction of joints, which leaves a range of them" if part.has_friction else "rigid stops of joints"
+        way = "" if part.has_friction else ", give the stops a stiffness="
+        raise SceneError(f"{part.label}: {who} knows no {what}; leave it out{way}, hold the joint where it is to be by angle= or "
+                         "distance=, or run until it rests")

@@ -1,0 +1,503 @@
+"""The compiled scene: constant tables, and the list of the work that is present."""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface import notebook
+from fastbeam.interface.arguments import Count, checked, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.beams.inner_nodes import Inner
+from fastbeam.kernels.beams.loads import LoadWork
+from fastbeam.kernels.beams.nodes import Bodies, Held
+from fastbeam.kernels.beams.planar_nodes import PlanarBodies, PlanarTies
+from fastbeam.kernels.beams.ties import Ties
+from fastbeam.kernels.contact.curves import Curves, Paths
+from fastbeam.kernels.contact.sleeve import Sleeves
+from fastbeam.kernels.contact.slider import END_SLACK, Sliders
+from fastbeam.kernels.contact.slider_forces import HISTORY
+from fastbeam.kernels.linalg.carriers import Carriers
+from fastbeam.kernels.linalg.substructures import ELEMENTS, Substructures
+from fastbeam.kernels.state import State
+from fastbeam.linalg.pattern import Pattern
+from fastbeam.model.fingerprint import fingerprint_of
+from fastbeam.model.history import HistoryLayout
+from fastbeam.model.holding import Holding
+from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.mapping import state_for
+
+Array = np.ndarray
+# round-off of arc lengths at ends of tracks of switches, as a share of them
+TRACK_SLACK = 4.0 * float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class Model(HistoryLayout):
+    """Everything a run needs and nothing it changes; made by `compile_scene`, printed by `print(model)`.
+
+    Attributes
+    ----------
+    simo, green : ElementTables or None
+        Elements with strain set (2.2), (2.1).
+    inner, substructures, carriers, bodies, ties, held, curves, sliders : tables or None
+        None where the scene has none; then no code is compiled for them.
+    links : tuple
+        Tables of springs and other links between two points, one of each kind.
+    kept : list of links.KeptLink
+        Joints with multipliers, in the order of their constraints behind the sliders.
+    kept_softness : float64 [J]
+        Of each of them the share of 1/a of theory.md (5.5) that its equations have.
+    static_held : Held or None
+        What is held in statics: with one spin of every beam of a net that may spin about its axis.
+    spans, corners : dict
+        Of sliders on switches where their tracks begin and end, m; by (curve of the switch, track, whether by its end, next
+        track) the number of the curve over a corner, -1 where there is none, and whether it is sharp.
+    pattern : Pattern
+        Order, blocks and elimination plan.
+    spinless : int8 [N]
+        1 where a triad does not turn.
+    spin_root : int64 [N]
+        The node whose spin a node shares.
+    loads : float64 [K, 8 (N + 1)]
+        Load vectors in row layout; `load_times[k]` their factor (None: constant).
+    q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
+    length : float
+        Size of the scene, m.
+    softest : float
+        EI / (EA length^2), the smallest of all elements, with the stiffest of extension and shear and the softest of torsion and
+        bending: from increments of this size on (relative to the length) the change of the forces that they cause, EA times
+        their square, bends a beam more than they do.
+    numbers : numbering.NodeList
+        Finds the global number of a node of the scene.
+    dofs : tuple
+        Of as many numbers as a node has unknowns: 6, in the tables of a planar scene 3.
+    plane : planar.Plane or None
+        Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
+    not_planar : str
+        Why there is no plane.
+    asked_for_plane : bool
+        Whether it was compiled with planar=True: nothing but the plane is of interest.
+    uneliminated : callable
+        Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
+    uncondensed : callable
+        Makes the model of the same scene in space, whose beams are not condensed.
+    massless : tuple of str
+        Beams without rotary inertia whose triads nothing holds.
+    notes : tuple of (str, str)
+        Kinds and texts of events of a run that begins with the initial velocities.
+    joints : dict
+        Names of the joints at a node.
+    load_names : list of str
+        What each time function belongs to.
+    curve_s : tuple of float64 [n]
+        Arc lengths of the nodes of every curve of sliders, m.
+    load_parts : dict
+        Loads of the scene by their names.
+    slider_forces : slider_forces.SliderForces or None
+        Friction, drives, stops, locks and releases of sliders.
+    sleeves : Sleeves or None
+        The sliders that are sleeves; `twisting` numbers of those that rub on beams that turn in them, int64 [R].
+    damped : damping_and_drag.Damped or None
+        Beams and nets whose sections have damping.
+    dampers, find_springs, lines
+        Springs, dampers and bushings that take energy away; makes what these have at rows from the tables of the links; springs,
+        dampers and line forces whose ends may pass each other (links.Lines).
+    dragged : damping_and_drag.Dragged or None
+        Nodes with drag; `drag` its tables.
+    added : added_mass.Added or None
+        Nodes with added mass; `added_tables` its tables.
+    prescribed : moving_supports.PrescribedMotions or None
+        Supports that move.
+    released : released_supports.Released or None
+        Supports that let go.
+    motions : motion.Motions or None
+        What joints with axes leave free.
+    accounts_loads : bool
+        Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because states
+        of both hold the same numbers of the steps before.
+    laws : dict of type -> failed_laws.Lawful
+        By the kinds of tables that call them.
+    user_forces, needs_forward_steps, controllers : tuple
+        Labels of the forces by laws of the user's own, and of those among them that dissipate; controllers.
+    moving : moving_meshes.Moving or None
+        Beams whose elements move with contacts.
+    find_holding : callable that makes `holding` when it is first asked for
+    """
+
+    scene_name: str
+    n_nodes: int
+    simo: ElementTables | None
+    green: ElementTables | None
+    inner: Inner | None
+    substructures: Substructures | None
+    carriers: Carriers | None
+    bodies: Bodies | PlanarBodies | None
+    links: tuple[Any, ...]
+    kept: list[KeptLink]
+    kept_softness: Array
+    ties: Ties | PlanarTies | None
+    held: Held | None
+    static_held: Held | None
+    curves: Curves | Paths | None
+    sliders: Sliders | None
+    pattern: Pattern
+    spinless: Array
+    spin_root: Array
+    loads: Array
+    load_times: list[Callable[[float], float] | None]
+    gravity: Array
+    gravity_time: Callable[[float], float] | None
+    gravity_weight: Array
+    constant_load: Array
+    q0: Array
+    v0: Array
+    s0: Array
+    slider_lengths: Array
+    spans: dict[int, Array]
+    corners: dict[tuple[int, int, bool, int], tuple[int, bool]]
+    length: float
+    softest: float
+    n_blocks: int
+    names: dict[str, list[Any]]
+    labels: list[str]
+    numbers: Any
+    text: str = ""
+    dofs: tuple[int, ...] = SPACE
+    plane: Any = None
+    not_planar: str = ""
+    asked_for_plane: bool = False
+    uneliminated: Callable[..., Model] | None = None
+    uncondensed: Callable[[], Model] | None = None
+    massless: tuple[str, ...] = ()
+    notes: tuple[tuple[str, str], ...] = ()
+    joints: dict[int, list[str]] = field(default_factory=dict)
+    load_names: list[str] = field(default_factory=list)
+    load_parts: dict[str, Any] = field(default_factory=dict)
+    curve_s: tuple[Array, ...] = ()
+    slider_forces: Any = None
+    sleeves: Sleeves | None = None
+    twisting: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+    damped: Any = None
+    dampers: tuple[str, ...] = ()
+    find_springs: Callable[[tuple[Any, ...]], list[Any]] | None = None
+    lines: Any = None
+    dragged: Any = None
+    drag: Any = None
+    added: Any = None
+    added_tables: Any = None
+    prescribed: Any = None
+    released: Any = None
+    accounts_loads: bool = False
+    user_forces: tuple[str, ...] = ()
+    laws: Mapping[type, Any] = field(default_factory=dict)
+    needs_forward_steps: tuple[str, ...] = ()
+    controllers: tuple[Any, ...] = ()
+    moving: Any = None
+    find_holding: Callable[[], Holding] | None = None
+
+    @cached_property
+    def holding(self) -> Holding:
+        """Supports, and joints that are eliminated."""
+        assert self.find_holding is not None
+        return self.find_holding()
+    motions: Any = None
+
+    @property
+    def held_mask(self) -> Array:
+        """Of every node which of its six unknowns are held at the start, bit by bit, int64 [N]; tied ones count as held."""
+        return self.held_in(None)
+
+    def held_in(self, state: State | None) -> Array:
+        """The same where some supports have let go or taken hold in a state."""
+        of_row = np.zeros(self.n_nodes, np.int64)
+        if self.held is not None:
+            of_row[self.held.row] = self.held.mask
+        if self.released is not None and state is not None:
+            self.released.put(self.released.off(state.history[self.release_place:self.motion_place]), of_row)
+        return of_row[self.pattern.row_of]
+
+    @property
+    def blows(self) -> bool:
+        """Whether moving air has a force at rest."""
+        return self.dragged is not None and bool(self.dragged.blows)
+
+    @property
+    def reaction_names(self) -> list[str]:
+        """Supports, joints that are eliminated, and joints with multipliers: those that reactions are told of, in this order."""
+        return [*self.holding.support_names, *self.holding.joint_names, *self.kept_names]
+
+    @property
+    def kept_names(self) -> list[str]:
+        """Names of the joints with multipliers; a joint may be several links."""
+        return list(dict.fromkeys(link.joint for link in self.kept))
+
+    @property
+    def n_sliders(self) -> int:
+        """Number of sliders."""
+        return self.s0.size
+
+    @cached_property
+    def n_constraints(self) -> int:
+        """Number of constraints with multipliers: sliders, then joints, then moments of sleeves."""
+        return self.n_sliders + len(self.kept) + len(self.sleeve_pairs)
+
+    @cached_property
+    def carried(self) -> Array:
+        """Whether a constraint is that of a slider, or sleeve, that is eliminated with its beam (compile/carriers.py), bool
+        [C]."""
+        out = np.zeros(self.n_constraints, bool)
+        if self.carriers is not None:
+            out[self.carriers.slider] = True
+            out[self.sleeve_pairs[:, 1]] = out[self.sleeve_pairs[:, 0]]
+        return out
+
+    @cached_property
+    def n_bordered(self) -> int:
+        """Number of the other constraints: rows of the block matrix or a dense border."""
+        return int(np.sum(~self.carried))
+
+    @property
+    def bordered_sliders(self) -> int:
+        """Number of sliders among these."""
+        return int(np.sum(~self.carried[:self.n_sliders]))
+
+    @cached_property
+    def sleeve_pairs(self) -> Array:
+        """Of every sleeve its slider and the constraint of its moments, int64 [O, 2]."""
+        if self.sleeves is None:
+            return np.zeros((0, 2), np.int64)
+        sliders = np.flatnonzero(self.sleeves.of_slider >= 0)
+        return np.stack((sliders, self.sleeves.first[0] + self.sleeves.of_slider[sliders]), axis=1)
+
+    @property
+    def constraint_names(self) -> list[str]:
+        """Sliders, joints with multipliers and moments of sleeves, for messages."""
+        names = self.names["sliders"]
+        return [*(f"slider {name!r}" for name in names), *(link.name for link in self.kept),
+                *(f"sleeve {names[k]!r} (moments)" for k in self.sleeve_pairs[:, 0])]
+
+    @property
+    def forces(self) -> Array:
+        """Of every constraint the number of its forces, int64 [C]."""
+        moments = 3 if self.dim == 3 else 1
+        return np.array([self.dim] * self.n_sliders + [link.forces(self.dim) for link in self.kept]
+                        + [moments] * len(self.sleeve_pairs), np.int64)
+
+    @property
+    def first_force(self) -> Array:
+        """Of every constraint the number of its first force among those of all, int64 [C]."""
+        return np.cumsum(self.forces) - self.forces
+
+    @cached_property
+    def n_forces(self) -> int:
+        """Number of forces of all constraints."""
+        return int(self.forces.sum())
+
+    @property
+    def softness(self) -> Array:
+        """Of every constraint the share of 1/a of theory.md (5.5) that its equations have, float64 [C]; 0: plain multipliers."""
+        return np.concatenate((np.ones(self.n_sliders), self.kept_softness, np.ones(len(self.sleeve_pairs))))
+
+    @property
+    def unknowns(self) -> Array:
+        """Of every constraint the number of its unknowns, int64 [C]: a slider has its place and mean gap besides forces, moments
+        of a sleeve a copy of a spin and are filled up to the same number."""
+        out = self.forces
+        out[:self.n_sliders] = out[self.n_sliders + len(self.kept):] = self.border
+        return out
+
+    @property
+    def dim(self) -> int:
+        """Components of a position: 3, in the tables of a planar scene 2."""
+        return 3 if self.dofs == SPACE else 2
+
+    @property
+    def border(self) -> int:
+        """Border unknowns of a slider: force, s, mean gap."""
+        return 2 * self.dim + 1
+
+    @property
+    def columns(self) -> int:
+        """Right-hand sides of a solve: residual and borders."""
+        return 1 + self.border * self.n_bordered
+
+    @property
+    def border_size(self) -> int:
+        """Doubles of a dense border of all constraints; 0 without any."""
+        return self.columns * (self.columns + len(self.dofs) * self.n_nodes) if self.n_bordered else 0
+
+    @property
+    def width(self) -> int:
+        """Columns of the panel of right-hand sides: one, or those of sliders padded to 8."""
+        return -(-self.columns // 8) * 8 if self.columns > 1 else 1
+
+    @property
+    def past_size(self) -> int:
+        """Numbers that a run keeps of the last two steps for the first guess of the next, besides the increments of the last."""
+        return 5 + len(self.dofs) * self.n_nodes + 2 * (self.dim + 1) * self.n_sliders
+
+    @property
+    def n_unknowns(self) -> int:
+        """Free unknowns of the nodes, and force and position of every slider; those that a run solves for."""
+        return self.own_unknowns if self.plane is None else int(self.plane.model.own_unknowns)
+
+    @property
+    def own_unknowns(self) -> int:
+        """The same of these tables, whether or not the scene has a plane."""
+        return len(self.dofs) * self.n_rows - self.n_held + self.n_forces + self.n_sliders
+
+    @property
+    def n_rows(self) -> int:
+        """Block rows of all nodes; welded beams of a net share one."""
+        return int(self.pattern.row_of.max()) + 1
+
+    @property
+    def n_held(self) -> int:
+        """Number of held unknowns, those of tied nodes included."""
+        return 0 if self.held is None else int(np.sum(self.held.mask[:, None] >> np.arange(len(self.dofs)) & 1))
+
+    @property
+    def solver(self) -> str:
+        """'chain' (block elimination in compiled code) or 'sparse' (PARDISO, SuperLU)."""
+        return "sparse" if self.pattern.plan is None else "chain"
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of all tables and the initial state, the same in every process of a machine; functions of time count by being."""
+        return fingerprint_of(self)
+
+    @checked(node=Count(0))
+    def node_label(self, node: int) -> str:
+        """Beam and node, body or mass of a global node number.
+
+        Raises
+        ------
+        SceneError
+            There is no such node.
+        """
+        if node >= self.n_nodes:
+            raise SceneError(f"model of {self.scene_name!r}: node {node} does not exist, they run from 0 to {self.n_nodes - 1}")
+        return self.labels[node]
+
+    def state(self) -> State:
+        """A fresh copy of the initial state."""
+        history = np.zeros(self.history_size)
+        if self.slider_forces is not None:
+            history[:self.work_place] = self.slider_forces.initial_history
+        self.start_momenta(history, self.q0, self.v0)
+        own = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
+        history[history.size - len(own):] = own
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
+
+    def ends_at(self, s: Array) -> Array:
+        """As `slider_ends`, on switches those of the tracks on which sliders that stand at s [S] are."""
+        ends = self.slider_ends
+        for k, spans in self.spans.items():
+            ends[k] = spans[int(np.argmin(np.maximum(spans[:, 0] - s[k], s[k] - spans[:, 1])))]
+        return ends
+
+    def limits_at(self, s: Array, history: Array | None = None) -> Array:
+        """Arc lengths between which sliders that stand at s [S] may go, of their tracks or of rigid stops, float64 [S, 2];
+        history: of the state, default that of the start."""
+        ends = self.ends_at(s)
+        return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends, s, self.along_of(history)))
+
+    def slack_at(self, limits: Array) -> Array:
+        """By how much sliders may be beyond their limits [S, 2], round-off, float64 [S]."""
+        low, high = limits.T
+        # a closed path has no ends, but may have one stop
+        slack = END_SLACK * np.where(high < np.inf, high, np.abs(low))
+        # what is beyond the end of a track opens a gap on the next one, where they meet at a corner
+        on_switch = list(self.spans)
+        slack[on_switch] = TRACK_SLACK * np.maximum(np.abs(low), np.abs(high))[on_switch]
+        return np.asarray(slack)
+
+    def put_limits(self, out: Array, s: Array, history: Array | None = None) -> Array:
+        """Limits and what may be beyond, as compiled code takes them, float64 [S, 3]."""
+        out[:, :2] = self.limits_at(s, history)
+        out[:, 2] = self.slack_at(out[:, :2])
+        return out
+
+    def along_of(self, history: Array | None) -> Array:
+        """What the history of a state, or of the start, has of forces along beams, float64 [S, 11]: a view."""
+        own = self.slider_forces.initial_history if history is None else history[:self.work_place]
+        return np.asarray(own.reshape(-1, HISTORY))
+
+    @property
+    def track(self) -> str:
+        """What sliders run on, for messages."""
+        return "path" if isinstance(self.curves, Paths) else "beam"
+
+    @property
+    def slider_ends(self) -> Array:
+        """Arc lengths of the ends of what sliders run on, infinite for closed paths, float64 [S, 2]."""
+        ends = np.stack((np.zeros(self.n_sliders), self.slider_lengths), axis=1)
+        if isinstance(self.curves, Paths) and self.sliders is not None:
+            ends[self.curves.period[self.sliders.curve] > 0.0] = -np.inf, np.inf
+        return ends
+
+    def load_work(self) -> LoadWork | None:
+        """The term that keeps account of the work of loads."""
+        if not self.accounts_loads:
+            return None
+        node = np.zeros(self.n_rows, np.int64)
+        node[self.pattern.row_of] = np.arange(self.n_nodes)
+        return LoadWork(node, np.array([self.work_place]))
+
+    def state_for(self, names: Mapping[str, list[object]], state: State) -> State:
+        """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
+        return state_for(self, names, state)
+
+    @property
+    def panel_rows(self) -> int:
+        """Rows of the panel of right-hand sides: those that the solver sees; with sliders all but those of condensed beams."""
+        if self.columns == 1:
+            return self.pattern.n
+        return self.n_nodes if self.substructures is None else int(self.substructures.counts[0])
+
+    @property
+    def condensed_elements(self) -> int:
+        """Elements in condensed beams."""
+        return 0 if self.substructures is None else 8 * int(self.substructures.group[:, ELEMENTS].sum())
+
+    def groups_of_beams(self) -> tuple[Array, Array]:
+        """Rows of `substructures.group` of the condensed beams with strain set (2.2), and of those with (2.1)."""
+        assert self.substructures is not None
+        n = int(self.substructures.counts[1])
+        return self.substructures.group[:n], self.substructures.group[n:]
+
+    def others(self, tables: ElementTables, groups: Array) -> int:
+        """Groups of elements in tables of one strain set that belong to no condensed beam, of `groups`, and to no carrier."""
+        carried = 0
+        if self.carriers is not None:
+            carried = int(self.carriers.tables[self.carriers.tables[:, 1] == (tables is self.green), 3].sum())
+        return len(tables.meta) - int(groups[:, ELEMENTS].sum()) - carried
+
+    @property
+    def by_rows(self) -> bool:
+        """Whether sliders are rows of the block matrix (theory.md 9) and not a dense border."""
+        return self.n_constraints > 0 and self.pattern.plan is not None and self.substructures is None
+
+    def __str__(self) -> str:
+        return self.text
+
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Model of {self.scene_name}", self.text)
+
+
+def check_model(who: str, model: Any) -> None:
+    """Refuse what is not compiled.
+
+    Raises
+    ------
+    SceneError
+        Names the function that was called.
+    """
+    if not isinstance(model, Model):
+        raise SceneError(f"{who}: needs a model, got {shown(model)}; compile it first: model = fb.compile_scene(scene)")

@@ -1,0 +1,250 @@
+"""Supports that move as functions of time: what they are given in every step, and their tables; supports that let go."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.moving_supports import Prescribed
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.model.connections import Connections, held_axes, held_in_plane
+from fastbeam.model.mapping import HALF_TURN
+from fastbeam.model.numbering import NodeList
+from fastbeam.model.released_supports import Released
+from fastbeam.scene import PrescribedMotion, RigidBody, Scene
+
+Array = np.ndarray
+# a position may begin so far from the place of its node, of the size of the scene
+AT_START = 1e-9
+# a motion may leave the plane of its scene by so much of its way
+OUT_OF_PLANE = 1e-12
+# times at which directions of motions are looked up
+LOOKS = np.concatenate(([0.0], np.geomspace(1e-4, 1e3, 71)))
+
+
+class PrescribedMotions:
+    """All prescribed motions of a scene, of which there is one at least.
+
+    Parameters
+    ----------
+    motions : list of PrescribedMotion
+    nodes : NodeList
+    joints : Connections
+
+    Raises
+    ------
+    SceneError
+        A node follows another, moves twice, or begins elsewhere.
+    """
+
+    def __init__(self, motions: list[PrescribedMotion], nodes: NodeList, joints: Connections) -> None:
+        self.motions = motions
+        self.own = np.array([nodes.number(motion.at) for motion in motions])
+        root = joints.row_root[self.own]
+        for k, motion in enumerate(motions):
+            leads = [nodes.labels[i] for i in joints.targets(int(root[k])) if i != root[k]]
+            leads += [nodes.labels[joints.spin_root[root[k]]]] * bool(motion.mask == 63 and joints.spin_root[root[k]] != root[k])
+            if leads:
+                raise SceneError(f"{motion.label}: joints make {motion.at} follow {' and '.join(leads[:3])}; move that instead")
+            for j in np.flatnonzero(root[:k] == root[k]).tolist():
+                if motions[j].mask & motion.mask:
+                    raise SceneError(f"{motion.label}: {motions[j].label} moves the same node"
+                                     + (" along the same axis" if motion.axes != motions[j].axes else ""))
+        shares = joints.row_root[None] == root[:, None]
+        self.motion_of_node, self.nodes = map(np.ascontiguousarray, np.nonzero(shares))
+        self._root = root
+        self.turning = [k for k, motion in enumerate(motions) if motion.rotation is not None]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names in the balance."""
+        return tuple(f"motion of {motion.at.label} ({motion.name!r})" for motion in self.motions)
+
+    @property
+    def masks(self) -> Array:
+        """What they hold of the six unknowns of a node, bit by bit, int64 [M]."""
+        return np.array([motion.mask for motion in self.motions], np.int64)
+
+    def tables(self, row_of: Array, place: int, plane: Any) -> Prescribed:
+        """Tables with the arrays of a run; place: of the first work in the history; plane: that of the scene, or None."""
+        m, size = len(self.motions), 6 if plane is None else 3
+        # those with since= wait
+        masks = np.where([motion.since is None for motion in self.motions], self.masks, 0)
+        masks = masks if plane is None else held_in_plane(masks, plane.axes)
+        return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
+                          empty((m, size)), empty((m, size)), np.zeros(1, np.int64), empty(4))
+
+    def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
+        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; tables:
+        those of the run, where masks of supports that have let go are 0; plane: that of the scene, whose increments are
+        [n, M, 3], or None.
+
+        Raises
+        ------
+        SceneError
+            A function fails, a step turns by half a turn, or a motion leaves the plane.
+        """
+        axes = None if plane is None else plane.axes
+        out = np.zeros((len(times) - 1, len(self.motions), 6))
+        for k, motion in enumerate(self.motions):
+            if not tables.mask[k]:
+                continue
+            out[:, k, :3] = np.diff([motion.place(t) for t in times.tolist()], axis=0)
+            if motion.rotation is not None:
+                turn = turns_between(motion, times.tolist())
+                out[:, k, 3:] = 2.0 * _axial(turn) / (1.0 + np.trace(turn, axis1=1, axis2=2))[:, None]
+            if axes is not None:
+                self._check_plane(motion, out[:, k], axes[2], times)
+        if axes is None:
+            return out
+        return np.concatenate((out[:, :, :3] @ axes[:2].T, (out[:, :, 3:] @ axes[2])[:, :, None]), axis=2)
+
+    @property
+    def turning_labels(self) -> list[str]:
+        """Those of motions that turn."""
+        return [self.labels[k] for k in self.turning]
+
+    @property
+    def turns_size(self) -> int:
+        """Numbers of `State.history`: a rotation vector of each motion that turns."""
+        return 3 * len(self.turning)
+
+    def vectors(self, t: float) -> Array:
+        """Rotation vectors at time t less those at t = 0, rad, [3 K]; 0 where matrices are given."""
+        pairs = [(self.motions[k].turning(t)[1], self.motions[k].turning(0.0)[1]) for k in self.turning]
+        return np.array([np.zeros(3) if now is None or first is None else now - first for now, first in pairs]).reshape(-1)
+
+    def more_turns(self, counted: Array, t: float) -> dict[str, float]:
+        """Motions that have turned [3 K] by over half a turn more or less than at time t, by name, with the difference, rad."""
+        off = np.linalg.norm((counted - self.vectors(t)).reshape(-1, 3), axis=1)
+        return {self.motions[k].name: float(x) for k, x in zip(self.turning, off) if x > np.pi}
+
+    @staticmethod
+    def _check_plane(motion: PrescribedMotion, given: Array, normal: Array, times: Array) -> None:
+        across = given[:, 3:] - (given[:, 3:] @ normal)[:, None] * normal
+        off = np.abs(given[:, :3] @ normal) + np.linalg.norm(across, axis=1)
+        way = float(np.max(np.linalg.norm(given[:, :3], axis=1) + np.linalg.norm(given[:, 3:], axis=1), initial=0.0))
+        if np.any(off > OUT_OF_PLANE * way + 1e-15):
+            raise SceneError(f"{motion.label}: it leaves the plane of the scene in the step from t = "
+                             f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
+
+    def directions(self, n: int) -> list[tuple[Array, Array]]:
+        """Directions in which supports move and axes about which they turn at some times, up to three of each motion: [n, 3]
+        each, n nodes."""
+        found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3 * int(np.bincount(self.own).max()))]
+        for k, motion in enumerate(self.motions):
+            first = 3 * int(np.sum(self.own[:k] == self.own[k]))
+            places, turns = [], []
+            for t in LOOKS.tolist():
+                try:
+                    place, turn = motion.place(t), motion.turn(t)
+                except SceneError:
+                    # a table may end
+                    continue
+                places.append(place)
+                turns.append(_axial(turn))
+            for which, x in enumerate((np.array(places) - places[0], np.array(turns) - turns[0])):
+                _, size, axes = np.linalg.svd(x, full_matrices=False)
+                for i in np.flatnonzero(size > OUT_OF_PLANE * max(float(size[0]), 1e-300)).tolist():
+                    found[first + i][which][self.own[k]] = size[i] * axes[i]
+        return [pair for pair in found if np.any(pair[0]) or np.any(pair[1])]
+
+
+def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
+    """Rotations of a motion from each of these times to the next, [n, 3, 3].
+
+    Raises
+    ------
+    SceneError
+        One of them is half a turn or more.
+    """
+    turns, vectors = zip(*(motion.turning(t) for t in times))
+    out = np.array([after @ before.T for before, after in zip(turns[:-1], turns[1:])])
+    for k, (turn, before, after) in enumerate(zip(out, vectors[:-1], vectors[1:])):
+        told = before is not None and after is not None
+        angle = np.linalg.norm(after - before) if told else np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0))
+        if angle > HALF_TURN:
+            raise SceneError(f"{motion.label}: rotation(t) turns by {angle:.6g} rad from t = {times[k]:.9g} s to "
+                             f"{times[k + 1]:.9g} s, and only less than half a turn can be followed; use smaller steps, and let "
+                             "a rotation vector grow beyond a turn where it would jump back by one")
+    return out
+
+
+def _axial(turn: Array) -> Array:
+    """Twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
+    x = turn - np.swapaxes(turn, -1, -2)
+    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
+
+
+def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: float) -> PrescribedMotions | None:
+    """None where no support moves.
+
+    Raises
+    ------
+    SceneError
+        As of `PrescribedMotions`; a position that does not begin at its node.
+    """
+    if not scene.prescribed:
+        return None
+    found = PrescribedMotions(scene.prescribed, nodes, joints)
+    for motion, node in zip(found.motions, found.own.tolist()):
+        if motion.position is not None:
+            gap = float(np.linalg.norm((motion.place(0.0) - nodes.phi[node])[held_axes(np.array([motion.mask]))[0]]))
+            if gap > AT_START * length:
+                raise SceneError(f"{motion.label}: position(0) lies {gap:.6g} m from {motion.at} at t = 0; begin there, or give "
+                                 "displacement")
+    return found
+
+
+def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Array, Array]:
+    """Velocities and spins of supports at t = 0, [N, 3] each: zero where they stand still."""
+    v, omega = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
+    for motion in (x for x in scene.prescribed if x.since is None):
+        at = joints.row_root[nodes.number(motion.at)]
+        velocity, spin = motion.rates()
+        v[at] += velocity
+        omega[at] += spin
+    return v, omega
+
+
+def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Array, always: Array) -> Released | None:
+    """None where no support lets go or takes hold; always: what the others hold of every node, int64 [N].
+
+    Raises
+    ------
+    SceneError
+        Such a support holds what another node leads, or is one of two of a rigid part.
+    """
+    every = [*scene.pins, *scene.clamps, *scene.prescribed]
+    some = [(k, x) for k, x in enumerate(every) if x.until is not None or x.since is not None]
+    if not some:
+        return None
+
+    def number(support: Any) -> int:
+        owner = support.at.owner
+        return nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at)
+
+    moving = list(scene.prescribed)
+    own = np.array([number(x) for _, x in some])
+    root = joints.row_root[own]
+    others = np.array([number(x) for x in every])
+    for (k, support), node, top in zip(some, own.tolist(), root.tolist()):
+        leads = [nodes.labels[i] for i in joints.targets(top) if i != top]
+        if leads:
+            what = "until" if support.since is None else "since"
+            raise SceneError(f"{support.name}: {what}: joints make {support.at} follow {' and '.join(leads[:3])}; hold that "
+                             "instead")
+        for j, other in enumerate(others.tolist()):
+            if j != k and other != top and joints.spin_root[other] == top and joints.row_root[other] != top:
+                what = "until" if support.since is None else "since"
+                raise SceneError(f"{support.name}: {what}: {every[j].name} holds the same rigid part, so that nothing tells what "
+                                 "stays; hold the part at one node")
+    rows = row_of[root]
+    base = np.zeros(row_of.size, np.int64)
+    np.bitwise_or.at(base, row_of[joints.row_root], always)
+    return Released(tuple(str(x.name) if not isinstance(x, PrescribedMotion) else x.label for _, x in some),
+                    tuple(x.until for _, x in some), tuple(x.since for _, x in some), own, rows.astype(np.int64),
+                    np.array([x.mask for _, x in some], np.int64), base[rows],
+                    np.array([moving.index(x) if x in moving else -1 for _, x in some], np.int64),
+                    np.array([k for k, _ in some], np.int64))

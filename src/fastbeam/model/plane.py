@@ -1,0 +1,154 @@
+"""The plane of a scene: states of the scene in space and in the plane, and the model with 3 unknowns a node (theory.md 10)."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fastbeam.kernels.state import State
+
+Array = np.ndarray
+# components out of the plane that count as round-off, relative to the largest quantity of the same kind
+TOLERANCE = 1e-12
+AXES = "xyz"
+
+
+class NotPlanar(Exception):
+    """Why a scene has to be run in space."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane of a scene and its tables.
+
+    Attributes
+    ----------
+    axes : float64 [3, 3]
+        Two axes in the plane and its normal, by rows.
+    height : float
+        Of all nodes along the normal, m.
+    factor : complex128 [N, 3]
+        Director i of a node is factor_i u in the plane: a + i b stands for a u + b J u.
+    normal : float64 [N, 3]
+        Constant component of the directors along the normal.
+    vectors : int
+        Forces of constraints that are vectors; behind them come single ones.
+    singles : int64 [*]
+        Of these the numbers of those that act in the plane.
+    single : int
+        Number of all of these in space.
+    moments : float64 [O, 3]
+        Of sleeves: their three multipliers in space next to the one in the plane. They come last.
+    model : Model
+        With 4 coordinates a node, x, y and u, and 3 unknowns.
+    """
+
+    axes: Array
+    height: float
+    factor: Array
+    normal: Array
+    vectors: int
+    singles: Array
+    single: int
+    moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    model: Any = None
+
+    @property
+    def label(self) -> str:
+        """Text for `print(model)`."""
+        k = np.flatnonzero(self.axes[2] == 1.0)
+        if k.size:
+            return "plane normal to " + AXES[k[0]]
+        return "plane with normal (" + ", ".join(f"{x:.3g}" for x in self.axes[2]) + ")"
+
+    def reduce(self, state: State) -> State:
+        """Coordinates in the plane."""
+        n = len(self.factor)
+        flat = [to_plane(x.reshape(n, 4, 3), self.axes) for x in (state.q, state.v)]
+        # u from the director that lies best in the plane
+        k = np.argmax(np.abs(self.factor), axis=1)
+        at = np.arange(n)
+        q, v = (np.stack((z[:, 0], z[at, 1 + k] / self.factor[at, k]), axis=1) for z in flat)
+        vectors, moments = 3 * self.vectors, state.force.size - self.moments.size
+        force = to_plane(state.force[:vectors].reshape(-1, 3), self.axes)
+        about = np.sum(self.moments * state.force[moments:].reshape(-1, 3), axis=1)
+        return State(numbers_of(q), numbers_of(v), state.s.copy(),
+                     np.concatenate((numbers_of(force), state.force[vectors:moments][self.singles], about)), state.history.copy())
+
+    def expand(self, flat: State) -> State:
+        """Coordinates in space."""
+        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), self.forces(flat.force),
+                     flat.history.copy())
+
+    def _within(self, x: Array) -> Array:
+        """[12 N] from [4 N], without what points along the normal."""
+        z = x.view(complex).reshape(-1, 2)
+        place = np.empty((len(z), 4), complex)
+        place[:, 0] = z[:, 0]
+        np.multiply(self.factor, z[:, 1:], out=place[:, 1:])
+        return to_space(place, self.axes).reshape(-1)
+
+    def vectors_of(self, rows: Array, nodes: Array, is_place: bool) -> Array:
+        """Positions and directors in space of some nodes [m] in rows of coordinates [n, 4 N], or their rates: [n, m, 4, 3]."""
+        z = np.ascontiguousarray(rows).view(complex).reshape(len(rows), -1, 2)[:, nodes]
+        out = to_space(np.concatenate((z[:, :, :1], self.factor[nodes] * z[:, :, 1:]), axis=2), self.axes)
+        return out + self._above.reshape(-1, 4, 3)[nodes] if is_place else out
+
+    @cached_property
+    def _above(self) -> Array:
+        """What points along the normal, [12 N]."""
+        up = np.concatenate((np.full((len(self.factor), 1), self.height), self.normal), axis=1)
+        return (up[:, :, None] * self.axes[2]).reshape(-1)
+
+    def forces(self, force: Array) -> Array:
+        """Forces of all constraints [*] in space."""
+        vectors, moments = 2 * self.vectors, force.size - len(self.moments)
+        about = force[moments:, None] * self.moments
+        single = np.zeros(self.single)
+        single[self.singles] = force[vectors:moments]
+        return np.concatenate((to_space(np.ascontiguousarray(force[:vectors]).view(complex), self.axes).reshape(-1),
+                               single, about.reshape(-1)))
+
+    def holds(self, state: State) -> bool:
+        """Whether a state lies in the plane."""
+        try:
+            check_state(state.q, state.v, self, self.model.length)
+        except NotPlanar:
+            return False
+        force = state.force[:3 * self.vectors].reshape(-1, 3)
+        # contact forces carry the round-off of the stiffest directions
+        return bool(np.all(np.abs(force @ self.axes[2]) <= 10.0 * TOLERANCE * np.max(np.abs(force), initial=1e-300)))
+
+
+def to_plane(x: Array, axes: Array) -> Array:
+    """Vectors [..., 3] in space as a + i b along the axes of the plane, complex128 [...]."""
+    return x @ axes[0] + 1j * (x @ axes[1])
+
+
+def numbers_of(z: Array) -> Array:
+    """Vectors of the plane, complex128 [...], one component after the other, float64 [*]."""
+    return np.stack((z.real, z.imag), axis=-1).reshape(-1)
+
+
+def to_space(z: Array, axes: Array) -> Array:
+    """What `to_plane` came from, without what points along the normal."""
+    return z.view(float).reshape(*z.shape, 2) @ axes[:2]
+
+
+def check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
+    """Refuse coordinates [12 N] and their rates that leave a plane; length: size of the scene, m.
+
+    Raises
+    ------
+    NotPlanar
+    """
+    n = plane.axes[2]
+    q, v = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)
+    size = length + float(np.max(np.abs(q[:, 0]), initial=0.0))
+    speed = float(np.max(np.abs(v), initial=0.0))
+    if np.any(np.abs(q[:, 0] @ n - plane.height) > TOLERANCE * size) or np.any(np.abs(v @ n) > TOLERANCE * speed):
+        raise NotPlanar("a node leaves the plane")
+    if np.any(np.abs(q[:, 1:] @ n - plane.normal) > TOLERANCE):
+        raise NotPlanar("a triad is turned out of the plane")

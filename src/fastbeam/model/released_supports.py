@@ -1,0 +1,173 @@
+"""Supports that let go or take hold in a run: what they hold, which hold in a state, and the tables of a run that follow."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.nodes import Held
+from fastbeam.kernels.state import State
+from fastbeam.linalg.pattern import Pattern
+from fastbeam.model.connections import held_in_plane
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Released:
+    """Supports with `until` or `since`, R of them. Their numbers in `State.history`, how often each has changed, begin at
+    `Model.release_place`: one with `since` takes hold first, and one with `until` lets go.
+
+    Attributes
+    ----------
+    names : tuple of str
+    until, since : tuple of float, callable or None
+    node, row : int64 [R]
+        Node and row of each.
+    mask : int64 [R]
+        What it holds of the unknowns of the row, bit by bit.
+    always : int64 [R]
+        What others that neither let go nor take hold hold of the same row.
+    motion : int64 [R]
+        Its number among the supports that move, or -1.
+    reaction : int64 [R]
+        Its number among the supports of `Holding`.
+    spin : int
+        Bits of the spins.
+    """
+
+    names: tuple[str, ...]
+    until: tuple[Any, ...]
+    since: tuple[Any, ...]
+    node: Array
+    row: Array
+    mask: Array
+    always: Array
+    motion: Array
+    reaction: Array
+    spin: int = 56
+
+    @property
+    def size(self) -> int:
+        """Numbers of `State.history`."""
+        return len(self.names)
+
+    @property
+    def arrays(self) -> list[Array]:
+        """What tells models with different supports apart; conditions count as one."""
+        return [self.node, self.mask, self.waits, *(np.array([x if isinstance(x, float) else np.nan for x in times])
+                                                    for times in (self.until, self.since))]
+
+    @property
+    def waits(self) -> Array:
+        """Which take hold in the run, bool [R]."""
+        return np.array([x is not None for x in self.since])
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What takes energy away: impacts of those that take hold, in their order."""
+        return tuple(f"impact at {name}" for name, waits in zip(self.names, self.waits) if waits)
+
+    def off(self, changes: Array) -> Array:
+        """Which do not hold, bool [R], as often as they have changed [R]."""
+        return np.asarray(changes + ~self.waits != 1.0)
+
+    def at_start(self, held: Held | None, pattern: Pattern) -> Held | None:
+        """What is held before those with `since` take hold; held: with all of them."""
+        if held is None or not self.waits.any():
+            return held
+        found = held._replace(mask=held.mask.copy(), row_mask=held.row_mask.copy(), column_mask=held.column_mask.copy())
+        everything = self.masks(np.zeros(self.size, bool))[1]
+        for (row, mask), every in zip(zip(*self.masks(self.waits)), everything):
+            found.mask[held.row == row] &= ~(every & ~mask)
+            found.row_mask[pattern.rows[held.block] == row] &= ~(every & ~mask)
+            found.column_mask[pattern.columns[held.block] == row] &= ~(every & ~mask)
+        return found
+
+    def put(self, off: Array, masks: Array) -> None:
+        """What is held where some do not hold, off [R], into masks of all rows."""
+        rows, found = self.masks(off)
+        masks[rows] = found
+
+    def in_plane(self, axes: Array) -> Released:
+        """For the unknowns in a plane."""
+        return replace(self, mask=held_in_plane(self.mask, axes), always=held_in_plane(self.always, axes), spin=4)
+
+    def masks(self, off: Array) -> tuple[Array, Array]:
+        """Rows [n] and what is held there where some do not hold, off [R]: int64 [n]."""
+        rows, which = np.unique(self.row, return_inverse=True)
+        masks = np.zeros(rows.size, np.int64)
+        np.bitwise_or.at(masks, which, self.always | np.where(off, 0, self.mask))
+        return rows, masks
+
+
+class OwnSupports:
+    """The tables of a run that change when supports let go or take hold: copies of those of its model.
+
+    Parameters
+    ----------
+    core : Model
+        With such supports.
+    """
+
+    def __init__(self, core: Any) -> None:
+        held = core.held
+        self.of, self.place = core.released, core.release_place
+        self.core = replace(core, spinless=core.spinless.copy(), held=held._replace(
+            mask=held.mask.copy(), row_mask=held.row_mask.copy(), column_mask=held.column_mask.copy()))
+        pattern = core.pattern
+        self._of_rows, self._of_columns = pattern.rows[held.block], pattern.columns[held.block]
+        self._off = self.of.waits
+
+    def off(self, state: State) -> Array:
+        """Which supports do not hold in a state, bool [R]."""
+        return self.of.off(state.history[self.place:self.place + self.of.size])
+
+    def follow(self, stepper: Any) -> None:
+        """Bring all tables of a run up to its state."""
+        off = self.off(stepper.core_state)
+        if np.array_equal(off, self._off):
+            return
+        self._off = off
+        core, of = self.core, self.of
+        held = core.held
+        for row, mask in zip(*of.masks(off)):
+            held.mask[held.row == row] = mask
+            held.row_mask[self._of_rows == row] = mask
+            held.column_mask[self._of_columns == row] = mask
+            core.spinless[core.pattern.row_of == row] = mask & of.spin == of.spin
+            if stepper.rows is not None and row < stepper.rows.couplings.held.size:
+                stepper.rows.couplings.held[row] = mask
+        if stepper.prescribed is not None:
+            moves = of.motion >= 0
+            stepper.prescribed.mask[of.motion[moves]] = np.where(off, 0, of.mask)[moves]
+        stepper.parts.hold()
+
+
+class StandingSupports:
+    """Of a run in which none changes."""
+
+    def follow(self, stepper: Any) -> None:
+        """Nothing changes."""
+
+
+def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupports | StandingSupports]:
+    """The model of a run with tables of its own where supports change; in statics they are as they begin.
+
+    Raises
+    ------
+    SceneError
+        In statics a support of the state has let go or taken hold.
+    """
+    if core.released is None:
+        return core, StandingSupports()
+    own = OwnSupports(core)
+    changed = state.history[own.place:own.place + own.of.size] != 0.0
+    if static and changed.any():
+        k = int(np.argmax(changed))
+        what, change = ("let go", "leave it out of the scene") if own.off(state)[k] else ("taken hold", "leave out its since=")
+        raise SceneError(f"start: {core.released.names[k]} has {what} there; {change} for an equilibrium, and start from "
+                         "result.state_for(model)")
+    return (core, StandingSupports()) if static else (own.core, own)

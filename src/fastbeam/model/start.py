@@ -1,0 +1,667 @@
+"""What a run may start from: states that agree with the connections, supports and sliders of their model."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.arguments import LARGEST, numbers, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.contact.slider import END_SLACK
+from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
+from fastbeam.kernels.layout import TRIAD
+from fastbeam.kernels.state import State
+from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
+from fastbeam.model.connections import held_axes
+from fastbeam.model.contact.sleeve_conditions import sections
+from fastbeam.model.joints.constraints import KeptLink, gap_matrix
+from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.mapping import contact, curve_at, follow, turned
+from fastbeam.model.maps import (free_unknowns, gap_rates, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins,
+    velocity_map)
+from fastbeam.model.model import Model
+
+Array = np.ndarray
+# what round-off of a long run may leave between welded ends of a net, relative to the size of the scene and to 1 for triads; what
+# supports hold elsewhere by more than that is worth a word
+TIED = 1e-7
+# gap of a slider at the start, relative to the size of the scene: a larger one would be closed by an impulse in the first step
+GAP = 1e-12
+# a slider at a rigid stop may be so far beyond it, of the length of the beam
+AT_STOP = 1e-9
+# velocity of a slider across its curve, relative to the largest velocity, beyond which an event says so, and beyond which the
+# state is refused; it is not zero, because velocities at the end of a step satisfy constraints on positions to second order only
+SIDEWAYS, UNTRUE = 0.01, 0.5
+# velocity of a state against that of its momenta, relative to the largest velocity, from which the state is refused: in runs they
+# differ by the square of the step, by 0.05 with steps of a tenth of a swing
+EDITED = 0.1
+# and in the size of the scene a step: what is left of a motion that has come to rest
+AT_REST = 1e-6
+TURNS_AROUND = "contact forces alternate from step to step by as much as it takes to turn that around; use a smaller step"
+JUMPS = ("the support takes its node along at once, a blow that makes forces alternate from step to step; let the motion begin "
+         "with the velocity of the state")
+# misfits of places up to this share of the size of the scene are mended where that is asked for
+MENDABLE = 1e-2
+# share of the largest velocity by which velocities of the scene may change without a word
+CHANGES = 1e-9
+# share of the size of the scene at which gaps are closed: round-off
+CLOSED = 4.0 * float(np.finfo(float).eps)
+# rounds in which parts are moved until joints close
+ROUNDS = 8
+# factor on the mass of beams when places are mended, so that what slides moves rather than its beam
+STIFF = 100.0
+
+
+@dataclass
+class Misfit:
+    """What a state has against its model: what, by how much in which unit, what is allowed, what can be mended, and from what
+    size on it is worth a word, and which."""
+
+    what: str
+    size: float
+    unit: str
+    allowed: float
+    mendable: float
+    told: float = np.inf
+    word: str = TURNS_AROUND
+
+
+def own_state(model: Model, state: State) -> State:
+    """A copy of a state that fits the model; compiled code reads it without bounds.
+
+    Raises
+    ------
+    SceneError
+        It is not a State, or one of another model.
+    """
+    if not isinstance(state, State):
+        raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
+    found = [numbers(x) for x in state]
+    for name, given, x, mine in zip(State._fields, state, found, model.state()):
+        if x is None:
+            raise SceneError(f"start: {name} must hold real numbers, got {shown(given)}; start from the state of a run")
+        if x.shape != mine.shape:
+            raise SceneError(f"start: {name} has shape {x.shape}, scene {model.scene_name!r} needs {mine.shape}; start from "
+                             "a state of the same model, or bring it over with result.state_for(model)")
+        if not np.all(np.abs(x) <= LARGEST):
+            what = f"larger than {LARGEST:g}" if np.isfinite(x).all() else "that are not finite"
+            raise SceneError(f"start: {name} holds values {what}; start from an earlier state")
+    own = State(*(np.array(x, dtype=float) for x in found))
+    triads = own.q.reshape(-1, 4, 3)[:, 1:]
+    skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
+    if skew > 1e-6:
+        raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
+    limits, ends = model.limits_at(own.s, own.history), model.ends_at(own.s)
+    of_sliders = own.s, model.slider_lengths, ends, limits, model.names["sliders"]
+    for s, length, (begin, end), (low, high), name in zip(*of_sliders):
+        if not begin - END_SLACK * length <= s <= end + END_SLACK * length:
+            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
+        if not low - AT_STOP * length <= s <= high + AT_STOP * length:
+            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, beyond its stops ({low:.6g} to {high:.6g} m)")
+    return own
+
+
+def check_start(model: Model, state: State, step: float, mend: bool | None = None, at_rest: bool = False, t: float | None = None,
+                goes_on: bool = False) -> tuple[State, list[Any]]:
+    """The state to start from, the same bits where it agrees with the model, and (kind, text) of what is to be said about it.
+
+    Parameters
+    ----------
+    model : Model
+    state : State
+    step : float
+        Of the run, s: round-off of a velocity is that of a position over it.
+    mend : bool, optional
+        Take a state near to it that agrees where this one does not quite; None: who asks has no such option.
+    at_rest : bool
+        The velocities do not count.
+    t : float, optional
+        When the run begins, s: with it supports that move are looked at, too.
+    goes_on : bool
+        The state is known to be one of a run of this model: its velocities satisfy constraints to second order in the step, which
+        says nothing against it however coarse the step was.
+
+    Raises
+    ------
+    SceneError
+        It is no state of the model, or one that connections, supports or sliders do not allow; says which and by how much.
+    """
+    state = own_state(model, state)
+    if at_rest:
+        model.stop(state)
+    notes: list[Any] = _displaced_supports(model, state)
+    if t is not None:
+        notes += moved_supports(model, state, t)
+    if not at_rest:
+        notes += _at_rest_where_the_scene_moves(model, state) + _swapped_springs(model, state)
+    found = misfits(model, state, step, t)
+    if goes_on:
+        found = [m for m in found if m.mendable < np.inf]
+    worst = _worst(found)
+    if worst is None:
+        if not mend:
+            notes += [("shock" if m.word is JUMPS else "start", f"{m.what} {m.size:.3g} {m.unit} at the start: {m.word}, or "
+                       "mend_start=True") for m in found if m.size > m.told]
+        if not mend or not any(m.size > m.told for m in found):
+            return state, notes
+        worst = max(found, key=lambda m: m.size / m.told)
+    if mend and worst.size <= worst.mendable:
+        state = mended(model, state, t)
+        left = _worst(misfits(model, state, step, t))
+        if left is None:
+            return state, [*notes, ("mended", f"the start was mended: {worst.what} {worst.size:.3g} {worst.unit} off")]
+        worst = left
+    if mend:
+        advice = f"mend_start mends up to {worst.mendable:.2g} {worst.unit}"
+    elif worst.size <= worst.mendable:
+        advice = "have it mended with mend_start=True" if mend is not None else "simulate(..., mend_start=True) mends it"
+        if worst.unit == "m/s":
+            advice += ": then the parts meet in an inelastic impact, which keeps momenta and takes energy"
+    else:
+        advice = "that is too much to be mended"
+    raise SceneError(f"start: {worst.what} {worst.size:.3g} {worst.unit} off (allowed: {worst.allowed:.2g}); {advice}, or start "
+                     "from a state of a run of this model, or build the scene with its parts where the state has them")
+
+
+def _worst(found: list[Misfit]) -> Misfit | None:
+    """The first that cannot be mended, else that with the largest share of what can be; None where all are allowed."""
+    wrong = [m for m in found if not m.size <= m.allowed]
+    return max(wrong, key=lambda m: m.size / m.mendable if m.size == m.size else np.inf, default=None)
+
+
+def misfits(model: Model, state: State, step: float, t: float | None = None) -> list[Misfit]:
+    """The worst of every kind; t: when the run begins, if supports that move are to be looked at."""
+    q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+    length = model.length
+    reach = length + float(np.max(np.abs(q[:, 0])))
+    speed = float(np.max(np.abs(v[:, 0]), initial=0.0)) + length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
+    noise = 1e-12 * reach / step
+    # an impact has to know all inertia
+    most = np.inf if model.added is None and model.moving is None else MENDABLE * speed
+    out: list[Misfit] = []
+
+    def add(what: str, error: Array, nodes: Array, unit: str, allowed: float, mendable: float) -> None:
+        """error [m, ...] of nodes [m]"""
+        if len(nodes):
+            size = np.sqrt(np.sum(error.reshape(len(nodes), -1)**2, axis=1))
+            # of the difference of two triads the angle between them
+            size = size if unit != "rad" else 2.0 * np.arcsin(np.minimum(size / np.sqrt(8.0), 1.0))
+            k = int(np.argmax(size))
+            out.append(Misfit(what.format(_joint_of(model, int(nodes[k]))), float(size[k]), unit, allowed, mendable))
+
+    place, rate = follow(model, q), follow(model, v)
+    tied = model.ties.slave if model.ties is not None else np.zeros(0, np.int64)
+    # a run keeps between welded ends of a net what there is, and closes anything else in its first step
+    for led, off in ((tied, GAP), (np.setdiff1d(np.flatnonzero(_follows(model)), tied), TIED)):
+        add("{} stands", (q - place)[led, 0], led, "m", off * reach, MENDABLE * length)
+        add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * off, MENDABLE)
+        add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", off * speed + noise, most)
+        add("the spin of {}, times the size of the scene, is", (v - rate)[led, 1:] * length, led, "m/s", off * speed + noise,
+            most)
+    held = _standing(model, state)
+    for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
+                             (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
+        still = np.flatnonzero(held & bits != 0)
+        axes = held_axes(held[still])[:, None] if bits == 7 else length
+        add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, most)
+    for motion, node in moving_supports(model, state) if t is not None else ():
+        rates = np.array(motion.rates(t))
+        off = velocities_and_spins(q[node], v[node]).reshape(2, 3) - rates
+        off *= held_axes(np.array([motion.mask]))[0], [float(motion.mask & 56 != 0)] * 3
+        size = float(np.linalg.norm(off[0])) + length * float(np.linalg.norm(off[1]))
+        # taken as it is from solve_static, and nothing against it: a word, and mended on request
+        told = SIDEWAYS * max(speed, float(np.linalg.norm(rates[0]))) + noise
+        out.append(Misfit(f"the velocity of {model.labels[node]}, against that of {motion.label}, is", size, "m/s", np.inf,
+                          np.inf, told, JUMPS))
+    away = off_beam(model, state)
+    for k, name in enumerate(model.names["sliders"]):
+        if away[k]:
+            continue
+        gap, tangent, relative = contact(model, k, state.s[k], q, v)
+        across = relative - (relative @ tangent) / (tangent @ tangent) * tangent
+        out.append(Misfit(f"slider {name!r}: its point lies", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
+        out.append(Misfit(f"slider {name!r}: the velocity of its point across the beam is", float(np.linalg.norm(across)), "m/s",
+                          UNTRUE * speed + noise, np.inf))
+        out[-1].told = SIDEWAYS * speed + noise
+    for (k, _), section in zip(model.sleeve_pairs, sections(model, state.s, q)):
+        name = f"sleeve {model.names['sliders'][k]!r}"
+        _, tangent, relative = contact(model, int(k), state.s[k], q, v)
+        turning = np.concatenate((np.zeros_like(v[:, 0]), spins(q, v)), axis=1).reshape(-1)
+        rate = section.row(0, len(q)) @ turning + section.values(1) * (relative @ tangent) / (tangent @ tangent)
+        out.append(Misfit(f"{name}: its direction is", _angle(section.values()), "rad", GAP, MENDABLE))
+        out.append(Misfit(f"{name}: its spin against the section of the beam, times the size of the scene, is",
+                          float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
+        out[-1].told = SIDEWAYS * speed + noise
+    for link in model.kept:
+        if isinstance(link.law, Coordinate):
+            # what is given depends on time
+            continue
+        x, moving = q[list(link.node)], v[list(link.node)]
+        gap, rate = link.law.gap(x, _at_start(model, link)), np.einsum("msic,sic->m", link.law.lead(x), moving)
+        # the size of the scene makes a velocity of the rate of an angle
+        place, what, unit = ("its directions are", "the rate of its directions is", "rad") if link.law.is_angle else (
+            "its points lie", "the velocity of its points is", "m")
+        big, wide = (1.0, length) if link.law.is_angle else (reach, 1.0)
+        size = _angle(gap) if link.law.is_angle else float(np.linalg.norm(gap))
+        out.append(Misfit(f"{link.name}: {place}", size, unit, GAP * big,
+                          MENDABLE * (1.0 if link.law.is_angle else length)))
+        out.append(Misfit(f"{link.name}: {what}", float(np.linalg.norm(rate)) * wide, "m/s", UNTRUE * speed + noise, np.inf))
+        out[-1].told = SIDEWAYS * speed + noise
+    of_momenta = model.momenta_misfit(state)
+    if of_momenta > 0.0:
+        rest = AT_REST * length / step
+        out.append(Misfit("velocities against those of the momenta of moving meshes and added mass are", of_momenta,
+                          "m/s", EDITED * speed + rest, np.inf, SIDEWAYS * speed + rest,
+                          "the momenta count; give velocities to the parts of the scene"))
+    return out
+
+
+def _angle(products: Array) -> float:
+    """By which directions are turned whose products are sines of it, rad."""
+    return float(np.arcsin(min(float(np.linalg.norm(products)), 1.0)))
+
+
+def off_beam(model: Model, state: State) -> Array:
+    """Whether sliders have left their beams, bool [S]."""
+    if model.slider_forces is None:
+        return np.zeros(model.n_sliders, bool)
+    return np.asarray(state.history[:model.work_place].reshape(-1, HISTORY)[:, HELD] == OFF)
+
+
+def _at_start(model: Model, link: KeptLink) -> Array:
+    """Coordinates of both nodes of a joint in the reference shape, [2, 4, 3]."""
+    return model.q0.reshape(-1, 4, 3)[list(link.node)]
+
+
+def _follows(model: Model) -> Array:
+    """Whether a node is tied to others, or shares the row of one before it, bool [N]."""
+    out = model.pattern.first_on_row != np.arange(model.n_nodes)
+    if model.ties is not None:
+        out[model.ties.slave] = True
+    return out
+
+
+def _joint_of(model: Model, node: int) -> str:
+    """A node with the joints at it, for messages."""
+    joints = model.joints.get(node, [])
+    return f"{model.labels[node]} ({', '.join(joints)})" if joints else model.labels[node]
+
+
+def _standing(model: Model, state: State) -> Array:
+    """Of every node which of its unknowns a support holds still, int64 [N]."""
+    held = model.held_in(state)
+    held[_follows(model)] = 0
+    if model.prescribed is not None:
+        for motion, node in zip(model.prescribed.motions, model.prescribed.own):
+            held[model.pattern.row_of == model.pattern.row_of[node]] &= ~motion.mask
+    return held
+
+
+def moving_supports(model: Model, state: State) -> list[tuple[Any, int]]:
+    """Motions that hold their nodes from the start on, and these; not those that take hold on the way, from wherever their nodes
+    are then."""
+    return [(motion, node) for _, motion, node in active_motions(model, state) if motion.since is None]
+
+
+def active_motions(model: Model, state: State) -> list[tuple[int, Any, int]]:
+    """Motions of supports that hold now, their numbers and nodes."""
+    if model.prescribed is None:
+        return []
+    gone: set[int] = set()
+    if model.released is not None:
+        off = model.released.off(state.history[model.release_place:model.motion_place])
+        gone = set(model.released.motion[off].tolist())
+    pairs = zip(model.prescribed.motions, model.prescribed.own.tolist())
+    return [(k, *pair) for k, pair in enumerate(pairs) if k not in gone]
+
+
+def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]]:
+    """Supports that move begin at time t where the state has their nodes: worth a word where these are not their places then."""
+    q, q0 = state.q.reshape(-1, 4, 3), model.q0.reshape(-1, 4, 3)
+    reach = model.length + float(np.max(np.abs(q0[:, 0])))
+    out = []
+    more = {} if model.prescribed is None else model.prescribed.more_turns(model.turns_of(state.history), t)
+    for motion, node in moving_supports(model, state):
+        place = motion.place(t) if motion.position is not None else q0[node, 0] + motion.place(t) - motion.place(0.0)
+        away = float(np.linalg.norm(np.where(held_axes(np.array([motion.mask]))[0], q[node, 0] - place, 0.0)))
+        turn = motion.turn(t) @ motion.turn(0.0).T
+        angle = _turned_by(q[node, 1:], q0[node, 1:] @ turn.T) if motion.rotation is not None else 0.0
+        angle = max(angle, more.get(motion.name, 0.0))
+        if away > TIED * reach or angle > 10.0 * TIED:
+            by = " and ".join(text for text, size in ((f"{away:.3g} m", away), (f"{angle:.3g} rad", angle)) if size)
+            out.append(("support", f"{motion.label} begins at t = {t:.6g} s, where {model.labels[node]} is {by} off its place at "
+                                   "that time, and keeps that distance: what the function changes from then on is added to where "
+                                   "the state has the node; start with a state of that time, or with t_start= at the time of the "
+                                   "state"))
+    return out
+
+
+def _turned_by(a: Array, b: Array) -> float:
+    """The angle between two triads (3, 3), rad."""
+    return 2.0 * float(np.arcsin(min(1.0, float(np.linalg.norm(a - b)) / np.sqrt(8.0))))
+
+
+def _displaced_supports(model: Model, state: State) -> list[tuple[str, str]]:
+    """A support holds its node where the state has it: worth a word where that is not its place in the model."""
+    off = (state.q - model.q0).reshape(-1, 4, 3)
+    # what others have caught stands elsewhere
+    held = _standing(model, state) & model.held_mask
+    away = np.linalg.norm(np.where(held_axes(held), off[:, 0], 0.0), axis=1)
+    turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
+    k, i = int(np.argmax(away)), int(np.argmax(turned))
+    out = []
+    if away[k] > TIED * (model.length + float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3])))):
+        out.append(("support", f"the support of {model.labels[k]} stands {away[k]:.6g} m from its place in the model and holds "
+                               "it there"))
+    if turned[i] > 10.0 * TIED:
+        out.append(("support", f"the clamp of {model.labels[i]} stands turned against the model and holds it so"))
+    return out
+
+
+def mended(model: Model, state: State, t: float | None = None) -> State:
+    """A state near to this one that ties, supports and sliders allow.
+
+    Parts move as rigid bodies first, with the least motion in the norm of the masses, and bend only where joints are open still:
+    bodies and masses then give way before beams. Velocities jump as in an inelastic impact, the jump of least kinetic energy that
+    ends in velocities which everything allows: what has no support keeps its momenta. t: when supports that move have the
+    velocities that they give, else those of the state.
+    """
+    from scipy import sparse
+    if off_beam(model, state).any():
+        raise SceneError("mend_start: a slider has left its beam; start from the state of a run without mending it")
+    q, s = state.q.reshape(-1, 4, 3).copy(), state.s.copy()
+    _close_rigidly(model, state, q, s)
+    q = follow(model, q)
+    inertia = mass_map(model)
+    beams = sparse.diags(np.repeat(np.where(model.numbers.rank == 3, STIFF, 1.0), 12))
+    before = np.inf
+    for _ in range(ROUNDS * (model.n_constraints > 0)):
+        across, gaps = _across(model, q, s)
+        left = float(np.max(np.abs(gaps), initial=0.0))
+        # what is left would be closed by the next step, and its force do work on that
+        if left <= CLOSED * model.length or left > 0.5 * before:
+            break
+        before = left
+        lift, free = _lift(model, q, state)
+        mass = (lift.T @ beams @ inertia @ beams @ lift).tocsr()
+        step = np.zeros(6 * model.n_nodes)
+        step[free] = nearest_by(mass, (across @ lift).tocsr(), -gaps, np.zeros(free.size), free % 6 >= 3)[0]
+        step = (share_map(model) @ step).reshape(-1, 6)
+        q[:, 0] += step[:, :3]
+        q[:, 1:] = turned(q[:, 1:], step[:, 3:])
+        q = follow(model, q)
+    v = _after_impact(model, state, q, s, t)
+    out = State(q.reshape(-1), v, s, state.force.copy(), state.history.copy())
+    model.start_momenta(out.history, out.q, out.v)
+    return out
+
+
+def _close_rigidly(model: Model, state: State, q: Array, s: Array) -> None:
+    """Move parts as rigid bodies, and sliders along their beams, until ties and joints are closed, or as far as that goes."""
+    inertia, before, part = mass_map(model), np.inf, model.numbers.part
+    if model.ties is not None:
+        # no rigid motion brings a point of a body to where the body has it
+        owner = np.repeat(np.arange(len(q)), np.diff(model.ties.start))
+        own = _follows(model) & (np.bincount(owner, part[model.ties.target] != part[owner], len(q)) == 0)
+        q[own] = follow(model, q)[own]
+    for _ in range(ROUNDS):
+        across, gaps = _across(model, q, s)
+        ties, open_ties, _ = _ties(model, state, q)
+        gaps = np.concatenate((gaps, open_ties))
+        left = float(np.max(np.abs(gaps), initial=0.0))
+        if left <= CLOSED * model.length or left > 0.5 * before:
+            break
+        before, rates = left, velocity_map(q)
+        step = rigid_share((rates.T @ inertia @ rates).tocsr(), sparse_rows(across @ rates, ties), -gaps,
+                           rigid_motions(q[:, 0], part)).reshape(-1, 6)
+        middle, number = middles(q[:, 0], part)
+        # turned as a whole, however far
+        arms = (q[:, 0] - middle[number])[:, None]
+        q[:, 0] = middle[number] + step[number, :3] + turned(arms, step[number, 3:])[:, 0]
+        q[:, 1:] = turned(q[:, 1:], step[number, 3:])
+
+
+def sparse_rows(*parts: Any) -> Any:
+    """Sparse matrices below each other."""
+    from scipy import sparse
+    return sparse.vstack(parts, format="csr")
+
+
+def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
+    """What tied nodes, welded ends and supports ask of all nodes: a matrix on their velocities and spins, sparse [m, 6 N], by
+    how much each of them is off [m], and of supports, whose rows come last, the numbers of what they hold."""
+    from scipy import sparse
+    place = follow(model, q)
+    led = np.flatnonzero(_follows(model))
+    unit = sparse.eye(6 * len(q), format="csr")
+    to_rates = velocity_map(q)
+    rates = tie_map(model) @ to_rates @ share_map(model)
+    # by how much a node moves less than what it follows
+    at = (12 * led[:, None] + np.arange(3)).reshape(-1)
+    rows, off = [(rates - to_rates)[at]], [(place - q)[led, 0].reshape(-1)]
+    leads = np.arange(len(q))
+    leads[model.pattern.first_on_row != leads] = model.pattern.first_on_row[model.pattern.first_on_row != leads]
+    if model.ties is not None:
+        owner = np.repeat(np.arange(len(q)), np.diff(model.ties.start))
+        turns = model.ties.kind == TRIAD
+        leads[owner[turns]] = model.ties.target[turns]
+    led = np.flatnonzero(leads != np.arange(len(q)))
+    of, to = ((6 * k[:, None] + np.arange(3, 6)).reshape(-1) for k in (led, leads[led]))
+    rows.append(unit[to] - unit[of])
+    off.append(0.5 * np.cross(q[led, 1:], place[led, 1:]).sum(axis=1).reshape(-1))
+    held = _standing(model, state)
+    for _, motion, node in active_motions(model, state):
+        held[node] |= motion.mask
+    still = np.flatnonzero((held[:, None] >> np.arange(6) & 1).reshape(-1))
+    rows.append(unit[still])
+    off.append(np.zeros(still.size))
+    return sparse_rows(*rows), np.concatenate(off), still
+
+
+def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[State, list[tuple[str, str]]]:
+    """The state with the velocities that the scene gives its parts, in the shape of the state, and what there is to say about it.
+
+    Rigid motions are those of the scene at the places of the state, sliders keep their rates along their beams. What does not
+    agree with joints in this shape changes as in a projection: rigid motions of the parts first.
+    """
+    state = own_state(model, state)
+    q, q0, v0 = (x.reshape(-1, 4, 3) for x in (state.q, model.q0, model.v0))
+    given = velocities_and_spins(q0, v0)
+    for motion, node in moving_supports(model, state):
+        rates = np.concatenate(motion.rates(t))
+        bits = np.append(held_axes(np.array([motion.mask]))[0], np.full(3, bool(motion.mask & 56)))
+        given[node, bits] = rates[bits]
+    fixed = given.reshape(-1).copy()
+    given[:, :3] += np.cross(model.numbers.turning, q[:, 0] - q0[:, 0])
+    to_rates = velocity_map(q)
+    gaps, tangents, _ = gap_rates(model, state)
+    goals = []
+    for k, tangent in enumerate(tangents):
+        _, along, relative = contact(model, k, float(model.s0[k]), q0, v0)
+        goals.append(float(relative @ along / (along @ along)) * tangent)
+        # what slides goes along, not what it slides on
+        part = model.numbers.part == model.numbers.part[int(model.sliders.point[k])]  # type: ignore[union-attr]
+        if np.all(model.numbers.rank[part] != 3):
+            given[part, :3] += goals[-1] - gaps[3 * k:3 * k + 3] @ (to_rates @ given.reshape(-1))
+    on = np.repeat(~off_beam(model, state), 3)
+    of_joints = gap_matrix([link for link in model.kept if link.law.holds], q0) @ model.v0
+    ties, _, still = _ties(model, state, q)
+    directions, _ = direction_rates(model, q, state.s)
+    rows = sparse_rows(gaps[:3 * model.n_sliders][on], gaps[3 * model.n_sliders:], *directions) @ to_rates
+    right = np.concatenate([np.concatenate((*goals, np.zeros(0)))[on], np.where(given_rows(model), of_joints, 0.0)])
+    right = np.concatenate((right, np.zeros(rows.shape[0] + ties.shape[0] - right.size - still.size), fixed[still]))
+    rows, inertia, begin = sparse_rows(rows, ties), mass_map(model), given.reshape(-1)
+    mass = (to_rates.T @ inertia @ to_rates).tocsr()
+    rigid = rigid_motions(q[:, 0], model.numbers.part)
+    found = begin + rigid_change(mass, rows, right, begin, rigid)
+    found = nearest_by(mass, rows, right, found, np.arange(begin.size) % 6 >= 3)[0]
+    found[still] = fixed[still]
+    out = State(state.q, follow(model, (to_rates @ found).reshape(-1, 4, 3)).reshape(-1), state.s, state.force, state.history)
+    model.start_momenta(out.history, out.q, out.v)
+    changed = np.linalg.norm((found - begin).reshape(-1, 6)[:, :3], axis=1)
+    k = int(np.argmax(changed))
+    if changed[k] <= CHANGES * np.max(np.abs(begin), initial=0.0):
+        return out, []
+    return out, [("projected", f"the velocities of the scene change by up to {changed[k]:.6g} m/s, at {model.labels[k]}, to "
+                               "agree with joints, supports and sliders in the shape of the start")]
+
+
+def _at_rest_where_the_scene_moves(model: Model, state: State) -> list[tuple[str, str]]:
+    """A start without velocities in a scene that gives some is worth a word."""
+    if state.v.any() or not model.v0.any():
+        return []
+    size = np.linalg.norm(model.v0.reshape(-1, 4, 3), axis=2)
+    k = int(np.argmax(size.max(axis=1)))
+    much = f"{size[k, 0]:.3g} m/s" if size[k, 0] > 0.0 else "a spin"
+    return [("start", f"the start is at rest, where the scene gives {model.labels[k]} {much}: the run begins without it; take "
+                      "the velocities of the scene with velocities=\"scene\" of simulate, or leave them out of the scene")]
+
+
+def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
+    """Springs that only push, have no force, and lie the other way round than in the scene, are worth a word."""
+    if model.lines is None or model.find_springs is None:
+        return []
+    a, b = model.lines.node.T
+    x, y = (q.reshape(-1, 12)[:, :3] for q in (model.q0, state.q))
+    around = np.einsum("lc,lc->l", x[b] - x[a], y[b] - y[a]) < 0.0
+    names = {model.lines.names[k] for k in np.flatnonzero(around & model.lines.acts)}
+    slack = [name for springs in model.find_springs(model.links) if hasattr(springs, "slack") for name in springs.slack(state)]
+    return [("start", f"spring {name!r} has no force at the start and lies the other way round than in the scene: its ends have "
+                      "passed each other, and it will not push them back; start from a shape on the other side")
+            for name in slack if f"spring {name!r}" in names]
+
+
+def _after_impact(model: Model, state: State, q: Array, s: Array, t: float | None) -> Array:
+    """Rates [12 N] at coordinates q, near to those of the state, that everything allows: momenta change by what ties, joints and
+    supports do alone."""
+    inertia = mass_map(model)
+    before = state.q.reshape(-1, 4, 3)
+    own = velocities_and_spins(before, state.v.reshape(-1, 4, 3))
+    led_by = own.copy()
+    for motion, node in moving_supports(model, state) if t is not None else ():
+        rates = np.concatenate(motion.rates(t))
+        bits = (motion.mask >> np.arange(6) & 1).astype(bool)
+        bits[:3], bits[3:] = held_axes(np.array([motion.mask]))[0], bool(motion.mask & 56)
+        led_by[node, bits] = rates[bits]
+    across, _ = _across(model, q, s)
+    lift, free = _lift(model, q, state)
+    moved = _moved_unknowns(model, state)
+    # supports that move go on as they do
+    led = rates_map(model, q)[:, moved] @ led_by.reshape(-1)[moved]
+    # every node has the momentum that it had, turned with it
+    carried = state.v + velocity_map(q) @ own.reshape(-1) - velocity_map(before) @ own.reshape(-1)
+    momentum = np.zeros(q.size)
+    if not np.array_equal(q, before):
+        joined = sparse_rows(across @ velocity_map(q), _ties(model, state, q)[0])
+        momentum += inertia @ _turned_back(inertia, joined, before, q, state.v, carried)
+    # or that of its support, whose change is no momentum that the rest would have to keep
+    carried += velocity_map(q) @ (led_by - own).reshape(-1)
+    momentum += inertia @ carried
+    found = led_by.reshape(-1)[free]
+    missing = lift.T @ (momentum - inertia @ (lift @ found + led))
+    rates = nearest_by((lift.T @ inertia @ lift).tocsr(), (across @ lift).tocsr(),
+                       _given_rates(model, across @ carried) - across @ led, found, free % 6 >= 3, missing)[0]
+    return np.asarray(lift @ rates + led)
+
+
+def _turned_back(inertia: Any, joined: Any, before: Array, q: Array, v: Array, carried: Array) -> Array:
+    """Rates [12 N] of the rigid motions that give each piece of the scene, moved from `before` to q, the momenta that it had with
+    rates v where it has those of `carried`. joined: on velocities and spins, sparse [m, 6 N], what joins nodes to pieces besides
+    the inertia of beams."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    rates = velocity_map(q)
+    mass = (rates.T @ inertia @ rates).tocsr()
+    every = (abs(mass) + abs(joined).T @ abs(joined)).tocoo()
+    _, number = connected_components(coo_matrix((every.data, (every.row // 6, every.col // 6)), shape=(len(q), len(q))),
+                                     directed=False)
+    rigid = rigid_motions(q[:, 0], number)
+    own = (rigid.T @ mass @ rigid).tocsr()
+    middle, number = middles(q[:, 0], number)
+    lost = np.zeros((len(middle), 6))
+    for sign, x, of in ((1.0, before, v), (-1.0, q, carried)):
+        p = (inertia @ of).reshape(-1, 4, 3)
+        arms = x.copy()
+        arms[:, 0] -= middle[number]
+        np.add.at(lost[:, :3], number, sign * p[:, 0])
+        np.add.at(lost[:, 3:], number, sign * np.cross(arms, p).sum(axis=1))
+    turns = np.zeros_like(lost)
+    for k in np.flatnonzero(np.any(lost != 0.0, axis=1)):
+        turns[k] = np.linalg.lstsq(own[6 * k:6 * k + 6, 6 * k:6 * k + 6].toarray(), lost[k], rcond=1e-12)[0]
+    return np.asarray(rates @ (rigid @ turns.reshape(-1)))
+
+
+def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:
+    """Free velocities and spins -> rates of all coordinates, sparse [12 N, F], and their numbers [F]."""
+    free = free_unknowns(model, state)
+    return rates_map(model, q)[:, free], free
+
+
+def _moved_unknowns(model: Model, state: State) -> Array:
+    """Numbers 6 node + c of the unknowns that supports move, of nodes that share a row those of the first."""
+    bits = np.zeros(model.n_nodes, np.int64)
+    first = model.pattern.first_on_row
+    for _, motion, node in active_motions(model, state):
+        bits[first[node]] |= motion.mask
+    return np.flatnonzero((bits[:, None] >> np.arange(6) & 1).reshape(-1))
+
+
+def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
+    """Gaps across the curves [2 S], of joints with multipliers and of directions in sleeves as a matrix on the coordinates,
+    sparse, and their values; moves s to the nearest points."""
+    from scipy import sparse
+    out = sparse.lil_matrix((2 * s.size, q.size))
+    gaps = np.zeros(2 * s.size)
+    assert model.sliders is not None or not s.size
+    for k in range(s.size):
+        for _ in range(20):
+            gap, tangent, _ = contact(model, k, s[k], q, q)
+            way = float(gap @ tangent / (tangent @ tangent))
+            if abs(way) <= 1e-15 * model.slider_lengths[k]:
+                break  # round-off, by which a slider that sticks would slip
+            s[k] = np.clip(s[k] + way, *model.ends_at(s)[k])
+        gap, tangent, _ = contact(model, k, s[k], q, q)
+        nodes, values, _ = curve_at(model, k, s[k])
+        _, _, axes = np.linalg.svd(tangent[None])
+        for j, axis in enumerate(axes[1:]):
+            gaps[2 * k + j] = axis @ gap
+            for c in range(3):
+                out[2 * k + j, 12 * nodes + c] = -values * axis[c]
+                out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
+    kept = [link for link in model.kept if link.law.holds]
+    own = [link.law.gap(q[list(link.node)], _at_start(model, link)) for link in kept]
+    directions, off = direction_rates(model, q, s)
+    return (sparse.vstack((out.tocsr(), gap_matrix(kept, q), *directions), format="csr"),
+            np.concatenate((gaps, *own, *off)))
+
+
+def _given_rates(model: Model, rates: Array) -> Array:
+    """Of all rows of `_across` what they are to be: those of joints that are given as functions of time stay, others are zero."""
+    out, given = np.zeros_like(rates), given_rows(model)
+    of_joints = slice(2 * model.n_sliders, 2 * model.n_sliders + given.size)
+    out[of_joints] = np.where(given, rates[of_joints], 0.0)
+    return out
+
+
+def given_rows(model: Model) -> Array:
+    """Which of the rows of joints with multipliers are coordinates that are given as functions of time, bool [J]."""
+    links = [link for link in model.kept if link.law.holds]
+    return np.repeat(np.array([isinstance(link.law, Coordinate) for link in links], bool), [link.forces(3) for link in links])
+
+
+def direction_rates(model: Model, q: Array, s: Array) -> tuple[list[Any], list[Array]]:
+    """Of every sleeve the directions of its section as a matrix on the coordinates, sparse, and their values; q [N, 4, 3]."""
+    from scipy import sparse
+    x, directions, off = q[:, 0], [], []
+    for (k, _), section in zip(model.sleeve_pairs, sections(model, s, q)):
+        # the place of the sleeve follows its point along the beam
+        nodes, values, slopes = curve_at(model, int(k), s[k])
+        tangent = slopes @ x[nodes]
+        way = sparse.lil_matrix((1, q.size))
+        for c in range(3):
+            way[0, 12 * nodes + c] = -values * tangent[c] / (tangent @ tangent)
+            way[0, 12 * int(model.sliders.point[k]) + c] = tangent[c] / (tangent @ tangent)  # type: ignore[union-attr]
+        directions.append(section.by_coordinates(len(x)) + sparse.csr_matrix(section.values(1)[:, None]) @ way.tocsr())
+        off.append(section.values())
+    return directions, off

@@ -1,0 +1,262 @@
+"""Whether supports hold a scene in statics: every connected part against the rigid motions that space or its plane allows."""
+from __future__ import annotations
+
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from fastbeam.interface.arguments import shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.inner_nodes import ROWS
+from fastbeam.kernels.layout import LIST
+from fastbeam.kernels.linalg.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
+from fastbeam.model.connections import held_axes
+from fastbeam.model.forces.winches import refuse_winches
+from fastbeam.model.mapping import curve_at
+from fastbeam.model.model import Model
+from fastbeam.scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+
+Array = np.ndarray
+
+
+def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> bool:
+    """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene;
+    may_turn: one held point will do, about which it may turn. Returns whether motions out of the plane count: whether all six are
+    prevented, or a straight part can but turn about its own line. Sliders and joints connect.
+
+    Raises
+    ------
+    SceneError
+        Names the part and the motion that nothing prevents.
+    """
+    return not _known(model, flat, may_turn)
+
+
+def free_aside(model: Model) -> str:
+    """Of a scene that is held in its plane which part nothing holds against leaving it, and how it would; nothing where there is
+    none. A straight part that can turn about its own line stays where it is.
+
+    Raises
+    ------
+    SceneError
+    """
+    return _known(model, True, False) or ""
+
+
+# what was found of models that are held
+_HELD: WeakKeyDictionary[Model, dict[tuple[bool, bool], str | None]] = WeakKeyDictionary()
+
+
+def _known(model: Model, flat: bool, may_turn: bool) -> str | None:
+    """None where all six rigid motions of all parts are prevented; else what `free_aside` tells."""
+    known = _HELD.setdefault(model, {})
+    if (flat, may_turn) not in known:
+        known[flat, may_turn] = _checked(model, flat, may_turn)
+    return known[flat, may_turn]
+
+
+def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
+    """As `_known`, found anew."""
+    aside: str | None = None
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    pattern = model.pattern
+    n = model.n_nodes
+    graph = coo_matrix((np.ones(pattern.keys.size), (pattern.rows, pattern.columns)), shape=(n, n))
+    rows, columns = [pattern.row_of], [pattern.row_of]
+    if model.inner is not None:
+        # an eliminated node hangs on the first node of its element
+        rows.append(pattern.n + np.arange(model.inner.element.size))
+        columns.append(model.inner.rows[model.inner.where[model.inner.element, ROWS]])
+    if model.substructures is not None:
+        # a node of a condensed beam hangs on the start of the beam
+        for tables, groups in zip((model.simo, model.green), model.groups_of_beams()):
+            for count, nn in np.unique(groups[:, [ELEMENTS, NODES_EACH]], axis=0).tolist():
+                first = groups[(groups[:, ELEMENTS] == count) & (groups[:, NODES_EACH] == nn), FIRST_GROUP]
+                at = tables.meta[first[:, None] + np.arange(count), LIST]
+                own = tables.rows[at[:, :, None, None] + np.arange(8 * nn).reshape(nn, 8)]
+                rows.append(own.reshape(-1))
+                columns.append(np.broadcast_to(own[:, :1, :1], own.shape).reshape(-1))
+    if model.carriers is not None:
+        # and so does one of a carrier
+        for a, b in model.carriers.ends.tolist():
+            rows.append(pattern.row_of[a + 1:b + 1])
+            columns.append(np.broadcast_to(pattern.row_of[a], b - a))
+    if model.ties is not None:
+        # a tied node hangs on its targets
+        count = np.diff(model.ties.start)
+        rows.append(np.repeat(pattern.row_of, count))
+        columns.append(model.ties.target_row)
+    graph = graph + coo_matrix((np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
+    for k in range(model.n_sliders):
+        # a sliding point hangs on its beam, and the beam on it
+        nodes = curve_at(model, k, float(model.s0[k]))[0]
+        graph = graph + coo_matrix((np.ones(nodes.size), (pattern.row_of[nodes], np.full(nodes.size, pattern.row_of[
+            model.sliders.point[k]]))), shape=(n, n))
+    linked = pattern.row_of[np.array([link.node for link in model.kept], np.int64).reshape(-1, 2)]
+    graph = graph + coo_matrix((np.ones(len(linked)), (linked[:, 0], linked[:, 1])), shape=(n, n))
+    _, part = connected_components(graph, directed=False)
+    part = np.unique(part[pattern.row_of], return_inverse=True)[1]
+    phi = model.q0.reshape(-1, 12)[:, :3]
+    mask = model.held_mask
+    if model.ties is not None:
+        mask[model.ties.slave] = 0
+    point = model.numbers.rank == 9
+    eye6 = np.eye(6)
+    within = eye6
+    if flat:
+        axes = model.plane.axes
+        within = np.zeros((6, 3))
+        within[:3, 0], within[:3, 1], within[3:, 2] = axes
+    by_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
+    for nodes in by_part:
+        if np.all(point[nodes]) and np.all(mask[nodes] & 7 == 7):
+            continue
+        center = phi[nodes].mean(axis=0)
+        size = float(np.max(np.linalg.norm(phi[nodes] - center, axis=1))) or 1.0
+        eye, none = np.eye(3), np.zeros((3, 3))
+        # unit motions: shift, and turn about the centre
+        some = nodes[mask[nodes] & 7 != 0]
+        turn = np.cross(eye[:, None], ((phi[some] - center) / size)[None]).transpose(1, 2, 0)
+        held = [np.concatenate((np.broadcast_to(eye, turn.shape), turn), axis=2)[held_axes(mask[some])]]
+        if np.any((mask[nodes] & 56 != 0) & ~point[nodes]):
+            held.append(np.hstack((none, eye)))
+        matrix = np.concatenate(held)
+        values, motions = _free_motions(matrix, eye6)
+        if values[5] > 1e-9:
+            continue
+        aside = aside or ""
+        what = model.labels[nodes[0]].split(" node ")[0]
+        if flat:
+            for motion in motions[values <= 1e-9]:
+                moved = motion[:3] + np.cross(motion[3:], (phi[nodes] - center) / size)
+                if not aside and np.max(np.linalg.norm(moved, axis=1)) > 1e-9:
+                    aside = f"{what} can {_how(motion)}"
+        if may_turn and np.any(mask[nodes] & 7 != 0):
+            continue
+        if flat:
+            values, motions = _free_motions(matrix, within)
+            if values[2] > 1e-9:
+                continue
+        shift, turn = motions[-1][:3], motions[-1][3:]
+        how = _how(motions[-1])
+        n_free = int(np.sum(values <= 1e-9))
+        kind = "3 rigid motions in its plane" if flat else "6 rigid motions"
+        hangs = " (relax finds how it hangs)" if how.startswith("turn") and np.any(mask[nodes]) and np.any(model.gravity) else ""
+        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({n_free} of {kind} are free); "
+                         f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}{hangs}"
+                         + ("" if flat else _planar_hint(model, shift, turn)))
+    return aside
+
+
+def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> int:
+    """Number of a node whose position a support holds.
+
+    Parameters
+    ----------
+    who : str
+        The function and its argument, for messages.
+    what : Clamp, Pin, PrescribedMotion, or what they hold
+    held : int64 [N]
+        Bits of what supports hold of every node.
+    axes : int
+        Bits that have to be held.
+
+    Raises
+    ------
+    SceneError
+    """
+    at = what.at if isinstance(what, (Clamp, Pin, PrescribedMotion)) else what
+    at = at.center if isinstance(at, (RigidBody, PointMass)) else at
+    if not isinstance(at, NodeRef):
+        raise SceneError(f"{who} maps supports (Clamp, Pin, PrescribedMotion) or their nodes to motions, got {shown(what)}")
+    try:
+        node = int(model.numbers.number(at))
+    except KeyError:
+        if isinstance(at.owner, RigidBody):
+            raise SceneError(f"{who} of {at.label}: a support there holds the whole body; name {at.owner.label}, which is moved "
+                             "at its centre of mass") from None
+        raise SceneError(f"{who} of {at.label}: it is not in scene {model.scene_name!r}") from None
+    same = np.flatnonzero((model.pattern.row_of == model.pattern.row_of[node]) & (held & axes == axes))
+    if not same.size:
+        own = " along these axes" if axes != 7 else ""
+        raise SceneError(f"{who} of {at.label}: no support holds its own position{own}; name the node that is clamped or pinned")
+    return int(same[0])
+
+
+def check_turned(who: str, model: Model, node: int, held: Array) -> None:
+    """Refuse to turn a node whose triad no support holds; who, held: as of `supported`.
+
+    Raises
+    ------
+    SceneError
+    """
+    if held[node] & 56 != 56:
+        raise SceneError(f"{who} turns {model.labels[node]}, whose triad no support holds; give a displacement (3 numbers), or "
+                         "clamp it")
+
+
+def standing_supports(model: Model) -> Array:
+    """Of every node which unknowns its own support holds, int64 [N]: none of those that follow another node."""
+    held = model.held_mask
+    held[model.pattern.first_on_row != np.arange(model.n_nodes)] = 0
+    if model.ties is not None:
+        held[model.ties.slave] = 0
+    return held
+
+
+def waiting(model: Model) -> dict[str, Any]:
+    """Tables of a model whose supports with `since` do not hold yet; the model has them with all.
+
+    Raises
+    ------
+    SceneError
+        A part whose masses the impact does not know.
+    """
+    of, pattern, spinless = model.released, model.pattern, model.spinless.copy()
+    refuse_winches(f"{of.names[int(np.argmax(of.waits))]}: since, whose impact", model)
+    for row, mask in zip(*of.masks(of.waits)):
+        spinless[pattern.row_of == row] = mask & of.spin == of.spin
+    held = of.at_start(model.held, pattern)
+    same = model.static_held is model.held
+    return {"held": held, "spinless": spinless, "static_held": held if same else of.at_start(model.static_held, pattern)}
+
+
+def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:
+    """Singular values [k] of what supports feel of the rigid motions basis [6, k], and the motions [k, 6], the freest last."""
+    k = basis.shape[1]
+    # the triangle of a QR has the same singular values
+    triangle = np.linalg.qr(np.concatenate((matrix @ basis, np.zeros((k, k)))), mode="r")
+    _, values, motions = np.linalg.svd(triangle)
+    return values, motions @ basis.T
+
+
+def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
+    """What to say to someone whose scene would do in its plane."""
+    plane = model.plane
+    if plane is None:
+        assert model.uneliminated is not None
+        other = model.uneliminated(planar="auto")
+        plane = other.plane
+        if plane is None:
+            told = model.not_planar == other.not_planar
+            return f"; it would do in a plane, but it is not planar: {model.not_planar}" if told else ""
+    normal = plane.axes[2]
+    inside = np.concatenate((shift - (shift @ normal) * normal, [turn @ normal]))
+    if np.linalg.norm(inside) > 1e-6:
+        return ""
+    return "; within its plane it is held: compile it with planar=True" + (" and start in the plane" if model.plane else "")
+
+
+def _how(motion: Array) -> str:
+    """Of a rigid motion [6]."""
+    shift, turn = motion[:3], motion[3:]
+    return "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
+
+
+def _axis(v: Array) -> str:
+    """A direction as text, its largest component 1: the first of those that are equally large."""
+    size = np.abs(v)
+    v = v / (v[np.argmax(size > (1.0 - 1e-6) * np.max(size))] or 1.0)
+    return "(" + ", ".join(f"{x:.3g}" for x in np.where(np.abs(v) < 1e-9, 0.0, v)) + ")"

@@ -1,0 +1,242 @@
+"""Arrays that a run of a model writes, allocated once."""
+from __future__ import annotations
+
+import os
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.inner_nodes import Inner
+from fastbeam.kernels.beams.nodes import NODES_SCRATCH
+from fastbeam.kernels.contact.curves import NODES_OF_CURVE
+from fastbeam.kernels.contact.moving_beam import MovingBeam, Scratch
+from fastbeam.kernels.empty_arrays import aligned_empty, empty
+from fastbeam.kernels.entries.dense import Contact, ContactInRows, ContactOfCarriers
+from fastbeam.kernels.entries.factored import FRAME, FactoredContact
+from fastbeam.kernels.forces.user_force import FACTOR, SIZE
+from fastbeam.kernels.layout import NODES, POINTS, layout_of
+from fastbeam.kernels.linalg.constraints import Constraints
+from fastbeam.kernels.linalg.substructures import Substructures, front_size, place_stores
+from fastbeam.kernels.state import LastIncrement, Work, aligned
+from fastbeam.kernels.terms import NoTies
+from fastbeam.model.model import Model
+
+Array = np.ndarray
+
+
+def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
+    """Work arrays of one run; keep: with room for the state before a step; rates: for a method with rates of its own
+    (generalised alpha)."""
+    n, s, size = model.n_nodes, model.n_sliders, len(model.dofs)
+    kept = int(keep)
+    q = model.q0.size
+    # what is not a beam takes the coordinates from these
+    moved = q * (rates or bool(model.links) or any(
+        x is not None for x in (model.sliders, model.ties, model.bodies, model.drag, model.added, model.motions)))
+    second = model.bodies is not None or model.moving is not None
+    border = model.border * model.n_bordered
+    # what only a dense border needs
+    dense = 0 if model.by_rows else border
+    panel = 0 if model.by_rows else size * model.panel_rows * model.width
+    # zeros mean no rates of a step before, rest, no loads, and nodes that are not tied
+    theta = _padded((size - model.dim) * n)
+    return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=empty(moved), q_end=empty(moved),
+                u=np.zeros(q * (rates or second)), s_end=empty(s), f_ext=aligned(8 * (n + 1)),
+                r=aligned_empty(8 * (n + 1)),
+                blocks=aligned_empty(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
+                panel=aligned_empty(panel), border_rows=aligned_empty((1 - model.by_rows) * (dense + 1) * model.width),
+                schur=empty((dense, dense)), y=empty(border),
+                scratch=scratch_of(model), keep_q=empty(kept * q), keep_v=empty(kept * q), keep_s=empty(kept * s),
+                keep_force=empty(kept * model.n_forces),
+                keep_history=empty(kept * model.history_size), keep_dphi=empty(kept * model.dim * n),
+                keep_theta=empty(kept * theta.size),
+                past=np.zeros(model.past_size),
+                keep_past=empty(kept * model.past_size),
+                increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned_empty(8 * (n + 1)),
+                               NoTies() if model.ties is None else _padded(model.dim * n)))
+
+
+def check_border(model: Model) -> None:
+    """Refuse a dense border of constraints that the memory of this computer does not hold.
+
+    Raises
+    ------
+    SceneError
+        Names the number of constraints and what to do.
+    """
+    if not model.n_bordered or model.by_rows:
+        return
+    # the panel and its Schur complement, and what PARDISO solves with: right-hand sides, solutions, residuals and corrections
+    needed = 8 * (model.border_size + 4 * model.columns * len(model.dofs) * model.pattern.n)
+    there = physical_memory()
+    if needed > there:
+        of = f"{model.bordered_sliders} sliders and {len(model.kept)} joints with multipliers"
+        size = f"{needed / 1e9:.3g} GB where this computer has {there / 1e9:.3g} GB"
+        raise SceneError(f"scene {model.scene_name!r}: {of} are a dense border of {model.columns - 1} columns over all nodes of "
+                         f"a net, {size}. Let sliders be masses or bodies on beams that nothing else touches and compile with "
+                         "condense=True (docs/limits.md), and close loops of rigid parts by RigidConnection, elastic beams or "
+                         "springs instead of ball joints; or take fewer of them")
+
+
+def physical_memory() -> float:
+    """Bytes of memory of this computer; infinity where that is not known."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return np.inf
+
+
+def scratch_of(model: Model) -> Array:
+    """Scratch of one thread, as much as the largest group of elements needs, or eight nodes."""
+    metas = [t.meta for t in (model.simo, model.green) if t is not None]
+    kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
+    sizes = [layout_of(model.dofs, nn, nq).doubles for nn, nq in kinds]
+    most = max([*sizes, NODES_SCRATCH])
+    return aligned_empty(most if model.substructures is None else most + front_size(len(model.dofs)))
+
+
+def entries_of(model: Model, bounded: bool = True) -> int:
+    """Entries that a constraint may have: those of every node of a slider's beam and its point, or of both ends of a joint;
+    fewer at first where constraints are rows (unless not `bounded`), and room for more is made when one has them."""
+    # each as often as a tied node passes it on
+    widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
+    # and the spins of both ends of a joint
+    ends = 2 * widest + 2 if model.kept else 0
+    if model.curves is None:
+        return 2 * _widest_tie(model) if model.by_rows and bounded else ends
+    # of a sleeve the spin of its holder, too
+    most = int(model.curves.shape[:, NODES_OF_CURVE].max()) + (model.sleeves is not None)
+    if model.by_rows and bounded:
+        most = min(most, int(model.curves.count.max()))
+        return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
+    # and the spin of every node
+    return max(ends, (most + 1) * widest + most)
+
+
+def _widest_tie(model: Model) -> int:
+    """The most rows that what acts on a node goes to."""
+    ties, rows = model.ties, model.n_rows
+    if ties is None:
+        return 1
+    node = np.repeat(np.arange(ties.start.size - 1), np.diff(ties.start))
+    return int(np.max(np.bincount(np.unique(node * rows + ties.target_row) // rows)))
+
+
+class Capacity(NamedTuple):
+    """Capacity for constraints as rows of the block matrix."""
+
+    entries: int      # of each constraint
+    scale: float      # of everything else
+    buffer: int       # doubles for the columns and lines of one element, where `scale` is not enough
+    targets: int      # products of blocks, where `scale` is not enough
+
+
+# what runs of a model came to need: the next one begins with it
+_NEEDED: WeakKeyDictionary[Model, Capacity] = WeakKeyDictionary()
+
+
+def capacity_of(model: Model) -> Capacity:
+    """What a run begins with."""
+    return _NEEDED.get(model) or Capacity(entries_of(model), 1.0, 0, 0)
+
+
+def larger_capacity(model: Model, capacity: Capacity, contact: Contact | FactoredContact, rows: Constraints) -> Capacity:
+    """With more of what was too short, kept for the next run."""
+    needed = int(rows.touched.counts[2])
+    # of the fill, where all of it was found
+    columns = np.diff(rows.order.start.astype(np.int64))
+    targets = int(np.sum(columns**2)) if rows.order.counts[0] == np.sum(columns) and columns.min() >= 0 else 0
+    if contact.full[0]:
+        capacity = capacity._replace(entries=capacity.entries + max(2, capacity.entries // 4))
+    elif needed > rows.buffer.size:
+        capacity = capacity._replace(buffer=needed)
+    elif targets > rows.order.target.size:
+        capacity = capacity._replace(targets=targets + targets // 4)
+    else:
+        capacity = capacity._replace(scale=1.5 * capacity.scale)
+    _NEEDED[model] = capacity
+    return capacity
+
+
+def factored_contact_of(model: Model, entries: int) -> FactoredContact:
+    """Work arrays of constraints that are all sliders as rows of the block matrix, without sleeves, for the conserving step."""
+    n, shape = model.n_sliders, model.curves.shape
+    numbers = 8 if model.ties is None else 16
+    return FactoredContact(basis=empty((5, shape[:, 2].max())), legendre=empty((3, shape[:, 1].max())),
+                           entries=np.zeros(n, np.int32), row=np.zeros((n, entries), np.int32),
+                           share=aligned_empty(n * entries * numbers).reshape(n, entries, numbers),
+                           frame=aligned_empty(n * FRAME).reshape(n, FRAME), residual=aligned_empty(8 * n).reshape(n, 8),
+                           element=np.zeros(n, np.int64), forces=model.forces, first=np.cumsum(model.unknowns) - model.unknowns,
+                           first_force=model.first_force, compliance=empty(n), softness=model.softness,
+                           remaining=empty(n), full=np.zeros(1, np.int64), augmented=empty(4),
+                           pair=np.zeros((0, 2), np.int64))
+
+
+def contact_of(model: Model, entries: int | None = None) -> Contact | None:
+    """Work arrays of the constraints, with room for so many entries (default: `entries_of`)."""
+    n, row = model.n_constraints, 8 * len(model.dofs)
+    if not n:
+        return None
+    shape = np.zeros((1, 3), np.int64) if model.curves is None else model.curves.shape
+    entries = entries or (entries_of(model) if model.n_bordered else 0)
+    first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else np.where(
+        model.carried, -1, model.border * (np.cumsum(~model.carried) - 1))
+    kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
+    columns, lines = (aligned_empty(n * row * entries).reshape(n, row * entries) for _ in range(2))
+    # behind the forces of joints those of the identity, and zeros on the right
+    corner = aligned(64 * n).reshape(n, 64)
+    corner[:, ::9] = model.forces[:, None] <= np.arange(8)
+    return kind(basis=empty((5, shape[:, 2].max())), legendre=empty((3, shape[:, 1].max())),
+                entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
+                corner=corner, residual=np.zeros((n, 8)),
+                element=np.zeros(n, np.int64), forces=model.forces, first=first,
+                first_force=model.first_force, compliance=empty(n), softness=model.softness,
+                remaining=empty(n),
+                full=np.zeros(1, np.int64), augmented=empty(4), pair=model.sleeve_pairs,
+                cross=empty((len(model.sleeve_pairs), 2, 8)), before=empty(n))
+
+
+def inner_of(model: Model) -> Inner | None:
+    """The eliminated nodes with work arrays of one run."""
+    if model.inner is None:
+        return None
+    inner = model.inner
+    rhs = aligned_empty(inner.rhs.size) if isinstance(inner.rhs, np.ndarray) else inner.rhs
+    return inner._replace(store=aligned_empty(inner.store.size), rhs=rhs,
+                          mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
+
+
+def condensed_of(model: Model) -> Substructures | None:
+    """The condensed beams with work arrays of one run."""
+    if model.substructures is None:
+        return None
+    placed = place_stores(model.substructures, len(model.dofs))
+    return placed._replace(store=aligned_empty(placed.store.size), ends=aligned_empty(placed.ends.size))
+
+
+def _padded(n: int) -> Array:
+    """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
+    return np.zeros(n + 8)[:n]
+
+
+def law_work() -> Array:
+    """Work array of user forces in one run."""
+    work = np.zeros(SIZE)
+    work[FACTOR] = 1.0
+    return work
+
+
+def scratch_of_moving(n: int) -> Scratch:
+    """Work arrays of beams whose elements move, for elements of n nodes."""
+    size = 12 * n
+    return Scratch(empty((4 * n, 4 * n)), empty(size + 2), empty(2 * size), empty(2 * size), empty((2, 2)),
+                   empty(7 * size), empty(7 * size), empty(42 * n), empty(42 * n),
+                   empty((7, 7)), empty((2, 6, 7)), empty((2, 7)), empty((5, 7)), empty((3, 6)), empty(7),
+                   empty((6 * n + 2, 6 * n + 2)))
+
+
+def moving_of_run(table: MovingBeam) -> MovingBeam:
+    """The table with work arrays of one run."""
+    return table._replace(scratch=scratch_of_moving(table.node.shape[1]))

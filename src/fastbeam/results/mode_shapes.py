@@ -1,0 +1,452 @@
+"""Modes of a scene about an equilibrium, without and with damping: what `modes` returns."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fastbeam.interface import notebook
+from fastbeam.interface.arguments import Count, Flag, Number, checked
+from fastbeam.interface.errors import SceneError
+from fastbeam.interface.result_warnings import Doubts
+from fastbeam.results.result import Result
+
+if TYPE_CHECKING:
+    from fastbeam.kernels.state import State
+
+Array = np.ndarray
+# frames at most: a film of an hour is a mistake
+MOST_FRAMES = 20_000
+SIZE, FRAMES = Number(above=0.0, most=10.0), Count(2, most=MOST_FRAMES)
+# what does not swing is shown until it has decayed to exp(-this), or has grown from that
+DECAYS = 3.0
+
+
+class Motion:
+    """A mode as it moves, over one period of it.
+
+    Shapes at phase p, from 0 to 2 pi, are a Re(x e^(i p)), triads turned by finite rotations about a Re(spin e^(i p)). With decay
+    times exp(Re r t), next to the largest of that.
+
+    Parameters
+    ----------
+    modes : Modes or DampedModes
+    k : int
+        From 0.
+    amplitude : float
+        Largest displacement as a share of the size of the scene; largest angle, rad, where nothing but triads turns.
+    decay : bool
+
+    Raises
+    ------
+    SceneError
+        There is no such mode.
+
+    Attributes
+    ----------
+    displacements, spins : complex128 [N, 3]
+        a x and a spin, m and rad.
+    period : float
+        s; of motions to and fro without one 1, with decay the time in which they decay or grow by exp(3).
+    """
+
+    def __init__(self, modes: Modes | DampedModes, k: int, amplitude: float, decay: bool) -> None:
+        _check_number(modes, k)
+        self.positions, self.directors = modes.positions, modes.directors
+        self.rate, x, turn = modes._moving(k)
+        swings = self.rate.imag > 0.0
+        fades = decay and self.rate.real != 0.0
+        self.period = 2.0 * np.pi / self.rate.imag if swings else DECAYS / abs(self.rate.real) if fades else 1.0
+        # of the whole motion in a period
+        self.growth = self.rate.real * self.period if fades else 0.0
+        self.turns = float(swings or not fades)
+        # a motion of nothing but triads has no displacement to scale
+        moves = np.linalg.norm(x, axis=1).max(initial=0.0) > 0.5
+        size = amplitude * size_of(self.positions) if moves else amplitude
+        self.displacements, self.spins = size * x, size * turn
+
+    def factor(self, share: float) -> complex:
+        """By which displacements are multiplied before their real part is taken, at a time as a share of the period."""
+        return complex(np.exp(2j * np.pi * self.turns * share + self.growth * share - max(self.growth, 0.0)))
+
+    def shape(self, share: float) -> tuple[Array, Array]:
+        """Positions [N, 3], m, and directors [N, 3, 3] at a time as a share of the period."""
+        by = self.factor(share)
+        return self.positions + np.real(by * self.displacements), _turned(self.directors, np.real(by * self.spins))
+
+    def velocity(self, share: float) -> Array:
+        """Of the nodes [N, 3], m/s."""
+        rate = complex(self.growth, 2.0 * np.pi * self.turns) / self.period
+        return np.real(rate * self.factor(share) * self.displacements)
+
+    def reach(self) -> tuple[Array, Array]:
+        """Positions [N, 3] with the smallest and the largest coordinates that every node comes to."""
+        most = np.abs(self.displacements)
+        return self.positions - most, self.positions + most
+
+
+def _motion(modes: Modes | DampedModes, k: int, amplitude: float, frames: int, decay: bool) -> Result:
+    """See `Modes.motion`."""
+    moving = Motion(modes, k, amplitude, decay)
+    shares = np.arange(frames) / frames
+    phi, directors = (np.array(x) for x in zip(*(moving.shape(share) for share in shares)))
+    return Result(t=moving.period * shares, names=modes.names, t_snap=moving.period * shares, phi=phi, directors=directors,
+                  velocities=np.array([moving.velocity(share) for share in shares]),
+                  info={"scene": modes.info["scene"], "method": f"mode {k}", "period": moving.period, "conserved": []})
+
+
+def size_of(positions: Array) -> float:
+    """Largest extent of a scene, m; 1 of a point."""
+    finite = positions[np.isfinite(positions).all(axis=1)]
+    return float(np.max(np.ptp(finite, axis=0))) or 1.0 if len(finite) else 1.0
+
+
+def _turned(directors: Array, turn: Array) -> Array:
+    """Directors [N, 3, 3] turned about vectors [N, 3], rad (Rodrigues)."""
+    angle = np.linalg.norm(turn, axis=1)[:, None, None]
+    about = turn[:, None, :]
+    once = np.cross(about, directors)
+    return np.asarray(directors + np.sinc(angle / np.pi) * once
+                      + 0.5 * np.sinc(0.5 * angle / np.pi)**2 * np.cross(about, once))
+
+
+class Modes(Doubts):
+    """Natural vibrations of a scene about an equilibrium, by w^2, unstable ones first (theory.md 11).
+
+    Attributes
+    ----------
+    squared : float64 [n]
+        w^2, rad^2/s^2: negative where the motion grows, 0 where it is free (within the round-off of the stiffness).
+    angular, frequencies : float64 [n]
+        w, rad/s, and w/2 pi, Hz; 0 where the motion is free or grows without swinging.
+    growth : float64 [n]
+        Rate, 1/s, with which the motion grows; 0 of vibrations.
+    displacements, spins : float64 [n, N, 3]
+        Of all nodes. The largest displacement is 1 m, or, where nothing but triads turns, the largest spin 1 rad.
+    slides : float64 [n, S]
+        Of the sliding coordinates, m.
+    modal_mass : float64 [n]
+        Of shapes of this size: twice the kinetic energy at unit velocity, kg (kg m^2 where triads turn).
+    effective_mass : float64 [n, 3]
+        Share of a mode in the inertia against motions of the base along x, y, z, kg; at a free or growing mode too.
+    residuals : float64 [n]
+        Of K x - B^T m - w^2 M x, next to the sum of the sizes of its terms.
+    uncertainty : float64 [n]
+        What round-off of the stiffness may make of w^2.
+    left_out : int
+        Beams of nets that may spin about their axes: their free motions are not among the modes.
+    is_complete : bool
+        Whether the number of pivots of K - w^2 M confirms that no mode below the last is missing.
+    info, names : dict
+        Facts; names of parts as in a `Result`.
+    events : list of dict
+        Where the modes are not to be trusted, as in a `Result`.
+    positions : float64 [N, 3]
+        Of the equilibrium.
+    directors : float64 [N, 3, 3]
+    """
+
+    def __init__(self, values: Array, displacements: Array, spins: Array, slides: Array, modal_mass: Array,
+                 effective_mass: Array, residuals: Array, uncertainty: Array, source: Any, info: dict[str, Any],
+                 names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
+        root = np.sqrt(values.astype(complex))
+        self.squared = np.real(values).astype(float)
+        self.angular, self.growth = np.real(root), np.abs(np.imag(root))
+        self.frequencies = self.angular / (2.0 * np.pi)
+        self.displacements, self.spins, self.slides = displacements, spins, slides
+        self.modal_mass, self.effective_mass = modal_mass, effective_mass
+        self.residuals, self.uncertainty = residuals, uncertainty
+        self.left_out, self.is_complete = int(info["left_out"]), bool(info["complete"])
+        self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
+        self._source = source
+
+    def __len__(self) -> int:
+        return self.squared.size
+
+    @property
+    def unstable(self) -> int:
+        """Number of modes that grow."""
+        return int(np.sum(self.growth > 0.0))
+
+    @checked(k=Count(0))
+    def shape(self, k: int) -> tuple[Array, Array]:
+        """Mode k as rates of positions [N, 3] and of directors [N, 3, 3].
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        _check_number(self, k)
+        return self.displacements[k], np.cross(self.spins[k][:, None, :], self.directors)
+
+    @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
+        """A state to start a run from, or to draw: the equilibrium moved by amplitude cos(phase) times mode k, with the
+        velocities of a vibration, -amplitude w sin(phase) times the mode.
+
+        Triads turn by finite rotations; joints and sliders, which a mode closes to first order, are closed exactly. With
+        phase=-pi/2 the run starts from the equilibrium itself. Modes that are free or grow have the velocity
+        -amplitude sin(phase) times the mode.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement of a node, m; of modes in which nothing but triads turns the largest angle, rad.
+        phase : float
+            rad.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        _check_number(self, k)
+        a = amplitude * float(np.cos(phase))
+        rate = -amplitude * (float(self.angular[k]) or 1.0) * float(np.sin(phase))
+        x, turn = self.displacements[k], self.spins[k]
+        return self._source.moved(a * x, a * turn, a * self.slides[k], rate * x, rate * turn)
+
+    @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
+    def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
+        """Shapes of one period of a mode as snapshots of a `Result`, for ParaView (`.to_vtk`) and pictures; films: `animate`.
+
+        Shapes are those of Re(x e^(i p)) at phases p from 0 on, in equal steps without the end of the period, so that they go on
+        where they begin; with the velocities of the motion. Motions without a period (free, growing, more than critically damped)
+        go to and fro once, in a period of 1 s.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement, as a share of the size of the scene; of modes in which nothing but triads turns the largest
+            angle, rad.
+        frames : int
+            Snapshots.
+        decay : bool
+            With decay or growth, e^(r t) as it is; what does not swing decays to e^-3, or grows from that.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        return _motion(self, k, amplitude, frames, decay)
+
+    def _moving(self, k: int) -> tuple[complex, Array, Array]:
+        """Rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
+        rate, x, turn = complex(self.growth[k], self.angular[k]), self.displacements[k], self.spins[k]
+        if not (rate.real and rate.imag):
+            return rate, x.astype(complex), turn.astype(complex)
+        # of what grows and swings two modes are listed, a and b, the motion is that of a - i b, and b + i a a quarter behind
+        pairs = (self.growth > 0.0) & (self.angular > 0.0)
+        other = k + 1 if np.sum(pairs[:k]) % 2 == 0 else k - 1
+        sign = 1j * (k - other)
+        return rate, x + sign * self.displacements[other], turn + sign * self.spins[other]
+
+    def table(self) -> str:
+        """Text: frequency, w, rate of growth, residual and effective masses of every mode."""
+        rows = [f"{'mode':>4} {'Hz':>14} {'rad/s':>14} {'growth 1/s':>11} {'residual':>9}   effective mass x, y, z [kg]"]
+        for k in range(len(self)):
+            masses = " ".join(f"{x:10.3g}" for x in self.effective_mass[k])
+            rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.angular[k]:14.8g} {self.growth[k]:11.4g} "
+                        f"{self.residuals[k]:9.1e}   {masses}")
+        more = []
+        if self.left_out:
+            more.append(f"{self.left_out} beams of nets may spin about their axes, which is not listed")
+        if not self.is_complete:
+            more.append("whether modes are missing between these was not confirmed by pivots")
+        return "\n".join([*rows, *more, *self._doubts()])
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Modes of {self.info['scene']}", self.table())
+
+
+class DampedModes(Doubts):
+    """Motions Re(x e^(r t)) of a scene with damping about an equilibrium, by |r| (theory.md 14).
+
+    Of a vibration the motion with positive Im r is listed. One with more than critical damping is two motions without vibration,
+    each with a rate of its own.
+
+    Attributes
+    ----------
+    rates : complex128 [n]
+        r, 1/s.
+    decay : float64 [n]
+        -Re r, 1/s; negative where the motion grows.
+    angular, frequencies : float64 [n]
+        Im r, rad/s, and Im r/2 pi, Hz: of the damped vibration; 0 of what does not swing.
+    undamped : float64 [n]
+        |r|, rad/s: where damping does not couple modes the angular frequency without it.
+    damping_ratios : float64 [n]
+        -Re r/|r|: 1 or -1 of what does not swing; 0 of a free motion.
+    displacements, spins : complex128 [n, N, 3]
+        Of all nodes. The largest displacement is 1 m, or, where nothing but triads turns, the largest spin 1 rad.
+    slides : complex128 [n, S]
+        Of the sliding coordinates, m.
+    residuals : float64 [n]
+        Of (K + r C + r^2 M) x - B^T m, next to the sum of the sizes of its terms.
+    info, names : dict
+        Facts; names of parts as in a `Result`.
+    events : list of dict
+        Where the modes are not to be trusted, as in a `Result`.
+    positions, directors : float64 [N, 3], [N, 3, 3]
+        Of the equilibrium.
+    """
+
+    def __init__(self, rates: Array, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any,
+                 info: dict[str, Any], names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
+        self.rates = rates
+        self.decay, self.angular, self.undamped = 0.0 - np.real(rates), np.imag(rates), np.abs(rates)
+        self.frequencies = self.angular / (2.0 * np.pi)
+        self.damping_ratios = np.divide(self.decay, self.undamped, out=np.zeros(rates.size), where=self.undamped > 0.0)
+        self.displacements, self.spins, self.slides, self.residuals = displacements, spins, slides, residuals
+        self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
+        self._source = source
+
+    def __len__(self) -> int:
+        return self.rates.size
+
+    @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
+        """A state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the motion.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement of a node, m; of modes in which nothing but triads turns the largest angle, rad.
+        phase : float
+            rad.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        _check_number(self, k)
+        a = amplitude * np.exp(1j * phase)
+        x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
+        return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
+                                  np.real(a * rate * turn))
+
+    @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
+    def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
+        """Shapes of one period of a mode as snapshots of a `Result`; as `Modes.motion`, with the phases that points have.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement, as a share of the size of the scene; of modes in which nothing but triads turns the largest
+            angle, rad.
+        frames : int
+            Snapshots.
+        decay : bool
+            With decay or growth, e^(r t) as it is; what does not swing decays to e^-3, or grows from that.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        return _motion(self, k, amplitude, frames, decay)
+
+    def _moving(self, k: int) -> tuple[complex, Array, Array]:
+        """Rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
+        return complex(self.rates[k]), self.displacements[k], self.spins[k]
+
+    def table(self) -> str:
+        """Text: damped and undamped frequency, damping ratio, decay and residual of every mode."""
+        rows = [f"{'mode':>4} {'Hz':>14} {'undamped Hz':>14} {'damping ratio':>14} {'decay 1/s':>12} {'residual':>9}"]
+        for k in range(len(self)):
+            rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.undamped[k] / (2.0 * np.pi):14.8g} "
+                        f"{self.damping_ratios[k]:14.7g} {self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
+        return "\n".join([*rows, *self._doubts()])
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Damped modes of {self.info['scene']}", self.table())
+
+
+class SteadyModes(DampedModes):
+    """Motions Re(x e^(r t)) about a steady motion, by |r| (theory.md 17): as `DampedModes`, seen from the frame that spins, or
+    beside which beams travel.
+
+    Attributes
+    ----------
+    whirl : float64 [n]
+        Of a spin: 1 of what circles the axis forward in that frame, -1 backward, 0 of motions to and fro, along the axis, and of
+        a `Travel`. By share of the kinetic energy.
+    in_space : float64 [n]
+        Of what circles (|whirl| > 0.999): frequency seen from space, Hz; positive forward. NaN of others.
+    is_complete : bool
+        Whether a count of signs confirms that no mode below the last is missing; False where K alone is not stable, as beyond a
+        critical speed, or something is damped.
+    """
+
+    def __init__(self, rates: Array, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any,
+                 info: dict[str, Any], names: Mapping[str, list[Any]], positions: Array, directors: Array, whirl: Array,
+                 in_space: Array) -> None:
+        super().__init__(rates, displacements, spins, slides, residuals, source, info, names, positions, directors)
+        self.whirl, self.in_space, self.is_complete = whirl, in_space, bool(info["complete"])
+
+    @property
+    def unstable(self) -> int:
+        """Number of modes that grow."""
+        return int(np.sum(self.decay < 0.0))
+
+    @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
+        """A state to start a run from, in space: the scene with the velocities of its spin, moved by amplitude Re(x e^(i phase)),
+        with the velocities of the motion.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement of a node, m; of modes in which nothing but triads turns the largest angle, rad.
+        phase : float
+            rad.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode, or beams travel: their nodes stand still while their material passes.
+        """
+        _check_number(self, k)
+        a = amplitude * np.exp(1j * phase)
+        x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
+        return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]),
+                                  *self._source.in_motion(np.real(a * x), np.real(a * rate * x), np.real(a * rate * turn)))
+
+    def table(self) -> str:
+        """Text: frequency in the frame and in space, whirl, growth and residual of every mode."""
+        rows = [f"{'mode':>4} {'Hz':>14} {'Hz in space':>14} {'whirl':>8} {'decay 1/s':>12} {'residual':>9}   "
+                f"{self.info['steady']}"]
+        for k in range(len(self)):
+            rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.in_space[k]:14.8g} {self.whirl[k]:8.3f} "
+                        f"{self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
+        if not self.is_complete:
+            rows.append("whether modes are missing between these was not confirmed")
+        return "\n".join([*rows, *self._doubts()])
+
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Modes of {self.info['scene']} in steady motion", self.table())
+
+
+def _check_number(modes: Modes | DampedModes, k: int) -> None:
+    if k >= len(modes):
+        raise SceneError(f"mode {k} does not exist: there are {len(modes)}, counted from 0")

@@ -1,0 +1,542 @@
+"""How much of the energy of a contact depends on where in an element it is (theory.md 3.3).
+
+A force on a beam between two nodes makes a kink, over the bending length sqrt(EI/N) of a taut beam, and a jump of shear. How well
+polynomials of an element show both depends on where in it the force acts. With the compliance C of the mesh instead of the beam's
+the energy -F^2 C(s)/2 is off by V(s) = -F^2 (C_mesh - C)/2, which goes up and down over every element: V' pushes along the
+beam, V'' is a stiffness against motions along it. Both compliances are found here for a piece of some elements on two pins,
+straight, with the tension N: C in closed form, that of the mesh with the elements and the curve of the contact.
+"""
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial import Chebyshev
+
+from fastbeam.model.mapping import shapes_at
+from fastbeam.scene import Beam, NodeRef, Path, PointMass, RigidBody, Scene, Sleeve, Slider, Switch
+from fastbeam.scene.interpolation.averaged_curves import averaged_curve
+from fastbeam.scene.interpolation.basis import Basis, build_basis
+
+Array = np.ndarray
+# elements on each side of the one with the contact, Lagrange and splines; places in that one; degree of the fit to these
+AROUND, AROUND_SPLINE, PLACES, DEGREE = 3, 8, 17, 14
+# bending lengths in the piece at least, so that no digits are lost where there is no tension
+LEAST_TAUT = 0.1
+# how many times as many elements are tried, and a slope of the beam (rad) below which a force along it is nothing
+FINER, LEAST_SLOPE = (2, 4, 8, 16, 32, 64), 1e-6
+# errors that are told of: of places, as a share of the size of the scene; of the stiffness along the beam and of w^2; of energies
+# next to that of the motion along the beam; of the compliance of what a sleeve holds
+PLACE, STIFFNESS, ENERGY, SLEEVE = 2e-3, 0.02, 0.05, 0.02
+# the length beside a sleeve that a mean over its bore keeps from bending, of the bore: half of the mean distance of two places in
+# it, both with the weights of the mean (a quadratic B-spline)
+OF_BORE = 239.0 / 2520.0
+# bores of more elements are as good as exact
+MOST_BORE = 4.0
+# sliders that are looked at, those with the largest forces; looks in a run, the least slope (rad) and way (of the beam) there
+MOST, MOST_LOOKS, LEAST_SLOPE_IN_TIME, LEAST_WAY, MOST_EVENTS = 20, 8, 1e-4, 1e-4, 5
+# of more looks than so many one in so many is at what costs more
+SELDOM = 10
+
+
+# distance of a curve that rounds a kink from the axis, of the size of the scene
+ROUNDED = 5e-4
+# blows at kinks next to the usual force; how much a force changes from one step to the next; rows in which they are looked for
+# behind one; distance of the tangents on both sides, of the length; kinks of a track at most
+BLOW, JUMP, ROWS_BEHIND, SMALL_WAY, MOST_KINKS = 2.0, 0.5, 3, 1e-6, 1000
+# that of a kink of so many rad, below which there is none
+LEAST_BLOW = 1e-6
+
+
+class Contact(NamedTuple):
+    """A slider on its beam under a force across it."""
+
+    slider: int
+    name: str
+    beam: Beam
+    s: float           # arc length of the beam, m
+    curve: str
+    force: float       # N
+    total: float       # of all contacts in the element, N
+    EI: float          # in the direction of the force, N m^2
+    GA: float          # N
+    tension: float     # N
+
+    @property
+    def mesh(self) -> str:
+        """Of the beam there, for messages."""
+        basis, e = self.beam.basis, element_at(self.beam, self.s)
+        taut = f", bending length sqrt(EI/N) = {np.sqrt(self.EI / self.tension):.2g} m" if self.tension > 0.0 else ""
+        return f"{self.beam.label} (elements of {basis.element_ends[e + 1] - basis.element_ends[e]:.3g} m{taut})"
+
+
+class Ripple(NamedTuple):
+    """What depends on the place in an element."""
+
+    energy: float      # J, from the lowest to the highest
+    force: float       # N, the largest along the beam
+    stiffness: float   # N/m, where the contact is
+    most: float        # N/m, the largest
+    size: float        # m, of the element
+
+
+def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
+    """Sliders of a model that exert a force at a state in space; tension: of beams at all nodes [N], N, NaN where there is none.
+
+    Sleeves hold means over their bore, and are left out; so are sliders on switches.
+    """
+    scene = getattr(model.uneliminated, "scene", None)
+    if scene is None or not model.n_sliders:
+        return
+    triads, found, total = state.q.reshape(-1, 4, 3)[:, 1:], [], dict[tuple[Beam, int], Array]()
+    for k, slider in enumerate(scene.sliders[:model.n_sliders]):
+        first = model.first_force[k]
+        push = state.force[first:first + 3]
+        if isinstance(slider, Sleeve) or isinstance(slider.beam, Switch) or not push.any():
+            continue
+        nodes, values = shapes_at(model, k, float(state.s[k]))
+        beam, s = place_of(slider, float(state.s[k]))
+        across = np.einsum("a,aic,c->i", values[0], triads[nodes], push)[1:]
+        if np.isfinite(tension[nodes]).any() and np.linalg.norm(across) > 0.0:
+            key = beam, element_at(beam, s)
+            found.append((k, slider, beam, s, nodes, values, across, key))
+            total[key] = total.get(key, 0.0) + across
+    for k, slider, beam, s, nodes, values, across, key in found:
+        axial = tension[nodes]
+        known = np.isfinite(axial)
+        force = float(np.linalg.norm(across))
+        share, C = (across / force)**2, beam.section.C
+        # a force along d2 bends about d3
+        EI, GA = 1.0 / float(share @ (1.0 / np.diag(C)[[5, 4]])), 1.0 / float(share @ (1.0 / np.diag(C)[[1, 2]]))
+        weight = np.abs(values[0]) * known
+        yield Contact(k, slider.name, beam, s, slider.curve, force, float(np.linalg.norm(total[key])), EI, GA,
+                      float(weight @ np.where(known, axial, 0.0) / weight.sum()))
+
+
+def place_of(slider: Slider, s: float) -> tuple[Beam, float]:
+    """The beam that a slider is on at arc length s of what it slides on, and the arc length of that, m."""
+    return slider.beam.locate(s) if isinstance(slider.beam, Path) else (slider.beam, s)
+
+
+def element_at(beam: Beam, s: float) -> int:
+    """Number of the element of a beam at arc length s."""
+    ends = beam.basis.element_ends
+    return int(np.clip(np.searchsorted(ends, s, side="right") - 1, 0, ends.size - 2))
+
+
+def ripple_of(contact: Contact, finer: int = 1) -> Ripple:
+    """Of the mesh of its beam, or of one with so many times as many elements."""
+    basis, e = contact.beam.basis, element_at(contact.beam, contact.s)
+    around = AROUND if basis.interpolation == "lagrange" else AROUND_SPLINE
+    ends = basis.element_ends[max(e - around, 0):e + around + 2]
+    size = float(basis.element_ends[e + 1] - basis.element_ends[e])
+    x = (contact.s - float(basis.element_ends[e])) / size
+    own = min(e, around)
+    shape = tuple(np.round((ends - ends[0]) / size, 9).tolist())
+    if finer > 1:
+        size, own, shape = size / finer, around, tuple(range(2 * around + 2))
+    piece = _piece(basis.interpolation, basis.degree, shape, basis.directors, contact.curve, own)
+    # lengths in elements, forces in EI/size^2
+    unit = contact.EI / size**2
+    GA = contact.GA / unit
+    least = (LEAST_TAUT / shape[-1])**2
+    N = min(max(contact.tension / unit, least), 0.5 * GA)
+    error = piece.compliance(GA, N) - _exact(shape[-1], GA, N, piece.at)
+    error *= -0.5 * contact.force * contact.total / unit * size
+    fit = Chebyshev.fit(piece.at, error, DEGREE, domain=[shape[own], shape[own] + 1.0])
+    bent = fit.deriv(2)
+    return Ripple(float(np.ptp(error)), float(np.max(np.abs(fit.deriv()(piece.at)))) / size,
+                  float(bent(shape[own] + np.clip(x, 0.0, 1.0))) / size**2, float(np.max(np.abs(bent(piece.at)))) / size**2, size)
+
+
+def worst_of(model: Any, state: Any, tension: Array, free: Array) -> list[Contact]:
+    """Contacts of sliders that are free, bool [S], those with the largest forces."""
+    found = [contact for contact in contacts_of(model, state, tension) if free[contact.slider]]
+    return sorted(found, key=lambda contact: -contact.force * contact.total)[:MOST]
+
+
+def rest_events(model: Any, state: Any, tension: Array, free: Array,
+                compliance: Callable[[int], Array | None]) -> list[dict[str, Any]]:
+    """Events where sliders that are free, bool [S], rest at places, or with a stiffness, of the mesh more than of the beam.
+
+    `compliance(k)` are the motions [S] of all sliders by a force of 1 N along the beam on slider k, None where there are none.
+    """
+    contacts = [(contact, ripple_of(contact)) for contact in worst_of(model, state, tension, free)]
+    contacts = [(contact, ripple) for contact, ripple in contacts if ripple.force > LEAST_SLOPE * contact.force]
+    columns = [compliance(contact.slider) for contact, _ in contacts]
+    if not contacts or any(x is None for x in columns):
+        return []
+    at = [contact.slider for contact, _ in contacts]
+    soft = np.array([x[at] for x in columns if x is not None]).T
+    # without the stiffness that the mesh adds
+    true = np.linalg.pinv(np.linalg.pinv(soft) - np.diag([ripple.stiffness for _, ripple in contacts]))
+    out = []
+    for j, (contact, ripple) in enumerate(contacts):
+        here = np.array([float(other.beam is contact.beam and element_at(other.beam, other.s) == element_at(
+            contact.beam, contact.s)) * r.force for other, r in contacts])
+        off = float(np.abs(true[j] @ here))
+        share = float(abs(true[j, j] * ripple.stiffness))
+        if off > PLACE * model.length or share > STIFFNESS:
+            text = (f"slider {contact.name!r}: on {contact.mesh} the force along the beam depends by up to {ripple.force:.2g} N "
+                    f"on where in an element it stands, so that its place of rest may be off by about {off:.1g} m, and its "
+                    f"stiffness along the beam, with frequencies, critical loads and derivatives, by {100.0 * share:.2g} %")
+            out.append((max(off / (PLACE * model.length), share / STIFFNESS), text + _cure(contact, lambda x: max(
+                x.force / ripple.force * off / (PLACE * model.length), x.most * true[j, j] / STIFFNESS) < 1.0,
+                "solve_static(contacts='exact') finds the place")))
+    return _told(out, 1.0)
+
+
+def mode_events(model: Any, state: Any, tension: Array, slides: Array, squared: Array) -> list[dict[str, Any]]:
+    """Events where w^2 of modes, squared [n], are those of the mesh more than of the beam; slides: motions of sliders [n, S] in
+    modes of modal mass 1."""
+    out = []
+    for contact in worst_of(model, state, tension, np.any(slides != 0.0, axis=0)):
+        ripple = ripple_of(contact)
+        own = np.abs(slides[:, contact.slider])**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = ripple.stiffness * own / (squared - ripple.stiffness * own)
+        share[~np.isfinite(share) | (ripple.force <= LEAST_SLOPE * contact.force)] = 0.0
+        k = int(np.argmax(np.abs(share)))
+        if abs(share[k]) > STIFFNESS:
+            true = float(squared[k] - ripple.stiffness * own[k])
+            size = f"{100.0 * share[k]:+.2g} %" if abs(share[k]) < 1.0 else "more than its size"
+            text = (f"slider {contact.name!r}: on {contact.mesh} its stiffness along the beam depends on where in an element it "
+                    f"stands, which changes w^2 of mode {k} by about {size}")
+            out.append((float(abs(share[k])), text + _cure(
+                contact, lambda x: x.most * own[k] < STIFFNESS * abs(true), "a run with elements that move "
+                "(with_moving_meshes), where these know the scene, has none of it")))
+    return _told(out, 0.0)
+
+
+def _cure(contact: Contact, enough: Callable[[Ripple], bool], other: str) -> str:
+    """What to say at the end: how many more elements are enough, and what else is there."""
+    found = next((finer for finer in FINER if enough(ripple_of(contact, finer))), None)
+    if found is None:
+        return f"; more elements are not enough, as a jump of the shear force makes it grow again: {other}"
+    return f"; it takes about {found} times as many elements there, or {other}"
+
+
+def _told(found: Sequence[tuple[float, str]], t: float) -> list[dict[str, Any]]:
+    """Events of the worst, by size."""
+    rows = sorted(found, key=lambda row: -row[0])
+    more = [f"and {len(rows) - MOST_EVENTS} more sliders like that"] if len(rows) > MOST_EVENTS else []
+    return [{"kind": "contact", "time": t, "text": text} for text in [*(text for _, text in rows[:MOST_EVENTS]), *more]]
+
+
+class Contacts:
+    """Looks at the contacts of a model, in runs and at rest: sleeves, two sliders of one body in an element, and in runs the
+    energy of sliders that moves with their elements."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        scene = getattr(model.uneliminated, "scene", None)
+        sliders = [] if scene is None else scene.sliders[:model.n_sliders]
+        self.sleeves = [(k, x) for k, x in enumerate(sliders) if isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
+        points = [(k, x) for k, x in enumerate(sliders) if not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
+        self.rounded = [(k, x) for k, x in points if x.curve == "c1" and x.beams[0].interpolation == "lagrange"][:MOST]
+        self.own = {beam: beam.basis.curve("own") for _, x in self.rounded for beam in x.beams}
+        of = dict[Any, list[tuple[int, Slider]]]()
+        for k, x in points:
+            of.setdefault(_owner(x), []).append((k, x))
+        self.pairs = [(j, k, one, other) for some in of.values() for i, (j, one) in enumerate(some[:MOST])
+                      for k, other in some[i + 1:MOST]][:5 * MOST]
+        # those that nothing holds along their beam, with the mass that moves along it
+        held = () if scene is None else {part.at.owner for part in (*scene.clamps, *scene.pins, *scene.prescribed)}
+        self.free = {k: float(owner.mass if isinstance(owner, PointMass | RigidBody) and owner not in held
+                              else x.beams[0].section.rhoA * x.beam.length)
+                     for k, x in points for owner in (_owner(x),)
+                     if x.lock is None and not (x.drive is not None and x.drive.is_prescribed)}
+        self.friction = np.array([0.0 if x.friction is None else x.friction.coefficient for x in sliders])
+        # how fast they moved, m/s, where they came to, m, and the last row
+        n = len(sliders)
+        self.speed, self.least, self.largest = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
+        self.before: tuple[float, Array] = 0.0, np.zeros(0)
+        self.looks = self.count = 0
+        self.sliders = sliders
+        self.scene, self.masses = scene, {k: float(owner.mass) for k, x in points for owner in (_owner(x),)
+                                          if isinstance(owner, PointMass | RigidBody)}
+        self._blows: dict[str, tuple[float, float, str]] = {}
+        # of sliders at the last row: the force, the usual one and of how many rows; the kink behind, and rows that are left
+        self._passing: dict[int, tuple[Array, float, int, float, int]] = {}
+        self._worst: dict[str, tuple[float, float, str]] = {}
+        self._energy: dict[int, list[tuple[float, float, Contact]]] = {}
+
+    @cached_property
+    def _kinks(self) -> dict[int, list[float]]:
+        """Of sliders of masses and bodies where kinks may be; those on the same track have the same."""
+        one_of = {self.sliders[k].beam: self.sliders[k] for k in self.masses}
+        known = {track: kinks_of(self.scene, slider) for track, slider in one_of.items()}
+        return {k: known[self.sliders[k].beam] for k in self.masses if known[self.sliders[k].beam]}
+
+    def remember(self, t: float, s: Array, h: float, state: Callable[[], Any]) -> None:
+        """Places [S] of a row of a run with steps of h, some of which may lie behind kinks."""
+        before = self.before[1]
+        if before.size and t > self.before[0]:
+            np.maximum(self.speed, np.abs(s - before) / (t - self.before[0]), out=self.speed)
+            if self._kinks:
+                self._pass(t, s, h, state())
+        np.minimum(self.least, s, out=self.least)
+        np.maximum(self.largest, s, out=self.largest)
+        self.before = t, s.copy()
+
+    def _pass(self, t: float, s: Array, h: float, state: Any) -> None:
+        """Whether forces of sliders that have just gone over a place where kinks may be are those of blows: where every step is
+        a row they jump from one to the next, else it is told by the angle of the kink."""
+        before, span = self.before[1], t - self.before[0]
+        for k, kinks in self._kinks.items():
+            first = self.model.first_force[k]
+            force = state.force[first:first + 3].copy()
+            size = float(np.linalg.norm(force))
+            last, usual, rows, place, left = self._passing.get(k, (force, size, 0, 0.0, 0))
+            # no open one is passed twice in a row
+            period = (1.0 if self.sliders[k].is_endless else 2.0) * self.sliders[k].beam.length
+            passed = [at for at in kinks if np.floor((before[k] - at) / period) != np.floor((s[k] - at) / period)]
+            if passed:
+                place, left = passed[-1], ROWS_BEHIND
+            if left and rows:
+                if span < 1.5 * h:
+                    # across what it runs on: stops and drives act along
+                    way = self._tangent(k, float(s[k]), state)
+                    now, then = (x - (x @ way) * way for x in (force, last))
+                    blow = max(float(np.linalg.norm(now)), float(np.linalg.norm(then)))
+                    blow *= float(np.linalg.norm(now - then)) > JUMP * blow
+                else:
+                    speed = abs(float(s[k] - before[k])) / span
+                    blow = self.masses[k] * speed * self._angle(k, place, state) / h if passed else 0.0
+                if blow > max(BLOW * usual, LEAST_BLOW * self.masses[k] * float(self.speed[k]) / h):
+                    self._blow(t, k, place, h, blow, usual)
+            if not left:
+                # of quiet rows
+                usual, rows = (usual * rows + size) / (rows + 1), rows + 1
+            self._passing[k] = force, usual, rows, place, max(left - 1, 0)
+
+    def _tangent(self, k: int, s: float, state: Any) -> Array:
+        """Unit tangent [3] of what slider k runs on."""
+        nodes, values = shapes_at(self.model, k, s)
+        tangent = values[1] @ state.q.reshape(-1, 4, 3)[nodes, 0]
+        return np.asarray(tangent / np.linalg.norm(tangent))
+
+    def _angle(self, k: int, place: float, state: Any) -> float:
+        """Of the kink, rad, that what slider k runs on has there."""
+        track = self.sliders[k].beam
+        way = [self._tangent(k, s, state) for s in (place - SMALL_WAY * track.length, place + SMALL_WAY * track.length)]
+        return float(2.0 * np.arcsin(min(1.0, 0.5 * np.linalg.norm(way[1] - way[0]))))
+
+    def _blow(self, t: float, k: int, place: float, h: float, blow: float, usual: float) -> None:
+        slider = self.sliders[k]
+        beam, s = place_of(slider, place)
+        text = (f"slider {slider.name!r} goes over s = {place:.4g} m ({beam.label}, s = {s:.4g} m), where what it runs on has a "
+                f"kink, with steps of {h:.2g} s: its force there, about {blow:.2g} N beside {usual:.2g} N before, is that of a "
+                "blow and grows with 1/h. Let the beam bend there: a weld instead of a hinge, a curved beam between, elements "
+                "below sqrt(EI/N), and steps that are short against the time in the bend; damping= takes the waves away")
+        key = f"{slider.name} {place:.6g}"
+        if blow > self._blows.get(key, (0.0, 0.0, ""))[0]:
+            self._blows[key] = blow, t, text
+
+    def look(self, t: float, state: Any, tension: Callable[[Array], Array], moves: bool) -> None:
+        """At a state in space; moves: of a run, a look of which is due for energies, too."""
+        self.count += 1
+        if self.count < SELDOM or self.count % SELDOM == 0:
+            for k, sleeve in self.sleeves:
+                self._sleeve(t, state, k, sleeve)
+            for j, k, one, other in self.pairs:
+                self._pair(t, state, j, k, one, other)
+            for k, slider in self.rounded:
+                self._rounding(t, state, k, slider)
+        if moves and self.free and self.looks < MOST_LOOKS:
+            self.looks += 1
+            free = np.zeros(self.model.n_sliders, bool)
+            free[list(self.free)] = True
+            for contact in worst_of(self.model, state, tension(state.q), free):
+                ripple = ripple_of(contact)
+                weight = max(self.friction[contact.slider], LEAST_SLOPE_IN_TIME) * contact.force
+                energy = ripple.energy if ripple.force > weight else 0.0
+                self._energy.setdefault(contact.slider, []).append((energy, t, contact))
+
+    def events(self) -> list[dict[str, Any]]:
+        """The worst."""
+        blows = sorted(self._blows.values(), key=lambda row: -row[0])[:MOST_EVENTS]
+        found = [(size, t, text) for size, t, text in self._worst.values()]
+        for k, rows in self._energy.items():
+            moving = 0.5 * self.free[k] * float(self.speed[k])**2
+            energy, t, contact = max(rows, key=lambda row: row[0])
+            energy = float(np.mean([row[0] for row in rows]))
+            # what is held some other way does not move
+            if energy > ENERGY * moving and self.largest[k] - self.least[k] > LEAST_WAY * contact.beam.length:
+                text = (f"slider {contact.name!r}: on {contact.mesh} its energy goes up and down by {energy:.2g} J in every "
+                        f"element, while it moves along the beam with {moving:.2g} J at most: where it stops, and how it "
+                        "swings there, depends on the mesh")
+                enough = max(ENERGY * moving, 1e-300)
+                found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, "elements that move "
+                                                               "with it (with_moving_meshes), where these know the scene")))
+        return [*({"kind": "unresolved", "time": t, "text": text, "blow": size} for size, t, text in blows),
+                *self._in_order(found)]
+
+    @staticmethod
+    def _in_order(found: list[tuple[float, float, str]]) -> list[dict[str, Any]]:
+        return [{**event, "time": t} for (_, t, _), event in zip(sorted(found, key=lambda x: -x[0]), _told(
+            [(size, text) for size, _, text in found], 0.0))]
+
+    def _note(self, name: str, size: float, t: float, text: str) -> None:
+        if size > self._worst.get(name, (0.0, 0.0, ""))[0]:
+            self._worst[name] = size, t, text
+
+    def _sleeve(self, t: float, state: Any, k: int, sleeve: Any) -> None:
+        """The length that is free beside a sleeve, which its bore and its place in an element make uncertain."""
+        beam, s = place_of(sleeve, float(state.s[k]))
+        ends, e = beam.basis.element_ends, element_at(beam, s)
+        size = float(ends[e + 1] - ends[e])
+        a = self.model.first_force
+        force = state.force[a[k]:a[k] + 3]
+        (row,) = self.model.sleeve_pairs[self.model.sleeve_pairs[:, 0] == k, 1]
+        moment = state.force[a[row]:a[row] + 3]
+        # the arm of the force there, or the shorter part of the beam
+        sides = [part for part in (s, beam.length - s) if part > 0.5 * size]
+        if force.any() and np.linalg.norm(moment) > 1e-3 * size * np.linalg.norm(force):
+            arm = float(np.linalg.norm(moment) / np.linalg.norm(force))
+        elif sides:
+            arm = min(sides)
+        else:
+            return
+        mean = beam.length / beam.basis.n_elements
+        is_default = abs(sleeve.length - mean) <= 1e-12 * mean
+        # of a cantilever with a force at its end the compliance L^3/3 changes by L^2 times that
+        error = 3.0 * (held_length(beam, s, sleeve.length, sleeve.curve) - OF_BORE * sleeve.length * (not is_default)) / arm
+        if error > SLEEVE:
+            text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the length of {arm:.2g} m that it "
+                    "leaves free is uncertain by a part of an element, so that it may be too stiff by about "
+                    f"{100.0 * error:.2g} %; ")
+            text += "its bore is one element long: give length=, 0 for a point, and " if is_default else ""
+            text += f"take {math.ceil(error / SLEEVE)} times as many elements"
+            text += ", or an element end at the sleeve" if beam.interpolation == "lagrange" else ""
+            self._note(sleeve.name, error, t, text)
+
+    def _rounding(self, t: float, state: Any, k: int, slider: Slider) -> None:
+        """How far the curve with one tangent at element ends lies beside the axis, where this has a kink at one."""
+        at, positions = float(state.s[k]), state.q.reshape(-1, 4, 3)[:, 0]
+        beam, s = place_of(slider, at)
+        (first,), (values,), _ = self.own[beam].evaluate([s])
+        start = self.model.numbers.start(beam) + int(first)
+        nodes, shapes = shapes_at(self.model, k, at)
+        off = float(np.linalg.norm(values @ positions[start:start + values.size] - shapes[0] @ positions[nodes]))
+        if off > ROUNDED * self.model.length:
+            ends, e = beam.basis.element_ends, element_at(beam, s)
+            text = (f"slider {slider.name!r}: at s = {s:.4g} m on {beam.label} its curve 'c1' lies {off:.2g} m beside the axis, "
+                    f"as it rounds a kink of the mesh at an end of an element of {ends[e + 1] - ends[e]:.3g} m; take "
+                    f"{math.ceil(off / (ROUNDED * self.model.length))} times as many elements there, or curve='own'")
+            self._note(f"{slider.name} c1", off, t, text)
+
+    def _pair(self, t: float, state: Any, j: int, k: int, one: Slider, other: Slider) -> None:
+        """Two points of one body in an element: their forces are those of a stiffness that the element has not."""
+        (beam, a), (second, b) = place_of(one, float(state.s[j])), place_of(other, float(state.s[k]))
+        if beam is not second:
+            return
+        ends, e = beam.basis.element_ends, element_at(beam, 0.5 * (a + b))
+        size, distance = float(ends[e + 1] - ends[e]), abs(a - b)
+        force = state.force[self.model.first_force[[j, k]][:, None] + np.arange(3)]
+        if 0.0 < distance < size and force.any():
+            text = (f"sliders {one.name!r} and {other.name!r} of {_owner(one).label} stand {distance:.3g} m apart on "
+                    f"{beam.label}, whose elements are {size:.3g} m long: the force of each depends on where in an element they "
+                    f"are, and may be some {min(1.0 + 0.2 * size / distance, 10.0):.2g} times too large; their sum is right. "
+                    f"Take elements of {0.5 * distance:.2g} m there")
+            self._note(f"{one.name} {other.name}", size / distance, t, text)
+
+
+def held_length(beam: Beam, s: float, bore: float, curve: str) -> float:
+    """The length of a beam, m, that a sleeve at s keeps from bending: EI times the difference of the turn by a unit moment there
+    of a beam on two pins and of its elements, of which the mean over the bore is taken."""
+    basis, around = beam.basis, AROUND if beam.interpolation == "lagrange" else AROUND_SPLINE
+    sides = [element_at(beam, min(max(s + side * bore, 0.0), beam.length)) for side in (-0.5, 0.5)]
+    ends = basis.element_ends[max(sides[0] - around, 0):sides[1] + around + 2]
+    if bore > MOST_BORE * float(np.max(np.diff(ends))):
+        return OF_BORE * bore
+    ends, x = ends - ends[0], s - float(ends[0])
+    fields = "greville" if basis.directors == "nodes" else basis.directors
+    some = build_basis(basis.interpolation, basis.degree, ends, float(ends[-1]), directors=fields)
+    piece = piece_of(some, "own", np.array([x]))
+    (first,), (values,), _ = (averaged_curve(some, bore) if bore > 0.0 else some.curve(curve)).evaluate([x])
+    count = min(values.size, some.n_nodes - int(first))
+    moment = np.zeros(2 * some.n_nodes)
+    moment[some.n_nodes + int(first):some.n_nodes + int(first) + count] = values[:count]
+    moment = np.delete(moment, [0, some.n_nodes - 1])
+    stiff = np.diag(beam.section.C)
+    shear = float(np.min(stiff[1:3]) / np.max(stiff[4:]))
+    found = float(moment @ np.linalg.solve(shear * piece.parts[0] + piece.parts[1], moment))
+    W, rest = float(ends[-1]), float(ends[-1]) - x
+    return (x**3 + rest**3) / (3.0 * W * W) + 1.0 / (shear * W) - found
+
+
+def kinks_of(scene: Scene, slider: Slider) -> list[float]:
+    """Arc lengths, m, of what a slider runs on where that may have a kink: joints of a path, and nodes inside of beams at which
+    other parts act."""
+    beams = slider.beams
+    starts = slider.beam.starts if isinstance(slider.beam, Path) else np.array([0.0, slider.beam.length])
+    ways = slider.beam.directions if isinstance(slider.beam, Path) else (1,)
+    out = set(starts[1:-1].tolist()) | ({0.0} if slider.is_endless else set())
+    for part in scene.parts:
+        for node in vars(part).values():
+            if isinstance(node, NodeRef) and node.owner in beams and 0 < node.index < node.owner.n_nodes - 1:
+                i = beams.index(node.owner)
+                local = float(node.owner.node_s[node.index])
+                out.add(float(starts[i] + (local if ways[i] > 0 else node.owner.length - local)))
+    return sorted(out)[:MOST_KINKS]
+
+
+def _owner(slider: Slider) -> Any:
+    """The part that a slider is a point of."""
+    return getattr(slider.point, "owner", slider.point)
+
+
+def _exact(W: float, GA: float, N: float, s: Array) -> Array:
+    """Compliance at s of a taut Reissner beam with EI = 1 on two pins, W apart."""
+    length = np.sqrt(GA / (N * (GA - N)))
+    a, b = s / length, (W - s) / length
+    # sinh a sinh b / sinh(a + b)
+    hyperbolic = 0.5 * np.expm1(-2.0 * a) * np.expm1(-2.0 * b) / -np.expm1(-2.0 * (a + b))
+    return np.asarray(s * (W - s) / (N * W) - (1.0 - N / GA) * length / N * hyperbolic)
+
+
+class Piece(NamedTuple):
+    """Elements of some lengths with EI = 1 on two pins, and forces on them."""
+
+    at: Array                              # float64 [k], where these act
+    parts: tuple[Array, Array, Array]      # energies of shear, bending and tension; unknowns are places, then turns
+    load: Array                            # float64 [unknowns, k]
+
+    def compliance(self, GA: float, N: float) -> Array:
+        """Where the forces act [k]."""
+        shear, bending, tension = self.parts
+        found = np.linalg.solve((GA - N) * shear + bending + N * tension, self.load)
+        return np.asarray(np.einsum("ik,ik->k", self.load, found))
+
+
+def piece_of(basis: Basis, curve: str, at: Array) -> Piece:
+    """With forces at some places of the curve of a slider."""
+    n = basis.n_nodes
+    parts = np.zeros((3, 2 * n, 2 * n))
+    for e, nodes in enumerate(basis.element_nodes):
+        none = np.zeros_like(basis.phi_s[e])
+        all_of = np.concatenate((nodes, n + nodes))
+        for K, rows in zip(parts, (np.hstack((basis.phi_s[e], -basis.dir[e])), np.hstack((none, basis.dir_s[e])),
+                                   np.hstack((basis.phi_s[e], none)))):
+            K[np.ix_(all_of, all_of)] += (rows.T * basis.weight[e]) @ rows
+    first, values, _ = basis.curve(curve).evaluate(at)
+    load = np.zeros((2 * n, at.size))
+    for k, (a, row) in enumerate(zip(first, values)):
+        count = min(row.size, n - a)
+        load[a:a + count, k] = row[:count]
+    free = np.delete(np.arange(2 * n), [0, n - 1])
+    shear, bending, tension = parts[:, free[:, None], free]
+    return Piece(at, (shear, bending, tension), load[free])
+
+
+@lru_cache(maxsize=64)
+def _piece(interpolation: str, degree: int, ends: tuple[float, ...], directors: str, curve: str, own: int) -> Piece:
+    """With forces at places of element `own`."""
+    fields = "greville" if directors == "nodes" else directors
+    basis = build_basis(interpolation, degree, np.array(ends), ends[-1], directors=fields)
+    return piece_of(basis, curve, ends[own] + 0.5 * (ends[own + 1] - ends[own]) * (
+        1.0 + np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES)))

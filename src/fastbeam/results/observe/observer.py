@@ -1,0 +1,417 @@
+"""What a run records: observers turn a state into one row of numbers; what is not asked for is not computed."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.arguments import Listing, Names, Word
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels import energies as kernels
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
+from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FRICTION_LOSS, HELD, HISTORY, LOCK_LOSS, OFF, STOP_LOSS
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.loop import energy_of
+from fastbeam.kernels.state import State
+from fastbeam.model.contact.sleeve_conditions import Section, sections
+from fastbeam.model.contact.sleeve_twist import angles, push_of_twist
+from fastbeam.model.forces.added_mass import add_energies
+from fastbeam.model.forces.loads import factor_at
+from fastbeam.model.forces.winches import add_motion, ropes_of, weight_energy
+from fastbeam.model.model import Model
+from fastbeam.model.start import own_state
+from fastbeam.model.workspace import contact_of
+from fastbeam.results.exchanged import AT_START
+from fastbeam.results.observe.moving_meshes import MeshRows, add_moving, moving_weight, place_rows
+from fastbeam.results.observe.points import PointRows
+from fastbeam.results.readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
+from fastbeam.results.result import ResultHeader
+from fastbeam.scene.checks import Place
+
+Array = np.ndarray
+KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "spin", "orientation", "acceleration", "section",
+         "reaction")
+LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
+# a scene that moves less than round-off times this is at rest: it has no scale of its own
+REST = 1e7
+EPSILON = float(np.finfo(float).eps)
+# a start has been moved by more than this share of the size of the scene
+MOVED = 1e-11
+OBSERVED = Listing(Word(KINDS), "a sequence of kinds, as in ('energy',)")
+POINTS = Names("must map names to nodes, as in points={'tip': beam.end}")
+
+
+class Observer:
+    """Rows of the chosen series.
+
+    Parameters
+    ----------
+    model : Model
+    kinds : sequence of KINDS
+    points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds
+        Positions to record, and what `PointRows` has where it is asked for.
+    lost : float64 [2], optional
+        Energies that filters of strains have dissipated and store, J, as the stepper keeps them.
+
+    Raises
+    ------
+    SceneError
+        An unknown kind, or a point that is not in the scene.
+    """
+
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointRows | None,
+                 lost: Array | None = None) -> None:
+        self.model, self.lost = model, lost
+        self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
+        self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
+        if "inner" in kinds and ropes_of(model) is not None:
+            raise SceneError("observe: 'inner' does not know the ropes of winches; leave it out")
+        self.slider = "slider" in kinds and model.n_sliders > 0
+        self.meshes = MeshRows(model, "slider" in kinds, self.energy)
+        self.points = points if isinstance(points, PointRows) else PointRows(model, kinds, points)
+        self.of_nodes = "velocity" in kinds
+        self.reactions = model.reaction_names if "reaction" in kinds else []
+        # points whose section is balanced with them
+        self.cut = [k for k, x in enumerate(self.points.sections) if x is not None] if "reaction" in kinds else []
+        self._p, self._out, self._work, self._gap = empty(12 * model.n_nodes), empty(9), empty(6), empty(model.n_sliders)
+        self._contact = contact_of(model) if self.slider else None
+        self.forces = model.slider_forces if self.slider else None
+        self.moments = self.slider and model.sleeves is not None
+        self.joint = "joint" in kinds and model.motions is not None
+        self.springs = model.find_springs(model.links) if "spring" in kinds and model.find_springs is not None else []
+        # whether rows hold forces of joints that are unknowns
+        self.held = self.joint and model.motions.holds.held.size > 0
+        self.balance = self.energy and (model.balances or lost is not None)
+        self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
+        # what `add_forces` needs of the newest row
+        self._moment: Any = None
+        # energy of ropes of winches in the gravity of the scene, and of what stops of moving meshes store
+        self._weight, self._in_stops = 0.0, 0.0
+        self._directions: list[Section] = []
+        self._angles = np.zeros(0)
+
+    def series(self) -> dict[str, tuple[int, ...]]:
+        """Shape of one row of every series."""
+        out: dict[str, tuple[int, ...]] = {"iterations": (), "step_size": ()}
+        if self.energy:
+            out |= dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total"), ())
+        if self.momentum:
+            out |= {"lin_mom": (3,), "ang_mom": (3,)}
+        if self.inner:
+            out |= {"center": (3,), "inner_energy": (), "inner_spin": (3,)}
+        if self.moments:
+            out["contact_moment"] = (self.model.n_sliders, 3)
+            out |= dict.fromkeys(TWISTING, (self.model.n_sliders,)) if self.model.twisting.size else {}
+        out |= self.meshes.series()
+        if self.slider:
+            s = self.model.n_sliders
+            out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
+        if self.forces is not None:
+            out |= dict.fromkeys(ALONG, (s,))
+        if self.energy and self.model.slider_forces is not None:
+            out |= dict.fromkeys(EXCHANGED, (self.model.n_sliders,))
+        if self.energy:
+            out |= {name: (len(of),) for name, of in (("losses", self.model.losses), ("works", self.model.works)) if of}
+        if self.energy and self.lost is not None:
+            out["filter_loss"] = (2,)
+        if self.balance:
+            out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
+        if self.model.motions is not None:
+            free, holds = (len(self.model.motions.names),), self.model.motions.holds
+            out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
+            out |= {"joint_friction": free} if self.energy and holds.rubs.size else {}
+            out |= {"joint_stop_loss": free} if self.energy and holds.has_rigid_stops else {}
+            out |= {"joint_drive": free} if self.joint and holds.driven.size else {}
+            out |= {"joint_force": free} if self.held else {}
+        for springs in self.springs:
+            out |= springs.series()
+        out |= self.points.series()
+        if self.reactions:
+            out["reaction"] = (len(self.reactions), 2, 3)
+        if self.cut:
+            out["section_balance"] = (len(self.points.places), 2, 3)
+        return out
+
+    @property
+    def needs_forces(self) -> bool:
+        """Whether rows hold forces that steps tell."""
+        return self.slider or bool(self.reactions or self.cut) or self.held or self.meshes.acts or self.points.measured > 0
+
+    def row(self, t: float, state: State) -> dict[str, Any]:
+        """Everything except iterations, step size and contact force, which the run knows."""
+        model = self.model
+        out: dict[str, Any] = {}
+        if self.energy or self.momentum:
+            self._motion(state.q, state.v)
+            add_moving(model, state, self._out)
+            add_energies(model, state, self._out)
+            self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
+            self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
+        if self.momentum:
+            out["lin_mom"], out["ang_mom"] = self._out[1:4].copy(), self._out[4:7].copy()
+        if self.energy:
+            out["kinetic"] = float(self._out[0])
+            out["strain"] = strain_energy(model, state.q, self._work)
+            if model.motions is not None:
+                in_joints = model.motions.exchanged(state, model.motion_place)
+                out |= in_joints
+                self._in_stops = self.meshes.in_stops(in_joints["joint_energy"])
+                out["strain"] += float(np.sum(in_joints["joint_energy"])) - self._in_stops
+            phi = state.q.reshape(-1, 12)[:, :3]
+            factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
+            out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
+            self._weight = weight_energy(model, state.q)
+            out["gravity"] += self._weight + factor * moving_weight(model, state.q)
+            out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi)) + self._in_stops
+            if model.slider_forces is not None:
+                out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
+            out["total"] = out["kinetic"] + out["potential"]
+            # the drift of a total that starts at zero is measured by the largest of its parts
+            self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
+        if self.inner:
+            out |= self._inner(state)
+        out |= self.meshes.row(t, state)
+        if self.slider:
+            kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
+            out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
+            out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
+            self._directions = sections(model, state.s, state.q.reshape(-1, 4, 3))
+            if model.twisting.size:
+                self._angles = angles(model, state.history)
+                out["twist"] = np.zeros(model.n_sliders)
+                out["twist"][model.sleeve_pairs[:, 0]] = self._angles
+        if self.forces is not None:
+            tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
+            kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
+                                  rate)
+            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
+            self._moment = t, state.s.copy(), rate, history, tangent
+            out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
+        if (self.slider or self.energy) and model.slider_forces is not None:
+            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
+            out |= {"friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
+                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s, state.history),
+                    "lock_loss": history[:, LOCK_LOSS]}
+        if self.joint:
+            out |= model.motions.row(t, state, model.motion_place)
+        for springs in self.springs:
+            out |= springs.row(state)
+        if self.balance:
+            self._balance(out, state)
+        return out | self.points.row(state)
+
+    def _balance(self, out: dict[str, Any], state: State) -> None:
+        """What is stored and was dissipated, less what was put in."""
+        model = self.model
+        stored, sizes = out["total"], [self.scale["total"]]
+        lost, put_in = (state.history[begin:begin + len(of)].copy() for begin, of in (
+            (model.loss_place, model.losses), (model.drive_place, model.works)))
+        out |= {name: x for name, x in (("losses", lost), ("works", put_in)) if x.size}
+        sizes += [float(np.sum(np.abs(x))) for x in (lost, put_in)]
+        if model.accounts_loads:
+            out["external_work"] = float(state.history[model.work_place])
+            if model.moving is not None:
+                out["external_work"] += model.moving.work_of_weight(state.history)
+            # their potential is in the total as if they were constant
+            stored = out["kinetic"] + out["strain"] + self._in_stops + self._weight - out["external_work"]
+            sizes.append(abs(out["external_work"]))
+        if model.slider_forces is not None:
+            history = state.history[:model.work_place].reshape(-1, HISTORY)
+            if model.accounts_loads:
+                stored += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
+            stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
+            sizes += np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist()
+        stored += float(np.sum(lost)) - float(np.sum(put_in))
+        if self.lost is not None:
+            out["filter_loss"] = self.lost.copy()
+            stored += float(np.sum(self.lost))
+            sizes.append(float(np.sum(np.abs(self.lost))))
+        if model.motions is not None:
+            stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
+            sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
+            for name in ("joint_friction", "joint_stop_loss"):
+                if name in out:
+                    stored += float(np.sum(out[name]))
+                    sizes.append(float(np.sum(np.abs(out[name]))))
+        out["balance"] = stored
+        self.scale["balance"] = max(self.scale["balance"], *sizes)
+
+    def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
+        """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for,
+        in time what else steps tell of points; share: load factor of an equilibrium."""
+        of_supports = self.model.n_forces + 6 * len(self.reactions)
+        own = of_supports + 6 * len(self.cut)
+        if self.reactions:
+            row["reaction"] = force[self.model.n_forces:of_supports].reshape(-1, 2, 3)
+        if self.cut:
+            row["section_balance"] = np.full((len(self.points.places), 2, 3), np.nan)
+            row["section_balance"][self.cut] = force[of_supports:own].reshape(-1, 2, 3)
+        if force.size > own:
+            self.points.add(row, force[own:])
+        if self.slider:
+            self._add_contact_forces(row, force[:self.model.n_forces], share)
+        if self.held or self.meshes.acts:
+            model = self.model
+            end = 3 * model.n_sliders + sum(link.forces(3) for link in model.kept)
+            found = force[end - model.motions.holds.held.size:end]
+            row |= {"joint_force": model.motions.holds.forces(found)} if self.held else {}
+            if self.meshes.acts:
+                self.meshes.add_forces(row, found)
+
+    def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
+        """Contact forces, moments of sleeves and forces along the beam."""
+        s = self.model.n_sliders
+        row["contact_force"] = force[:3 * s].reshape(-1, 3)
+        push, edges = np.zeros(s), np.zeros(s)
+        if self.moments:
+            row["contact_moment"] = np.zeros((s, 3))
+            own = force[force.size - 3 * len(self._directions):].reshape(-1, 3)
+            bores = self.model.sleeves.edges.reshape(-1, 2)
+            for k, section, mu, bore in zip(self.model.sleeve_pairs[:, 0], self._directions, own, bores):
+                row["contact_moment"][k] = section.moment(mu)
+                push[k] = section.values(1) @ mu[:section.pairs]
+                edges[k] = bore @ (np.hypot(mu[0], mu[1]), abs(mu[2]))
+            if self.model.twisting.size:
+                row["twist_moment"] = np.zeros(s)
+            for o in self.model.twisting.tolist():
+                k, section = self.model.sleeve_pairs[o, 0], self._directions[o]
+                row["twist_moment"][k] = -own[o, 2]
+                row["contact_moment"][k] += own[o, 2] * section.axes[0]
+                push[k] += own[o, 2] * push_of_twist(section, self._angles[o])
+        if self.forces is not None:
+            found = self.forces.at_row(*self._moment, row["contact_force"], push, edges, share)
+            row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
+                    "stop_force": found.stop, "lock_force": found.lock}
+
+    def scales(self, step: float) -> dict[str, float]:
+        """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
+        of the least motion in steps of this size (s) that is no round-off."""
+        model = self.model
+        size = max(model.length, float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3]))))
+        speed, mass = EPSILON * size / step, float(np.sum(model.gravity_weight))
+        rest = {}
+        if self.momentum:
+            rest |= {"lin_mom": REST * mass * speed, "ang_mom": REST * mass * speed * size}
+        if self.energy:
+            # energies of round-off of the coordinates: of motion and strain, and of weight and loads, where it is of first order
+            off = EPSILON * (1.0 - 2.0 * (np.arange(model.q0.size) * 2654435761 >> 16 & 1))  # signs without a pattern
+            off.reshape(-1, 12)[:, :3] *= size
+            load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
+            # of prestressed beams and springs, whose own energy is no round-off, the strain has parts of first order, too
+            own = strain_energy(model, model.q0, self._work)
+            ahead, back = (strain_energy(model, model.q0 + sign * off, self._work) - own for sign in (1.0, -1.0))
+            strain, pull = 0.5 * abs(ahead + back), 0.5 * abs(ahead - back)
+            rest["total"] = rest["balance"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + pull + EPSILON * size * load)
+        return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
+
+    def _motion(self, q: Array, v: Array) -> None:
+        """Kinetic energy and momenta into _out, momenta of the nodes into _p."""
+        model = self.model
+        self._p[:] = 0.0
+        for tables in (model.simo, model.green):
+            if tables is not None:
+                kernels.element_momenta(tables, model.n_nodes, v, self._p)
+        if model.bodies is not None:
+            kernels.body_momenta(model.bodies, v, self._p)
+        kernels.motion(q, v, self._p, self._out)
+        add_motion(model, q, v, self._out)
+
+    def _inner(self, state: State) -> dict[str, Any]:
+        """Mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away before
+        anything is squared, so that no digits are lost to it."""
+        weight = self.model.gravity_weight / np.sum(self.model.gravity_weight)
+        q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
+        # from the first node: differences of large coordinates are exact
+        first = q[0, 0].copy()
+        q[:, 0] -= first
+        arm = weight @ q[:, 0]
+        q[:, 0] -= arm
+        v[:, 0] -= v[0, 0].copy()
+        v[:, 0] -= weight @ v[:, 0]
+        self._motion(q.reshape(-1), v.reshape(-1))
+        return {"center": first + arm, "inner_energy": float(self._out[0]) + strain_energy(self.model, q.reshape(-1), self._work),
+                "inner_spin": self._out[4:7].copy()}
+
+    def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
+        """Header of the result; moving: of a run in time, whose shapes may have velocities."""
+        model = self.model
+        names = {**model.names, "points": list(self.points.places)}
+        if self.reactions:
+            names["reactions"] = self.reactions
+        names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
+        if model.motions is not None:
+            names |= {"joints": model.motions.names, "coordinates": model.motions.what}
+            names |= {"driven": [model.motions.names[k] for k in model.motions.holds.driven]}
+        names |= {springs.kind: springs.names for springs in self.springs}
+        if self.held:
+            names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
+        # what `Result.state_for` finds in the state's history
+        if model.slider_forces is not None and model.slider_forces.lets_go:
+            names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
+        if model.released is not None:
+            names |= {"until": list(model.released.names), "since": model.released.waits.tolist(),
+                      "history": [model.release_place]}
+        if model.prescribed is not None or model.motions is not None:
+            names |= {"turning": [] if model.prescribed is None else model.prescribed.turning_labels,
+                      "turns": [model.turn_place, model.motion_place]}
+        if model.sliders is not None:
+            names["slider_nodes"] = [int(k) for k in model.sliders.point]
+        names = self.meshes.named(names)
+        return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
+                            velocities=moving and self.of_nodes, spins=moving and self.of_nodes)
+
+
+def books_of_start(model: Model, given: Any, state: State, t: float, notes: list[Any]) -> tuple[dict[str, Any], list[Any]]:
+    """The energy that mending a given start took, J, for `Result.info`, and the notes with that in words. Where parts only met at
+    different velocities it is what an inelastic impact takes; where they were moved, also what changed with their places, of
+    either sign. Nothing where the start was taken as it is."""
+    if not any(kind == "mended" for kind, _ in notes):
+        return {}, notes
+    given = own_state(model, given)
+    kinetic, total = np.transpose([[row["kinetic"], row["balance" if model.balances else "total"]] for row in (
+        Observer(model, ("energy",), None).row(t, x) for x in (given, state))])
+    off = np.max(np.abs(np.concatenate((state.q - given.q, state.s - given.s))))
+    what = "impact at the start" if off < MOVED * model.length else "mending of the start"
+    said = (f"; the kinetic energy goes from {kinetic[0]:.6g} to {kinetic[1]:.6g} J, all energy changes by "
+            f"{total[1] - total[0]:.6g} J, {what!r} in balance()")
+    return ({AT_START: {what: float(total[0] - total[1])}},
+            [(kind, text + said if kind == "mended" else text) for kind, text in notes])
+
+
+def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
+    """Energy stored in all beams and springs, J."""
+    work = empty(6) if work is None else work
+    total = 0.0
+    if model.simo is not None:
+        total += kernels.strain_energy(model.simo, model.n_nodes, q, SIMO_REISSNER, work, np.zeros(0))
+    if model.green is not None:
+        total += kernels.strain_energy(model.green, model.n_nodes, q, GREEN_LAGRANGE, work, np.zeros(0))
+    if model.links:
+        work[0] = 0.0
+        energy_of(model.links, q, SPACE, work)
+        total += work[0]
+    return float(total)
+
+
+def conserved(model: Model, filtered: bool = False) -> list[str]:
+    """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
+    out = [] if model.slider_forces is not None and model.slider_forces.leaves else ["gap"]
+    if model.balances or filtered:
+        out.append("balance")
+    exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
+    if not (model.accounts_loads or model.losses or model.works or exchanging or filtered):
+        out.append("total")
+    free = np.concatenate((_tied_rows(model), place_rows(model)))
+    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
+    if model.moving is not None and np.any(model.gravity):
+        return out
+    acted_on = len(model.loads) or model.accounts_loads or held or model.catches or model.drag is not None
+    if not acted_on:
+        out += ["lin_mom", "ang_mom"]
+    return out
+
+
+def _tied_rows(model: Model) -> Array:
+    return model.ties.row if model.ties is not None else np.zeros(0, np.int64)

@@ -1,0 +1,165 @@
+"""Rows of observed points: positions, velocities, triads and spins from a state, section forces; accelerations and what is
+viscous from the steps around a row (theory.md (4.5))."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.arguments import real, shown
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.state import State
+from fastbeam.model.model import Model
+from fastbeam.results.observe.moving_meshes import refuse_point
+from fastbeam.results.observe.resultants import Sections
+from fastbeam.scene import Beam, NodeRef, PointMass, RigidBody
+from fastbeam.scene.checks import Place
+
+Array = np.ndarray
+
+
+class PointRows:
+    """Series of points by name.
+
+    Parameters
+    ----------
+    model : Model
+    kinds : sequence of str
+        Of these 'velocity', 'spin', 'orientation', 'acceleration' and 'section' concern points.
+    points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
+
+    Raises
+    ------
+    SceneError
+        A point that is not in the scene.
+    """
+
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | None) -> None:
+        given = points or {}
+        self.places = {name: place_of(model, name, what) for name, what in given.items()}
+        self.velocity, self.spin, self.orientation, self.acceleration = (
+            kind in kinds and bool(given) for kind in ("velocity", "spin", "orientation", "acceleration"))
+        self.sections = [_section(model, name, what) for name, what in given.items()] if "section" in kinds else []
+        # of damped beams: which point, and the section
+        self.damped = [(k, x) for k, x in enumerate(self.sections) if x is not None and x.viscosity is not None]
+        # coordinates of these beams in the newest row
+        self._kept: list[Array] = []
+
+    def series(self) -> dict[str, tuple[int, ...]]:
+        """Shape of one row of every series."""
+        n = len(self.places)
+        given = {"points": n > 0, "point_velocity": self.velocity, "point_spin": self.spin,
+                 "point_acceleration": self.acceleration, "section_force": bool(self.sections),
+                 "section_moment": bool(self.sections)}
+        triads = {"point_directors": (n, 3, 3)} if self.orientation else {}
+        return {name: (n, 3) for name, there in given.items() if there} | triads
+
+    def row(self, state: State) -> dict[str, Any]:
+        """What the state tells; section forces without those of damping."""
+        q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+        out: dict[str, Any] = {}
+        if self.places:
+            out["points"] = self._along(q)
+        if self.velocity:
+            out["point_velocity"] = self._along(v)
+        if self.spin:
+            out["point_spin"] = np.array([_spin(*(self._triad(x, *place) for x in (q, v))) for place in self.places.values()])
+        if self.orientation:
+            out["point_directors"] = np.array([_orthonormal(self._triad(q, *place)) for place in self.places.values()])
+        if self.sections:
+            out |= {name: np.full((len(self.places), 3), np.nan) for name in ("section_force", "section_moment")}
+            for k, section in enumerate(self.sections):
+                if section is not None:
+                    _put(out, k, section, q[section.span])
+            self._kept = [q[section.span].copy() for _, section in self.damped]
+        return out
+
+    def _along(self, x: Array) -> Array:
+        """Positions or velocities [P, 3] from coordinates or their rates [N, 4, 3]."""
+        return np.array([np.einsum("ma,mac->c", weights, x[nodes]) for nodes, weights in self.places.values()])
+
+    @staticmethod
+    def _triad(x: Array, nodes: Array, weights: Array) -> Array:
+        """Directors, or their rates, [3, 3]."""
+        return np.einsum("m,mkc->kc", weights[:, 0], x[nodes, 1:])
+
+    # --- what steps tell --------------------------------------------------------------------------------------------------
+    @property
+    def measured(self) -> int:
+        """Numbers that a step tells."""
+        rates = sum(section.through.size * 6 for _, section in self.damped)
+        return (3 * len(self.places) if self.acceleration else 0) + rates
+
+    def look(self, state: State) -> list[Array]:
+        """What `means` needs of both ends of a step, as copies: velocities of points, coordinates and velocities of beams."""
+        q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+        beams = [x[section.span].copy() for _, section in self.damped for x in (q, v)]
+        return ([self._along(v)] if self.acceleration else []) + beams
+
+    def means(self, before: list[Array], after: list[Array], h: float) -> Array:
+        """Accelerations and rates of strains, means over a step of size h between two looks, [measured]."""
+        first = int(self.acceleration)
+        middle = [0.5 * (a + b)[None] for a, b in zip(before[first:], after[first:])]
+        rates = [section.strain_rates(q, v) for (_, section), q, v in zip(self.damped, middle[::2], middle[1::2])]
+        return np.concatenate([x.reshape(-1) for x in [(b - a) / h for a, b in zip(before[:first], after[:first])] + rates])
+
+    def add(self, row: dict[str, Any], found: Array) -> None:
+        """To the newest row what steps tell of its time, [measured]."""
+        if self.acceleration:
+            own, found = np.split(found, [3 * len(self.places)])
+            row["point_acceleration"] = own.reshape(-1, 3)
+        for (k, section), q in zip(self.damped, self._kept):
+            shape = (1, *section.through.shape, 6)
+            own, found = np.split(found, [section.through.size * 6])
+            _put(row, k, section, q, own.reshape(shape))
+
+
+def _put(out: dict[str, Any], k: int, section: Sections, q: Array, rates: Array | None = None) -> None:
+    """Section forces of point k into a row; q: coordinates of the nodes of its beam [A, 4, 3]."""
+    found = section.at(np.zeros(1), q[None, :, 0], q[None, :, 1:], rates)
+    out["section_force"][k] = found.N[0, 0], found.Q2[0, 0], found.Q3[0, 0]
+    out["section_moment"][k] = found.T[0, 0], found.M2[0, 0], found.M3[0, 0]
+
+
+def _spin(d: Array, rates: Array) -> Array:
+    """Angular velocity [3], rad/s, that fits the rates of three directors best; exact for rigid motions also where interpolated
+    directors are no triad."""
+    return np.linalg.solve(np.sum(d * d) * np.eye(3) - d.T @ d, np.cross(d, rates).sum(axis=0))
+
+
+def _orthonormal(d: Array) -> Array:
+    """The triad nearest to three directors [3, 3]."""
+    u, _, v = np.linalg.svd(d)
+    return np.asarray(u @ v)
+
+
+def _section(model: Model, name: str, what: Any) -> Sections | None:
+    """The section of an observed point; None where it lies on no beam."""
+    if isinstance(what, NodeRef) and isinstance(what.owner, Beam):
+        what = what.owner, float(what.owner.basis.node_s[what.index])
+    return Sections(model, *what) if isinstance(what, tuple) else None
+
+
+def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
+    """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
+    if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
+        owner, s = what[0], what[1]
+        refuse_point(model, name, owner)
+        at = real(s)
+        if at is None or not 0.0 <= at <= owner.length:
+            raise SceneError(f"point {name!r}: s={shown(s)} lies outside {owner.label} (0 to {owner.length:.6g} m)")
+        first, values, _ = owner.basis.curve("own").evaluate(at)
+        local, weights = int(first[0]) + np.arange(values.shape[1]), np.zeros((values.shape[1], 4))
+        weights[:, 0] = values[0]
+    else:
+        node = what.center if isinstance(what, (RigidBody, PointMass)) else what
+        if not isinstance(node, NodeRef):
+            raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), "
+                             f"got {shown(what)}")
+        owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
+    try:
+        return model.numbers.start(owner) + local, weights
+    except KeyError:
+        raise SceneError(f"point {name!r}: {owner.label} is not in scene {model.scene_name!r}; observe parts of the compiled "
+                         "scene") from None

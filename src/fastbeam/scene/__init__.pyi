@@ -1,0 +1,35 @@
+"""The public names of this package and where they are, for type checkers and for its `__getattr__`."""
+from fastbeam.scene.added_mass import AddedMass as AddedMass
+from fastbeam.scene.beams import Beam as Beam, NodeRef as NodeRef
+from fastbeam.scene.bodies import (
+    BallJoint as BallJoint, DistributedLoad as DistributedLoad, InitialVelocity as InitialVelocity, Load as Load,
+    PointMass as PointMass, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
+)
+from fastbeam.scene.bushing import Bushing as Bushing
+from fastbeam.scene.compound_joints import (
+    CylindricalJoint as CylindricalJoint, PlanarJoint as PlanarJoint, SphericalJoint as SphericalJoint,
+    UniversalJoint as UniversalJoint,
+)
+from fastbeam.scene.controller import Controller as Controller
+from fastbeam.scene.crossings import Crossing as Crossing
+from fastbeam.scene.distance_joint import DistanceJoint as DistanceJoint
+from fastbeam.scene.drag import Drag as Drag
+from fastbeam.scene.fixed import GROUND as GROUND
+from fastbeam.scene.force_element import ForceElement as ForceElement
+from fastbeam.scene.joints import PrismaticJoint as PrismaticJoint, RevoluteJoint as RevoluteJoint
+from fastbeam.scene.line_force import LineForce as LineForce
+from fastbeam.scene.locks import Lock as Lock, OneSided as OneSided, Release as Release
+from fastbeam.scene.moving_mesh import MovingMesh as MovingMesh
+from fastbeam.scene.nets import Net as Net
+from fastbeam.scene.paths import Path as Path
+from fastbeam.scene.prescribed_motion import PrescribedMotion as PrescribedMotion, Signal as Signal
+from fastbeam.scene.scene import Scene as Scene
+from fastbeam.scene.sections import Section as Section
+from fastbeam.scene.sleeves import Sleeve as Sleeve
+from fastbeam.scene.slider_forces import Drive as Drive, Friction as Friction, Stops as Stops
+from fastbeam.scene.sliders import Slider as Slider
+from fastbeam.scene.spring import Damper as Damper, Spring as Spring
+from fastbeam.scene.supports import Clamp as Clamp, Pin as Pin
+from fastbeam.scene.switches import Switch as Switch
+from fastbeam.scene.user_force import UserForce as UserForce
+from fastbeam.scene.winch import Winch as Winch

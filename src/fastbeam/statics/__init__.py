@@ -1,0 +1,4 @@
+"""Equilibria, load steps, paths, unknown lengths and relaxation."""
+from fastbeam.interface.lazy_import import public_names
+
+__all__, __getattr__, __dir__ = public_names(__name__)

@@ -1,0 +1,322 @@
+"""Newton's method for equilibria of scenes with constraints, sliders or joints (theory.md 8): nodes, sliding coordinates and
+contact forces in one saddle matrix."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from fastbeam.kernels.state import State
+from fastbeam.linalg.saddle import Saddle, factors_for
+from fastbeam.model.mapping import HALF_TURN
+from fastbeam.model.model import Model
+from fastbeam.statics.contact_equations import Border, SaddleMatrix, StaticContacts
+from fastbeam.statics.equilibrium import StaticSolver
+from fastbeam.statics.joint_friction import static_joints
+from fastbeam.statics.moving_supports import coordinates_of
+from fastbeam.statics.slider_friction import StaticAlong
+from fastbeam.statics.steady_motion import SteadyForces
+from fastbeam.stepping.iteration import newton_loop
+
+Array = np.ndarray
+# a Newton increment moves and turns nodes by this much at most, in sizes of the scene and rad
+LARGEST_MOVE = 1.0
+# iterations after which those that are tried and do not become smaller are given up
+LEAST_PATIENCE = 6
+# added to the diagonal of the scaled matrix, one after the other, until no increment is too long
+STIFFNESSES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
+# share of all loads from which on a force along a motion without stiffness is not round-off; how far nodes follow such a motion
+# in one iteration, in sizes of the scene
+UNBALANCED, DRIFT = 1e-9, 0.2
+EPSILON = 1e-13
+
+
+class Increment(NamedTuple):
+    """Of nodes [n], sliding coordinates [S] and contact forces [d S]; whether it is a whole one of Newton's method."""
+
+    nodes: Array
+    s: Array
+    force: Array
+    whole: bool = True
+
+
+class SaddleSolver(StaticSolver):
+    """As `StaticSolver`, around one sparse matrix without elimination of inner nodes: PARDISO, SuperLU where that finds nothing
+    that is certain.
+
+    Parameters
+    ----------
+    model : Model
+    start : State or None
+    max_iterations : int
+        Of each Newton iteration.
+    held : bool [S]
+        Sliders that stay at their s.
+    at_time : float
+        When drives that are functions of time are evaluated, s.
+    flat : bool, optional
+        Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
+    backend : {'auto', 'pardiso', 'superlu'}
+    """
+
+    def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None,
+                 backend: str = "auto", at_time: float = 0.0) -> None:
+        if flat is None:
+            flat = model.plane is not None and (start is None or model.plane.holds(start))
+        assert model.uneliminated is not None
+        uneliminated = model.uneliminated(planar=flat)
+        super().__init__(uneliminated, start, max_iterations, "superlu")
+        plane = self.stepper.plane
+        self.contacts = StaticContacts(uneliminated, None if plane is None else plane.axes)
+        core = self.core
+        self._matrix = SaddleMatrix(core.pattern, len(core.dofs), core.n_sliders, core.n_forces)
+        self._factors = factors_for(backend)
+        self._refused = 0
+        # of the first matrix of those with the same free sliders
+        self._scales: dict[bytes, tuple[Array, Array]] = {}
+        self.held = held
+        self.lengths, self.ends = uneliminated.slider_lengths, self.stepper.model.limits_at(
+            self.stepper.core_state.s, self.stepper.core_state.history)
+        self.along = None
+        if uneliminated.slider_forces is not None:
+            self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held, self.stepper.core_state.history)
+        # what joints are given at the start and at the end of the load
+        self.given = None
+        if core.motions is not None and core.motions.holds.given.size:
+            self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
+        # how much of that way they had gone at the last equilibrium
+        self._reached = 0.0
+        # those that friction or rigid stops may hold, and where those of joints are
+        self.joints, self.resting = static_joints(self), np.zeros(0)
+        if self.joints is not None:
+            self.hold_joints()
+        # the slider that ran off its beam, and one at a kink of its curve
+        self.runaway = self.stuck = -1
+        self.last_s = np.zeros(held.size)
+        self._loads = self.work.f_ext.copy()
+        self._no_border: Border | None = None
+        # forces of inertia of a steady motion
+        self.steady: SteadyForces | None = None
+
+    def set_time(self, t: float, factor: float) -> None:
+        super().set_time(t, factor)
+        if self.along is not None:
+            self.along.factor = factor
+        if self.steady is not None:
+            self.steady.share = factor
+
+    def move_to(self, share: float) -> None:
+        super().move_to(share)
+        if self.along is not None:
+            self.along.share = share
+        self.hold_joints()
+
+    def count_turns(self) -> None:
+        super().count_turns()
+        self._reached = self.share
+
+    @property
+    def turns_too_far(self) -> bool:
+        """Whether a joint is given half a turn or more beyond the last equilibrium, which may as well be the other way."""
+        if self.given is None:
+            return False
+        holds, way = self.core.motions.holds, (self.share - self._reached) * (self.given[1] - self.given[0])
+        return bool(np.any(np.abs(way[holds.is_angle[holds.given]]) > HALF_TURN))
+
+    def hold_joints(self) -> None:
+        """Where coordinates of joints stand that are given, or that friction and rigid stops hold."""
+        given = [] if self.given is None else [(1.0 - self.share) * self.given[0] + self.share * self.given[1]]
+        if self.joints is not None:
+            self.joints.hold()
+            given.append(self.resting)
+        if given:
+            self.contacts.given = np.concatenate(given)
+
+    @property
+    def name(self) -> str:
+        """What was used, for the result."""
+        if self._factors is None or not self._factors.count:
+            return "SuperLU on nodes and sliders"
+        f = self._factors
+        return f"PARDISO on nodes and sliders, {f.count} factorisations, {f.refused} left to SuperLU"
+
+    @property
+    def sliding(self) -> Array:
+        """Which sliders are free to move, bool [S]."""
+        return ~self.held if self.along is None else self.along.free
+
+    # --- states -------------------------------------------------------------------------------------------------------
+    def _saved(self) -> tuple[Array, Array, Array]:
+        state = self.stepper.core_state
+        return state.q.copy(), state.s.copy(), state.force.copy()
+
+    def _restore(self, saved: tuple[Array, Array, Array]) -> None:
+        state = self.stepper.core_state
+        state.q[:], state.s[:], state.force[:] = saved
+
+    def _border(self, rubs: bool = True) -> Border:
+        """Equations of the sliders at the present shape, with friction of those that slip or without; their residuals are kept
+        for messages."""
+        if self._no_border is not None:
+            return self._no_border
+        state, contact = self.stepper.core_state, self.stepper.contact
+        self._weights = self.contacts.weights(state.s)
+        along = self.along
+        border = self.contacts.border(self._weights, self.state.q, state.force,
+                                      None if along is None else along.slip if rubs else np.zeros(state.s.size))
+        if along is not None:
+            force, slope = along.known(state.s)
+            border = border._replace(sliding=border.sliding - force, bend=border.bend - slope)
+        dim = self.core.dim
+        sliders = self.sliding.size
+        if contact is None:
+            # without constraints there is nothing that depends on a shape
+            self._no_border = border
+            return border
+        contact.residual[:sliders, :dim] = border.gap
+        contact.residual[:sliders, dim] = np.where(self.sliding, border.sliding, 0.0)
+        of_joints = np.arange(8) < contact.forces[sliders:, None]
+        contact.residual[sliders:][of_joints] = border.joint_gap
+        return border
+
+    def _gaps(self, q: Array) -> Array:
+        """Of sliders and joints at coordinates q [12 N], for sliders where they are, [F]."""
+        state = self.stepper.core_state
+        return self.contacts.border(self._weights, q, state.force, np.zeros(state.s.size)).gaps
+
+    def _shape(self) -> Array:
+        """Coordinates in space [12 N]; nothing where no equation asks for them."""
+        needed = self._no_border is None or self.steady is not None or self.motion is not None
+        return self.state.q if needed else np.zeros(0)
+
+    # --- Newton's method ----------------------------------------------------------------------------------------------
+    def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
+        """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
+        model, work, state = self.core, self.work, self.stepper.core_state
+        size, n = len(model.dofs), model.pattern.n
+        border, q = self._border(), self._shape()
+        work.f_ext[:] = self._loads
+        if self._no_border is None:
+            work.f_ext[:] += self.contacts.loads(self._weights, q, state.force)
+        if self.steady is not None:
+            work.f_ext[:] += self.steady.loads(q)
+            border = border._replace(bent=border.bent + self.steady.stiffness(q))
+        given = None if self.motion is None else self.motion.pending(coordinates_of(self.stepper, self.motion.own))
+        if given is None:
+            self.stepper.parts.assemble(0.0)
+        else:
+            x = self.motion.rows(given, model, self.contacts.axes)
+            self.carrying.assemble(self.stepper, self.stepper.records[1], x)
+        matrix = self._matrix.of(work.blocks, border, sliding, drag)
+        r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
+        gaps = border.gaps
+        if given is not None:
+            # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
+            r = r - 2.0 * x.reshape(-1)
+            gaps = self.motion.opened(self._gaps, q, given)
+        right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), gaps))
+        multiplier = np.zeros(right.size, bool)
+        multiplier[r.size + sliding.size:] = True
+        saddle = Saddle(matrix, multiplier, self._factors, self._scales.get(sliding.tobytes()))
+        saddle.nodes, saddle.free = self.free_motions.nodes, self.hold_free
+        if saddle.measured_in is None and self._factors is not None:
+            saddle.measured_in = self._scales[sliding.tobytes()] = saddle.scales
+        return saddle, right
+
+    def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:
+        saddle, right = self._assembled(sliding, drag)
+        n = len(self.core.dofs) * self.core.pattern.n
+        for stiffness in (0.0, *STIFFNESSES):
+            used = saddle.stiffened(stiffness) if stiffness else saddle
+            x = used.solve(right)
+            if x is None or not np.isfinite(x).all():
+                return None
+            if used.unbalanced > 0.0 and used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
+                # forces push where nothing resists: a little along
+                size = self._size(used.drift[:n])
+                if size > 0.0:
+                    x[:n] += DRIFT / size * used.drift[:n]
+            # what is soft runs away by itself: it alone is kept back
+            if self._size(x[:n]) <= LARGEST_MOVE:
+                break
+        return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0)
+
+    def _round_off(self, saddle: Saddle) -> Array:
+        """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""
+        size, n = len(self.core.dofs), self.core.pattern.n
+        loads = np.abs(self.work.f_ext[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
+        stiff = np.abs(saddle.matrix.diagonal()[:size * n])
+        return UNBALANCED * loads + EPSILON * self.core.length * stiff
+
+    def _size(self, nodes: Array) -> float:
+        """Of an increment of the nodes, in sizes of the scene and rad."""
+        x = np.abs(nodes.reshape(-1, len(self.core.dofs)))
+        dim = self.core.dim
+        return float(np.max(x[:, :dim])) / self.core.length + float(np.max(x[:, dim:], initial=0.0))
+
+    def _share(self, nodes: Array) -> float:
+        """Of an increment of the nodes that is not too long."""
+        return min(1.0, LARGEST_MOVE / max(self._size(nodes), 1e-300))
+
+    def move(self, x: Increment) -> float:
+        """Add an increment. Returns its size."""
+        state, core, work = self.stepper.core_state, self.core, self.work
+        # arms of tied nodes are those of the present shape, which need not be that of the last equations
+        if work.q_end.size:
+            work.q_mid[:] = work.q_end[:] = state.q
+        # the kernels take half of what solves the equations of half the tangent, and subtract it
+        work.panel.reshape(-1, core.width)[:x.nodes.size, 0] = -2.0 * x.nodes
+        moved = self.stepper.parts.update()
+        state.s[:] += x.s
+        state.force[:] += x.force
+        return moved + float(np.max(np.abs(x.s), initial=0.0)) / core.length
+
+    def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
+        """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
+        self.work.increment.control[0] = 0.0
+        is_whole, carries = False, self._follows and self._led is None
+
+        def increment() -> tuple[int, float | None]:
+            nonlocal is_whole, carries
+            x = self._increment(sliding)
+            if x is None:
+                return self.no_increment, None
+            if self.beyond_ends(self.stepper.core_state.s + x.s):
+                return SLIDER_END, None
+            share = self._share(x.nodes)
+            is_whole = share == 1.0 and x.whole
+            # forces stand in the equations as they are: whole ones balance the loads whatever nodes do
+            size = self.move(Increment(share * x.nodes, share * x.s, x.force))
+            if carries:
+                self._led = self.stepper.core_state.q.copy()
+            carries = False
+            return OK, size
+
+        def after(sizes: list[float]) -> int:
+            self.interrupts.serve()
+            return NOT_CONVERGED if not patient and len(sizes) >= LEAST_PATIENCE and sizes[-1] > sizes[0] else OK
+
+        status, sizes = newton_loop(increment, self.max_iterations, after, lambda: is_whole)
+        self.longest = max(self.longest, len(sizes))
+        return status, sizes
+
+    @property
+    def _follows(self) -> bool:
+        """Whether supports or joints are taken along, and nothing finds a place of its own."""
+        moves = self.motion is not None or self.given is not None
+        return moves and self.joints is None and not self.sliding.any()
+
+    def interrupted(self, _: list[float]) -> int:
+        """Between iterations, where nothing else ends them."""
+        self.interrupts.serve()
+        return OK
+
+    @property
+    def no_increment(self) -> int:
+        """Why Newton's method has found no increment."""
+        return SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE
+
+    def beyond_ends(self, s: Array) -> bool:
+        """Whether some slider would run off its beam."""
+        return bool(np.any((s < self.ends[:, 0]) | (s > self.ends[:, 1])))

@@ -1,0 +1,487 @@
+"""Equilibria by motion: conserving steps whose velocities are taken away where the kinetic energy has a peak, then Newton's
+method (theory.md 15)."""
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fastbeam.compile.links import Passes
+from fastbeam.dynamics.control import failure
+from fastbeam.dynamics.interrupt import Interrupts
+from fastbeam.interface.arguments import Anything, Count, Flag, Number, Word, checked
+from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
+from fastbeam.interface.result_warnings import warns
+from fastbeam.kernels.loop import OK, SLIDER_END
+from fastbeam.kernels.state import State
+from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.forces.loads import load_factors_at
+from fastbeam.model.forces.winches import refuse_winches
+from fastbeam.model.joints.motion import check_at_rest
+from fastbeam.model.model import Model, check_model
+from fastbeam.model.moving_supports import PrescribedMotions
+from fastbeam.model.start import check_start
+from fastbeam.model.supports import check_supports
+from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer
+from fastbeam.results.observe.resolution import Resolution
+from fastbeam.results.progress import Progress
+from fastbeam.results.result import Result, ResultBuffer
+from fastbeam.scene.checks import Place
+from fastbeam.statics.equilibrium import StaticSolver
+from fastbeam.statics.linear_response import place_events
+from fastbeam.statics.load_steps import stability
+from fastbeam.statics.moving_supports import StaticMotion
+from fastbeam.statics.sliding import SlidingSolver
+from fastbeam.statics.static_analysis import START, check_slider_forces
+from fastbeam.stepping.stepper import Stepper
+
+Array = np.ndarray
+# steps from rest to the peak of the kinetic energy that are wanted; fewer: steps are halved, more: they grow
+FEW, MANY = 4, 16
+GROWTH = 1.5
+# a step that moves a node further, in sizes of the scene, is halved
+LONGEST = 0.1
+# first step: share of the time in which the scene falls by its size
+FIRST = 0.02
+SMALLEST = 1e-9
+# swings after which Newton's method is tried for the first time; tries come at ever longer distances
+FIRST_TRY, LATER = 2, 1.5
+# an equilibrium may lie so far above the energy that was reached, next to what motion has taken
+HIGHER = 1e-9
+# supports that move go so far in a step, in sizes of the scene and rad, and by such a share of their way
+LONGEST_WAY, LARGEST_SHARE = 0.01, 0.05
+# motion in a swing, in sizes of the scene, with which a scene counts as at rest where Newton's method is not asked
+STILL = 1e-7
+
+
+@warns
+@checked(model=Anything(), start=START, step=Number(above=0.0, unit="s"), most_steps=Count(most=10**7), at_time=Number(unit="s"),
+         observe=OBSERVED, points=POINTS, finish=Flag(), max_iterations=Count(most=10_000), backend=Word(), mend_start=Flag())
+def relax(model: Model, *, start: State | None = None, step: float | None = None, most_steps: int = 20_000,
+          at_time: float | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None,
+          finish: bool = True, max_iterations: int = 25, backend: str = "auto", mend_start: bool = False) -> Result:
+    """An equilibrium of a scene that Newton's method does not reach from its start: mechanisms, slack cables and nets, sliders
+    far from their place.
+
+    The scene moves from rest, by conserving steps under all of its loads. Wherever its kinetic energy has a peak the velocities
+    are taken away (kinetic damping), so that the potential energy falls from swing to swing, into a valley. After some swings
+    Newton's
+    method finishes, and goes on being tried until it finds an equilibrium that lies no higher and is not unstable. Steps adapt to
+    the swings; masses decide the way, not the equilibrium.
+
+    Parameters
+    ----------
+    model : Model
+        With every part that hangs together held at a point at least, about which it may turn. With `at_time` supports that
+        move go to their place at that time first, along their functions; without a time they stand still.
+    start : State
+        Begin from this shape instead of the reference; its velocities do not count.
+    step : float
+        First step, s; default: a share of the time in which the scene falls by its size.
+    most_steps : int
+        Steps after which a scene that does not come to rest is given up.
+    at_time : float
+        Where time functions of loads are evaluated, s; needed when the scene has some.
+    observe, points
+        As in `solve_static`, without 'reaction'; rows are the peaks of the kinetic energy, `result.t` the time of the motion, s.
+    finish : bool
+        False: without Newton's method, until a swing moves no node by more than 1e-7 of the size of the scene.
+    max_iterations : int
+        Newton iterations of a step, and of the finish.
+    backend : {'auto', 'pardiso', 'superlu'}
+    mend_start : bool
+        As in `simulate`.
+
+    Returns
+    -------
+    Result
+        With the equilibrium in `.state`. `info["finished"]`: whether Newton's method did, `info["residual"]` its last increment,
+        in
+        sizes of the scene and rad (without it the motion of the last swing); `info["energy_loss"]` what the motion has lost, J;
+        `info["swings"]`, `info["steps"]`; `info["unstable_directions"]` and `info["free_directions"]` as in `solve_static`.
+
+    Raises
+    ------
+    SceneError
+        A scene that is not compiled or not held, an argument out of range, sliders with Coulomb friction, prescribed motions,
+        rigid stops or locks, drives in joints.
+    ConvergenceError
+        It does not come to rest, a step fails, a slider runs off its beam; carries the last shape and the result until then.
+    Interrupted
+        By Ctrl-C; carries the same.
+    """
+    check_model("relax", model)
+    check_slider_forces("relax", model, np.zeros(model.n_sliders, bool), smooth=True)
+    if model.slider_forces is not None:
+        model.slider_forces.check_times("relax", np.ones(model.n_sliders, bool), at_time)
+    refuse_winches("relax", model)
+    check_backend(backend)
+    check_at_rest("relax", model)
+    if model.released is not None:
+        raise SceneError("relax: a support lets go or takes hold (until=, since=); leave that out for the equilibrium, or run in "
+                         "time")
+    if model.motions is not None and model.motions.holds.given.size:
+        holds = model.motions.holds
+        raise SceneError(f"relax: {holds.parts[holds.given[0]].label} is given as a function of time; hold it by a stiff spring "
+                         "with rest=, or use solve_static")
+    if "reaction" in observe:
+        raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
+                         "observe=('reaction',))")
+    factors = load_factors_at("relax", model, at_time)
+    notes: list[Any] = []
+    if start is not None:
+        start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
+    way = _way(model, start, at_time)
+    at_rest = _at_rest(model, factors, way)
+    run = _Motion(model, at_rest, start, factors, at_time or 0.0, max_iterations, backend, observe, points, way)
+    run.held_in_space = check_supports(model, run.stepper.plane is not None, may_turn=True)
+    for kind, text in notes:
+        run.buffer.event({"kind": kind, "time": 0.0, "text": text})
+    with run.interrupts:
+        try:
+            return run.go(step, most_steps, finish)
+        except ConvergenceError:
+            raise
+        except Exception as failed:
+            run.buffer.event({"kind": "failed", "time": run.t, "text": f"{type(failed).__name__}: {failed}"})
+            carry(failed, run.result)
+            raise
+        except KeyboardInterrupt as stopped:
+            run.interrupts.asked = False
+            result = run.result()
+            raise Interrupted(f"relax was interrupted after {run.steps} steps; the last shape is in .state, everything until "
+                              f"then "
+                              "in .result", result=result, state=result.state) from stopped
+
+
+def _way(model: Model, start: State | None, at_time: float | None) -> _Way | None:
+    """Of supports that move; None where they stand where they are at the time of the loads.
+
+    Raises
+    ------
+    SceneError
+        In the start they stand elsewhere, neither where they are then nor where they are at t = 0.
+    """
+    if model.prescribed is None or at_time is None:
+        return None
+    begin = model.state() if start is None else start
+    motion = StaticMotion(model, begin, True, (0.0, at_time), "relax")
+    now = begin.q.reshape(-1, 4, 3)[motion.own]
+    if motion.stands(1.0, now) and (start is not None or at_time == 0.0):
+        return None
+    motion.check_stands("relax", 0.0, now)
+    return _Way(model.prescribed, at_time, model.length)
+
+
+def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
+    """The model with loads that are constant and supports that go their way, or stand still."""
+    def constant(one: Model) -> Model:
+        loads = one.loads * factors[:, None] if one.loads.size else one.loads
+        return replace(one, loads=loads, load_times=[None] * len(factors),
+                       prescribed=None if one.prescribed is None else _Still(one.prescribed, way))
+
+    plane, uneliminated, uncondensed = model.plane, model.uneliminated, model.uncondensed
+    if plane is not None:
+        plane = replace(plane, model=constant(plane.model))
+    assert uneliminated is not None and uncondensed is not None
+    return replace(constant(model), plane=plane, uneliminated=lambda **options: _at_rest(uneliminated(**options), factors, way),
+                   uncondensed=lambda: _at_rest(uncondensed(), factors, way))
+
+
+class _Way:
+    """How far supports that move have gone on their way from t = 0 to where they are at one time, s.
+
+    Attributes
+    ----------
+    share, size : float
+        Of the way: gone, and of the next step.
+    """
+
+    def __init__(self, of: PrescribedMotions, at_time: float, length: float) -> None:
+        self.at_time, self.share = at_time, 0.0
+        ends = [motion.place(at_time) - motion.place(0.0) for motion in of.motions]
+        turns = [motion.turn(at_time) @ motion.turn(0.0).T - np.eye(3) for motion in of.motions]
+        # matrices do not tell full turns
+        turned = [float(np.max(np.abs(x), initial=0.0)) for x in (turns, of.vectors(at_time))]
+        far = max(float(np.max(np.abs(ends))) / length, *turned)
+        self.most = self.size = min(LONGEST_WAY / far, LARGEST_SHARE) if far > 0.0 else LARGEST_SHARE
+
+    def times(self) -> Array:
+        """Of the functions, at both ends of the next step."""
+        return self.at_time * np.array([self.share, min(self.share + self.size, 1.0)])
+
+    def took(self) -> None:
+        """The step is done."""
+        self.share = 1.0 if self.share + self.size > 1.0 - 1e-9 else self.share + self.size
+        self.size = min(GROWTH * self.size, self.most, 1.0 - self.share)
+
+    @property
+    def is_done(self) -> bool:
+        return self.share == 1.0
+
+
+class _Still:
+    """Supports that could move and go their way in the motion, or stand still."""
+
+    def __init__(self, of: PrescribedMotions, way: _Way | None) -> None:
+        self._of, self._way = of, way
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._of, name)
+
+    def schedule(self, times: Array, tables: Any, plane: Any = None) -> Array:
+        """Increments of a step, as `PrescribedMotions.schedule`."""
+        if self._way is None or self._way.is_done:
+            return np.zeros((len(times) - 1, len(self._of.motions), 6 if plane is None else 3))
+        return self._of.schedule(self._way.times(), tables, plane)
+
+    def vectors(self, t: float) -> Array:
+        """Rotation vectors [3 K] of supports where they are on their way, less those at t = 0; zeros where they stand still."""
+        return np.zeros(self._of.turns_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
+
+
+class _Motion:
+    """From the start to rest."""
+
+    def __init__(self, model: Model, at_rest: Model, start: State | None, factors: Array, t: float, max_iterations: int,
+                 backend: str, observe: Sequence[str], points: Mapping[str, Place] | None, way: _Way | None) -> None:
+        self.model, self.factors, self.at_time, self.max_iterations, self.backend = model, factors, t, max_iterations, backend
+        own = None
+        if start is not None:
+            own = State(start.q, 0.0 * start.v, start.s, start.force, start.history)
+        self.stepper = Stepper(at_rest, np.ones(1), own, max_iterations, backend)
+        self.stepper.core.stop(self.stepper.core_state)
+        self.interrupts = Interrupts()
+        Observer(model, observe, points)
+        kinds = ("slider", "joint", "energy", *(kind for kind in observe if kind in ("section", "spring", "orientation")))
+        self.observer = Observer(model, kinds, points)
+        self.meter = Observer(at_rest, ("energy",), None)
+        self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,
+                                     "residual": np.inf}
+        self.buffer = ResultBuffer(self.observer.header(self.info))
+        self.passes = Passes(model.lines, self.buffer.event)
+        self.begin = time.perf_counter()
+        self.t = self.lost = 0.0
+        self.steps = self.swings = self.iterations = 0
+        self.held_in_space = True
+        self.way = way
+        # why the last equilibrium of Newton's method does not count
+        self.refused = ""
+        self.solver: StaticSolver | None = None
+
+    # --- states -------------------------------------------------------------------------------------------------------
+    def state(self) -> State:
+        """The present shape at rest, as one of the model."""
+        now, history = self.stepper.state, self.model.state().history
+        found = State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
+        self.model.keep_turns(history, now.history)
+        self.model.stop(found)
+        if self.model.motions is not None:
+            self.model.motions.settle(found, found, self.model.motion_place, None)
+        return found
+
+    def record(self, iterations: int, size: float) -> None:
+        state = self.state()
+        row = {**self.observer.row(self.at_time, state), "iterations": iterations, "step_size": size}
+        if self.observer.needs_forces:
+            self.observer.add_forces(row, state.force)
+        self.buffer.append(row, self.t)
+        self.passes.look(state.q, self.t, f"the shape at t = {self.t:.6g} s")
+        q = state.q.reshape(-1, 4, 3)
+        self.buffer.snapshot(self.t, q[:, 0], q[:, 1:])
+
+    def result(self) -> Result:
+        result = self.buffer.close(self.info | {
+            "solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations, "swings": self.swings,
+            "energy_loss": self.lost, "wall_time": time.perf_counter() - self.begin})
+        result.state = self.state()
+        return result
+
+    def energies(self, state: State | None = None) -> tuple[float, float, float]:
+        """Kinetic, strain and potential, J: the last one of forces, moments have none."""
+        model = self.stepper.model
+        state = self.stepper.state if state is None else state
+        row = self.meter.row(self.at_time, state)
+        forces = model.loads.reshape(len(model.loads), model.loads.shape[1] // 8, 8).sum(axis=0)[model.pattern.row_of, :3]
+        first = np.unique(model.pattern.row_of, return_index=True)[1]
+        strain = float(row["strain"])
+        return float(row["kinetic"]), strain, strain - float(np.sum((forces * state.q.reshape(-1, 4, 3)[:, 0])[first]))
+
+    # --- the motion ---------------------------------------------------------------------------------------------------
+    def go(self, step: float | None, most_steps: int, finish: bool) -> Result:
+        """Until it rests.
+
+        Raises
+        ------
+        ConvergenceError
+        """
+        bar = Progress(1.0, f"{self.model.scene_name}: relax")
+        h = self._first_step() if step is None else step
+        smallest = SMALLEST * h
+        self.record(0, 0.0)
+        next_try = FIRST_TRY
+        before, since, moved = 0.0, 0, self.stepper.state.q.copy()
+        try:
+            while self.steps < most_steps:
+                self.interrupts.serve()
+                saved = self.stepper.save()
+                # laws of forces see the time in the middle of a step
+                outcome = self.stepper.advance(self.at_time - 0.5 * h, h, 1)
+                if outcome.status == SLIDER_END:
+                    raise self._ran_off(outcome.slider)
+                far = self._way(saved[0].q) > LONGEST if outcome.status == OK else True
+                if far and h > smallest:
+                    self.stepper.load(saved)
+                    if self.way is not None:
+                        self.way.size *= 0.5
+                    h *= 0.5 if outcome.status == OK else 0.25
+                    continue
+                if outcome.status != OK:
+                    error = failure(self.stepper, outcome, self.t, self.steps, h)
+                    raise ConvergenceError(str(error).replace("step ", "relax: step ", 1), step=self.steps, time=self.t,
+                                           residuals=error.residuals, worst=error.worst, state=self.state(),
+                                           result=self.result()) from error.__cause__
+                self.steps += 1
+                since += 1
+                if self.way is not None and not self.way.is_done:
+                    self.way.took()
+                self.t += h
+                self.iterations += outcome.iterations
+                kinetic = self.energies()[0]
+                if kinetic > before:
+                    before = kinetic
+                    if since >= MANY:
+                        h *= GROWTH
+                        since = FEW
+                    continue
+                # past the peak: at rest from here
+                self.lost += kinetic
+                self.swings += 1
+                way = self._way(moved)
+                self._stop()
+                self.record(outcome.iterations, h)
+                moved = self.stepper.state.q.copy()
+                if since < FEW:
+                    h *= 0.5
+                before, since = 0.0, 0
+                self.info["residual"] = way
+                bar.update(0.0)
+                if self.way is not None and not self.way.is_done:
+                    continue
+                if finish and (self.swings >= next_try or way <= STILL):
+                    next_try = int(np.ceil(LATER * self.swings))
+                    if self._finished():
+                        return self._last()
+                    if way <= STILL:
+                        raise self._stuck()
+                if not finish and way <= STILL:
+                    return self._last()
+            raise self._restless(most_steps)
+        finally:
+            bar.close()
+
+    def _first_step(self) -> float:
+        """A share of the time in which the loads, or the stresses of the start, move the scene by its size."""
+        model = self.stepper.model
+        mass = float(model.gravity_weight.sum())
+        push = float(np.abs(model.loads.reshape(len(model.loads), -1, 8)[:, :, :3]).sum()) if model.loads.size else 0.0
+        push = max(push, self.energies()[1] / model.length)
+        if not push > 0.0 or not mass > 0.0:
+            return FIRST * model.length if mass > 0.0 else 1.0
+        return FIRST * float(np.sqrt(model.length * mass / push))
+
+    def _way(self, before: Array) -> float:
+        """How far nodes are from coordinates before, in sizes of the scene."""
+        change = (self.stepper.state.q - before).reshape(-1, 4, 3)[:, 0]
+        return float(np.max(np.linalg.norm(change, axis=1))) / self.model.length
+
+    def _stop(self) -> None:
+        """Take the velocities away."""
+        state = self.stepper.copy_state()
+        self.model.stop(state)
+        self.stepper.set_state(state)
+
+    # --- the end ------------------------------------------------------------------------------------------------------
+    def _finished(self) -> bool:
+        """Whether Newton's method finds an equilibrium from here that lies no higher and is not unstable; then it is the
+        state."""
+        state = self.state()
+        at_rest = self.stepper.model
+        reached = self.energies()[2]
+        if self.model.n_constraints:
+            solver: StaticSolver = SlidingSolver(at_rest, state, self.max_iterations,
+                                                 np.zeros(self.model.n_sliders, bool), backend=self.backend, at_time=self.at_time)
+        else:
+            solver = StaticSolver(at_rest, state, self.max_iterations, self.backend)
+        solver.interrupts = self.interrupts
+        solver.set_time(self.at_time, 1.0)
+        solver.move_to(1.0)
+        # loads of the model in hand have their factors in them
+        ones = np.ones(len(at_rest.loads))
+        status, sizes = solver.equilibrium(ones)
+        self.refused = "Newton's method does not converge from there"
+        if status != OK:
+            return False
+        flat = solver.stepper.plane is not None
+        # the motion can leave what is unstable where it moves, and nothing else
+        leaves = solver.signs(ones, flat)
+        if leaves is not None and leaves[0]:
+            self.refused = (f"the equilibrium there has {leaves[0]} unstable direction(s), which the motion does not see: the "
+                            f"scene "
+                            "is symmetric, disturb it by a small load, or begin elsewhere")
+            return False
+        # what pushes along beams, moments and moving air do work of their own
+        closed = not solver.moments and self.model.slider_forces is None and not self.model.blows
+        if closed and self.energies(solver.state)[2] > reached + HIGHER * (self.lost + abs(reached)):
+            self.refused = "the equilibrium that Newton's method finds from there lies higher"
+            return False
+        if isinstance(solver, SlidingSolver):
+            for event in place_events(solver, self.model):
+                self.buffer.event({**event, "time": self.t})
+        told, texts = stability(solver, self.model, ones, self.held_in_space)
+        found = solver.state
+        history = self.stepper.state.history.copy()
+        self.stepper.set_state(State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), history))
+        self.info |= {"finished": True, "residual": sizes[-1]} | told
+        for kind, text in texts:
+            self.buffer.event({"kind": kind, "time": self.t, "text": text})
+        self.iterations += len(sizes)
+        self.record(len(sizes), 0.0)
+        return True
+
+    def _last(self) -> Result:
+        resolution = Resolution(self.model)
+        resolution.look(self.t, self.state())
+        for event in resolution.events():
+            self.buffer.event(event)
+        return self.result()
+
+    def _stuck(self) -> ConvergenceError:
+        """The error of a motion that has come to rest where Newton's method does not finish."""
+        text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, its last one moved it by "
+                f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it "
+                "is in .state, everything until then in .result")
+        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
+
+    def _restless(self, most_steps: int) -> ConvergenceError:
+        """The error of a scene that does not come to rest."""
+        text = (f"relax: scene {self.model.scene_name!r} did not come to rest in {most_steps} steps, {self.swings} swings; the "
+                f"last "
+                f"swing moved it by {self.info['residual']:.2g} of its size. Give more most_steps, damping (damping= of "
+                f"sections, "
+                "Drag(linear=)) and a run in time, or look whether there is an equilibrium at all (a mechanism that turns for "
+                "ever "
+                "under a moment or a law has none). The last shape is in .state, everything until then in .result")
+        self.buffer.event({"kind": "stopped", "time": self.t, "text": text})
+        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
+
+    def _ran_off(self, slider: int) -> ConvergenceError:
+        name = self.model.names["sliders"][slider]
+        return ConvergenceError(f"relax: slider {name!r} runs off its beam on the way to rest, after {self.steps} steps; let the "
+                                "scene begin with it elsewhere, or hold it in solve_static(model, held=...). The last shape is "
+                                "in "
+                                ".state, everything until then in .result", step=self.steps, time=self.t, state=self.state(),
+                                result=self.result())

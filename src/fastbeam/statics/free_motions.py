@@ -1,0 +1,343 @@
+"""Motions that nothing resists at an equilibrium, found from what a scene consists of, and named (theory.md 8).
+
+A round beam between two ball joints spins about its axis, a body on a ball joint turns about it. Such motions are known as
+vectors z, not as eigenvalues next to zero, which round-off gives either sign and which the softest bending of a fine mesh may
+come near to. A vector counts where the tangent K has K z = 0 to round-off, every row next to its own terms.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.linalg.inertia import Nodes, orthonormal_columns, strained
+from fastbeam.model.model import Model
+
+Array = np.ndarray
+# what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, rigid motions of beams,
+# those of bodies alone, whose few terms have less (their weight on a beam of 5000 nodes may resist with 1e-15)
+NOTHING, OF_BEAMS, OF_BODIES = 3e-14, 3e-15, 3e-16
+# what supports feel of a motion that they allow
+HELD = 1e-9
+# components of a combination of motions of size 1 that are none
+ROUND_OFF = 1e-12
+# parts of rigid motions next to the whole that are another motion already; parts whose motions together are tried,
+# numbers of these, and parts at all
+REST, MOST_TOGETHER, MOST_NUMBERS, MOST_PARTS = 1e-5, 24, 2e7, 500
+# beams of a part that may spin together
+LONGEST_CHAIN = 50
+# components of axes that are not shown
+SMALL = 1e-6
+
+
+class Part(NamedTuple):
+    """Beams and bodies joined rigidly."""
+
+    name: str         # of its first beam or body
+    several: bool     # whether there are others
+    nodes: Array      # int [k]
+    signs: Array      # float64 [k]: a spin about the axis of the first beam is one about these times d1; NaN where there is none
+
+
+class FreeMotions:
+    """Of one model.
+
+    Parameters
+    ----------
+    model : Model
+        In space, without elimination of inner nodes.
+    axes : float64 [3, 3], optional
+        Of the plane where nodes have 3 unknowns.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the motions that were found last.
+    """
+
+    def __init__(self, model: Model, axes: Array | None) -> None:
+        self.model, self.axes = model, axes
+        core = model if axes is None else model.plane.model
+        size = len(core.dofs)
+        self.nodes = Nodes(size * core.pattern.n, size, core.dim)
+        # tied nodes follow, and share no unknowns of their own
+        free = np.zeros((model.pattern.n, 6), bool)
+        first = np.unique(model.pattern.row_of, return_index=True)[1]
+        free[model.pattern.row_of[first]] = True
+        if model.ties is not None:
+            held = np.zeros(model.n_nodes, np.int64)
+            if model.held is not None:
+                held[model.held.row] = model.held.mask
+            of = model.pattern.row_of[model.ties.slave]
+            free[of] &= (held[of][:, None] >> np.arange(6)) & 1 == 0
+        self._free = free
+        # by supports, and of tied nodes
+        self.held = np.zeros(self.nodes.total, bool)
+        if core.held is not None:
+            bits = (core.held.mask[:, None] >> np.arange(size)) & 1 != 0
+            inside = core.held.row < core.pattern.n
+            self.held[(core.held.row[inside, None] * size + np.arange(size))[bits[inside]]] = True
+        self._parts: list[Part] | None = None
+        self.names: tuple[str, ...] = ()
+        # unknowns and motions in these of those found last
+        self._found: list[tuple[Array, Array]] = []
+
+    @property
+    def parts(self) -> list[Part]:
+        """What is joined rigidly."""
+        if self._parts is None:
+            self._parts = _parts(self.model)
+        return self._parts
+
+    @property
+    def may_be(self) -> bool:
+        """Whether some part has motions that its supports allow."""
+        q = self.model.q0.reshape(-1, 4, 3)
+        return any(_Own(self, part, q).is_loose for part in self.parts[:MOST_PARTS])
+
+    def find(self, matrix: Any, q: Array) -> Array:
+        """One unknown of every free motion [m]; `names` has their names.
+
+        Parameters
+        ----------
+        matrix : sparse by rows [n, n]
+            The tangent; unknowns of nodes come first.
+        q : float64 [N, 4, 3]
+            Coordinates in space.
+        """
+        whole = (0.5 * (matrix + matrix.T)).tocsr()
+        unknowns: list[Array] = []
+        names: list[str] = []
+        loose: list[_Near] = []
+        self._found = []
+        for part in self.parts if len(self.parts) <= MOST_PARTS else ():
+            own = _Own(self, part, q)
+            if not own.is_loose:
+                continue
+            near = _Near(self, whole, own)
+            found = near.spin[:, :0]
+            if near.spin.any() and _is_free(near.matrix, near.nodes, near.spin):
+                found = near.spin
+                names.append(f"{part.name} about {'their axes' if part.several else 'its axis'}")
+            near.rest = _without(near.rigid, found)
+            unknowns.append(near.unknowns[_pivots(near.matrix, found)])
+            self._found.append((near.unknowns, found))
+            if near.rest.shape[1]:
+                loose.append(near)
+        count = sum(near.rest.shape[1] for near in loose)
+        together = len(loose) <= MOST_TOGETHER and count * whole.shape[0] <= MOST_NUMBERS
+        for group in ([loose] if together else [[near] for near in loose]):
+            if group:
+                held, how = self._of_group(whole, group)
+                unknowns.append(held)
+                names += how
+        self.names = tuple(names)
+        return np.concatenate([np.zeros(0, np.int64), *unknowns])
+
+    def motions(self, n: int) -> Array:
+        """Those that were found last, among n unknowns, by columns [n, m]."""
+        ends = np.cumsum([0, *(x.shape[1] for _, x in self._found)])
+        out = np.zeros((n, ends[-1]))
+        for (unknowns, x), first, last in zip(self._found, ends, ends[1:]):
+            out[unknowns, first:last] = x
+        return out
+
+    def on_unknowns(self, rows: Array, motion: Array) -> Array:
+        """Velocities and spins [k, 6, m] of nodes that have these rows [k] in their unknowns [k, size, m]."""
+        motion = motion * self._free[rows][:, :, None]
+        if self.axes is None:
+            return motion
+        shift = np.einsum("ij,njm->nim", self.axes[:2], motion[:, :3])
+        return np.concatenate((shift, np.einsum("j,njm->nm", self.axes[2], motion[:, 3:])[:, None]), axis=1)
+
+    def _of_group(self, whole: Any, group: list[_Near]) -> tuple[Array, list[str]]:
+        """The same of parts that may move together."""
+        if len(group) == 1:
+            matrix, nodes, motions, unknowns = group[0].matrix, group[0].nodes, group[0].rest, group[0].unknowns
+        else:
+            matrix, nodes, unknowns = whole, self.nodes, np.arange(whole.shape[0])
+            ends = np.cumsum([0, *(near.rest.shape[1] for near in group)])
+            motions = np.zeros((whole.shape[0], ends[-1]))
+            for k, near in enumerate(group):
+                motions[near.unknowns, ends[k]:ends[k + 1]] = near.rest
+        round_off = OF_BODIES if all(near.part.nodes.size == 1 for near in group) else OF_BEAMS
+        found = motions @ _null(matrix, nodes, motions, round_off)
+        self._found.append((unknowns, found))
+        return unknowns[_pivots(matrix, found)], [self._name(group, unknowns, x) for x in found.T]
+
+    def _name(self, group: list[_Near], unknowns: Array, x: Array) -> str:
+        """Of a motion x of these unknowns: the part that moves most, and how."""
+        motion = np.zeros(self.nodes.total + 1)
+        motion[np.minimum(unknowns, self.nodes.total)] = x
+        rows = motion[:-1].reshape(-1, self.nodes.size)[self.model.pattern.row_of]
+        if self.axes is None:
+            shift, turn = rows[:, :3], rows[:, 3:]
+        else:
+            shift, turn = rows[:, :2] @ self.axes[:2], rows[:, 2:] * self.axes[2]
+        shift = shift / self.model.length
+        sizes = np.array([np.max(np.linalg.norm(np.hstack((shift, turn))[near.part.nodes], axis=1)) for near in group])
+        part, others = group[int(np.argmax(sizes))].part, int(np.sum(sizes > REST * np.max(sizes))) - 1
+        with_others = f" and {others} more that move along" if others else ""
+        turn, shift = (y[part.nodes][np.argmax(np.linalg.norm(y[part.nodes], axis=1))] for y in (turn, shift))
+        if np.linalg.norm(turn) > REST * np.max(sizes):
+            return f"{part.name}{with_others} about {_axis(turn)}"
+        return f"{part.name}{with_others} along {_axis(shift)}"
+
+
+class _Own:
+    """A part, and its motions that supports allow, in its own unknowns."""
+
+    def __init__(self, of: FreeMotions, part: Part, q: Array) -> None:
+        pattern, size = of.model.pattern, of.nodes.size
+        first = pattern.first_on_row[part.nodes] == part.nodes
+        inside = part.nodes[first]
+        self.part, self.rows = part, pattern.row_of[inside]
+        self.unknowns = (self.rows[:, None] * size + np.arange(size)).reshape(-1)
+        spin, rigid = (of.on_unknowns(self.rows, x).reshape(self.unknowns.size, -1)
+                       for x in (_spin(part.signs[first], q[inside, 1]), _rigid(q[inside, 0], of.model.length)))
+        held = of.held[self.unknowns]
+        self.spin = spin[:, ~np.any(spin[held], axis=0) & np.any(spin, axis=0)]
+        # what supports feel of rigid motions
+        sizes, turn = _singular(rigid[held])
+        self.rigid = rigid @ turn[sizes <= HELD * max(1.0, float(np.max(sizes)))].T
+        self.rigid[held] = 0.0
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether there are any."""
+        return bool(self.spin.any() or self.rigid.any())
+
+
+class _Near:
+    """The same in the unknowns of the rows of the tangent that these motions reach."""
+
+    def __init__(self, of: FreeMotions, whole: Any, own: _Own) -> None:
+        self.part, (count, size, dim) = own.part, of.nodes
+        reached = whole[own.unknowns].indices
+        rows = np.unique(np.concatenate((own.rows, reached[reached < count] // size)))
+        others = np.unique(reached[reached >= count])
+        self.unknowns = np.concatenate(((rows[:, None] * size + np.arange(size)).reshape(-1), others))
+        self.nodes = Nodes(rows.size * size, size, dim)
+        self.matrix = whole[self.unknowns][:, self.unknowns]
+        at = np.searchsorted(self.unknowns[:self.nodes.total], own.unknowns)
+        self.spin, self.rigid = (np.zeros((self.unknowns.size, x.shape[1])) for x in (own.spin, own.rigid))
+        self.spin[at], self.rigid[at] = own.spin, own.rigid
+        self.rest = self.rigid
+
+
+def _spin(signs: Array, axes: Array) -> Array:
+    """Velocities and spins [k, 6, 1] of nodes that spin about their axes [k, 3]."""
+    out = np.zeros((len(axes), 6, 1))
+    out[:, 3:, 0] = np.nan_to_num(signs)[:, None] * axes
+    return out
+
+
+def _rigid(x: Array, length: float) -> Array:
+    """Velocities and spins [k, 6, 6] of nodes at x [k, 3] that move together: shifts, and turns about their middle."""
+    off = x - x.mean(axis=0)
+    reach = float(np.max(np.linalg.norm(off, axis=1), initial=0.0)) or length
+    out = np.zeros((len(x), 6, 6))
+    out[:, :3, :3], out[:, 3:, 3:] = reach * np.eye(3), np.eye(3)
+    out[:, :3, 3:] = np.cross(np.eye(3)[None], off[:, None]).transpose(0, 2, 1)
+    return out
+
+
+def _scaled(matrix: Any, nodes: Nodes, x: Array) -> Array:
+    """K x of motions [n, m], every row next to the sum of the sizes of its terms."""
+    product, size = strained(matrix, nodes, x)
+    total = size.sum(axis=1)
+    return product[total > 0.0] / total[total > 0.0, None]
+
+
+def _is_free(matrix: Any, nodes: Nodes, x: Array) -> bool:
+    return bool(np.max(np.abs(_scaled(matrix, nodes, x)), initial=0.0) <= NOTHING)
+
+
+def _null(matrix: Any, nodes: Nodes, x: Array, round_off: float) -> Array:
+    """Combinations [k, m] of motions x [n, k] that nothing resists but round-off."""
+    product = _scaled(matrix, nodes, x)
+    turn = _singular(product)[1]
+    left = np.max(np.abs(product @ turn.T), axis=0, initial=0.0)
+    c = turn[left <= round_off].T
+    return np.where(np.abs(c) > ROUND_OFF, c, 0.0)
+
+
+def _pivots(matrix: Any, x: Array) -> Array:
+    """As many unknowns as there are motions x [n, m], which hold them; those that are stiff, if there is a choice."""
+    from scipy.linalg import qr
+    stiff = np.sqrt(np.abs(matrix.diagonal()))
+    stiff[stiff == 0.0] = SMALL * np.max(stiff, initial=1.0)
+    if x.shape[1] < 2:
+        return np.argmax(stiff[:, None] * np.abs(x), axis=0)
+    return qr((stiff[:, None] * x).T, mode="r", pivoting=True)[1][:x.shape[1]]
+
+
+def _parts(model: Model) -> list[Part]:
+    """What is joined rigidly: beams and bodies that share triads."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    names = model.names
+    groups = [(f"beam {x['name']!r}", np.arange(x["first"], x["first"] + x["count"])) for x in names["beams"]]
+    for net in names.get("nets", []):
+        starts = net["first"] + np.append(net["starts"], net["count"])
+        groups += [(model.labels[a].split(" node ")[0], np.arange(a, b)) for a, b in zip(starts[:-1], starts[1:])]
+    beams = len(groups)
+    groups += [(f"body {x['name']!r}", np.array([x["node"]])) for x in names["bodies"]]
+    if not groups:
+        return []
+    # a triad is a node's own, or that of the root of what it is welded to, or that of a node on the same row
+    triad = np.asarray(model.spin_root)[model.pattern.first_on_row]
+    member = np.repeat(np.arange(len(groups)), [len(x) for _, x in groups])
+    m, n, nodes = len(groups), model.n_nodes, np.concatenate([x for _, x in groups])
+    graph = coo_matrix((np.ones(nodes.size), (member, m + triad[nodes])), shape=(m + n, m + n))
+    which = np.unique(connected_components(graph, directed=False)[1][:m], return_inverse=True)[1]
+    d1 = model.q0.reshape(-1, 4, 3)[:, 1]
+    out = []
+    for group in np.split(np.argsort(which, kind="stable"), np.cumsum(np.bincount(which))[:-1]):
+        own, several = [groups[k][1] for k in group], group.size > 1
+        signs = _signs(own, triad, d1) if np.all(group < beams) and len(group) <= LONGEST_CHAIN else np.full(len(own), np.nan)
+        out.append(Part(groups[group[0]][0] + several * " and what is joined to it", several, np.concatenate(own),
+                        np.repeat(signs, [len(x) for x in own])))
+    return out
+
+
+def _signs(beams: list[Array], triad: Array, d1: Array) -> Array:
+    """1 or -1 for each of some beams that are joined, such that they spin about their axes together where they are in line."""
+    shared: dict[int, list[tuple[int, int]]] = {}
+    for k, nodes in enumerate(beams):
+        for node in nodes.tolist():
+            shared.setdefault(int(triad[node]), []).append((k, node))
+    signs = np.full(len(beams), np.nan)
+    signs[0], todo = 1.0, [pairs for pairs in shared.values() if len(pairs) > 1]
+    for _ in beams:
+        for pairs in todo:
+            known = [(k, node) for k, node in pairs if not np.isnan(signs[k])]
+            for k, node in pairs if known else ():
+                if np.isnan(signs[k]):
+                    signs[k] = signs[known[0][0]] * (1.0 if d1[node] @ d1[known[0][1]] > 0.0 else -1.0)
+    return signs
+
+
+def _without(x: Array, known: Array) -> Array:
+    """Motions [n, m] without their parts along known ones, those that are left; all of size 1."""
+    x = x[:, np.any(x, axis=0)]
+    if not x.shape[1]:
+        return x
+    x = x / np.linalg.norm(x, axis=0)
+    if known.shape[1]:
+        basis = orthonormal_columns(known)[0]
+        x = x - basis @ (basis.T @ x)
+    sizes, turn = _singular(x)
+    return x @ (turn[sizes > REST] / sizes[sizes > REST, None]).T
+
+
+def _singular(x: Array) -> tuple[Array, Array]:
+    """Singular values [m] and right vectors by rows [m, m] of a matrix [n, m]."""
+    return np.linalg.svd(orthonormal_columns(x)[1])[1:]
+
+
+def _axis(v: Array) -> str:
+    v = v / np.linalg.norm(v)
+    v = np.where(np.abs(v) < SMALL, 0.0, v)
+    v = v * np.sign(v[np.argmax(np.abs(v) > 0.0)]) + 0.0
+    return "(" + ", ".join(f"{x:.3g}" for x in v) + ")"

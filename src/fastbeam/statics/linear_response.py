@@ -1,0 +1,269 @@
+"""How an equilibrium answers to small changes: what is unbalanced in scenes around it, and solutions with its tangent and with
+the transposed one (theory.md 13)."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fastbeam.kernels.state import State
+from fastbeam.linalg.linear_system import SMALL
+from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.saddle import REGULAR, Factors, Saddle, least_singular_value
+from fastbeam.model.mapping import follow, turned
+from fastbeam.model.maps import velocity_map
+from fastbeam.model.model import Model
+from fastbeam.results.observe.contact_ripples import rest_events
+from fastbeam.results.observe.resolution import Resolution
+from fastbeam.statics.constrained import Increment
+from fastbeam.statics.sliding import SlidingSolver
+
+Array = np.ndarray
+
+
+# of round-off of coordinates and sums, relative
+NOISE = 1e-13
+# smallest singular value of a matrix of size 1 that is round-off
+SINGULAR = 10.0 * np.finfo(float).eps
+
+
+class OutOfPlane(Exception):
+    """A scene around a planar one is not in its plane."""
+
+
+class Response(SlidingSolver):
+    """A scene at a shape, linearised on all its unknowns: those of the rows of nodes, sliding coordinates, multipliers.
+
+    Parameters
+    ----------
+    model, start, held, flat, backend, at_time
+        As `SlidingSolver`.
+    factors : float64 [K]
+        Of the loads.
+    load_factor : float
+        That `factors` have been multiplied by.
+    """
+
+    def __init__(self, model: Model, start: State, held: Array, flat: bool, backend: str, at_time: float, factors: Array,
+                 load_factor: float) -> None:
+        super().__init__(model, start, 20, held, flat, backend, at_time)
+        self.set_time(at_time, load_factor)
+        self.move_to(load_factor)
+        if self.along is not None:
+            self.along.is_exact = True
+        self.factors = factors
+        self._load(factors)
+        self._loads[:] = self.work.f_ext
+        self.nodes = len(self.core.dofs) * self.core.pattern.n
+
+    @property
+    def unknowns(self) -> int:
+        """Of nodes, held ones too, sliding coordinates and multipliers."""
+        return self.nodes + self.sliding.size + self.core.n_forces
+
+    def weighed(self, x: Array) -> Array:
+        """Motions of the nodes and sliders among unknowns [n], in sizes of the scene and rad."""
+        size = len(self.core.dofs)
+        moved = x[:self.nodes].reshape(-1, size) / np.where(np.arange(size) < self.core.dim, self.core.length, 1.0)
+        return np.append(moved.reshape(-1), x[self.nodes:self.nodes + self.sliding.size] / self.core.length)
+
+    @property
+    def weights(self) -> Array:
+        """Of squares of the unknowns [n] in the metric of theory.md (12.1); multipliers have none."""
+        place = np.arange(len(self.core.dofs)) < self.core.dim
+        rows, length = self.core.pattern.n, self.core.length
+        nodes = np.tile(np.where(place, length**-2.0, 1.0) / rows, rows)
+        return np.concatenate((nodes, np.full(self.sliding.size, length**-2.0), np.zeros(self.core.n_forces)))
+
+    def size_of(self, x: Array) -> float:
+        """The largest of them."""
+        return float(np.max(np.abs(self.weighed(x)), initial=0.0))
+
+    def label(self, unknown: int) -> str:
+        """The node of an unknown."""
+        row = unknown // len(self.core.dofs)
+        return str(self.stepper.model.labels[int(np.flatnonzero(self.core.pattern.row_of == row)[0])])
+
+    def noise(self) -> Array:
+        """What round-off may make of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
+        length, n = self.core.length, self.core.pattern.n
+        out = np.full(self.unknowns, NOISE * length)
+        loads = self.work.f_ext[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
+        out[:self.nodes] = NOISE * (length * np.abs(self.linearised()[0].matrix.diagonal()[:self.nodes]) + np.abs(loads))
+        out[self.nodes:self.nodes + self.sliding.size] *= 1.0 + np.linalg.norm(self.stepper.core_state.force)
+        return out
+
+    def go(self, x: Array) -> None:
+        """Add an increment of all unknowns [n]."""
+        n = self.nodes + self.sliding.size
+        self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:]))
+
+    def unbalanced(self) -> Array:
+        """Forces, forces along beams and gaps that are left [n]; held unknowns have none."""
+        return self.linearised()[1]
+
+    def linearised(self) -> tuple[Saddle, Array]:
+        """Tangent and what is unbalanced."""
+        self.work.increment.control[0] = 0.0
+        self.stepper.forget_failures()
+        found = self._assembled(self.sliding)
+        self.stepper.check_laws()
+        return found
+
+    def inner_forces(self) -> Array:
+        """Of beams, springs and joints on the unknowns of the nodes [m], without loads and contact forces."""
+        loads, force = self._loads.copy(), self.stepper.core_state.force.copy()
+        self._loads[:] = self.stepper.core_state.force[:] = 0.0
+        found = -self.unbalanced()[:self.nodes]
+        self._loads[:], self.stepper.core_state.force[:] = loads, force
+        return found
+
+    def lift(self) -> Any:
+        """Unknowns of the nodes -> rates of the 12 coordinates of all nodes, sparse [12 N, m]."""
+        return self.contacts.ties @ velocity_map(self.state.q.reshape(-1, 4, 3)) @ self.contacts.rows
+
+    def spread(self, x: Array) -> Array:
+        """Displacements and spins of the nodes that the unknowns [n] of nodes are of, [N, 6]; tied nodes have none."""
+        return np.asarray(self.contacts.rows @ x[:self.nodes]).reshape(-1, 6)
+
+
+def at_shape(like: Response, model: Model, factors: Array, way: Array, length: float,
+             load_factor: float | None = None) -> Response:
+    """The response of another scene of the family at the shape of the first, moved with its reference and along a way.
+
+    Parameters
+    ----------
+    like : Response
+        At the equilibrium.
+    model : Model
+        Of the other scene.
+    factors : float64 [K]
+        Of its loads.
+    way : float64 [n]
+        Derivatives of the unknowns beside the motion with the reference.
+    length : float
+        How far along.
+    load_factor : float, optional
+        Of what pushes sliders; default: that of the first.
+    """
+    state, own = like.state, like.stepper.model
+    before, after = (x.q0.reshape(-1, 4, 3) for x in (own, model))
+    q = state.q.reshape(-1, 4, 3).copy()
+    q[:, 0] += after[:, 0] - before[:, 0]
+    moved = np.flatnonzero(np.any(after[:, 1:] != before[:, 1:], axis=(1, 2)))
+    turn = np.einsum("nka,nkb->nab", after[moved, 1:], before[moved, 1:])
+    q[moved, 1:] = np.einsum("nab,nkb->nka", turn, q[moved, 1:])
+    motion = length * like.spread(way)
+    q[:, 0] += motion[:, :3]
+    q[:, 1:] = turned(q[:, 1:], motion[:, 3:])
+    # those that slide go with the length of what they slide on, those that stay with their place on it
+    s = np.where(like.sliding, state.s * model.slider_lengths / own.slider_lengths, state.s + (model.s0 - own.s0))
+    start = State(follow(model, q).reshape(-1), np.zeros(q.size), s, state.force.copy(), model.state().history)
+    model.keep_turns(start.history, state.history)
+    plane, own_plane = model.plane, like.stepper.plane
+    if own_plane is not None and (plane is None or np.max(np.abs(plane.axes - own_plane.axes)) > 1e-9):
+        raise OutOfPlane
+    out = Response(model, start, like.held, own_plane is not None, "superlu", float(like.stepper.law_work[0]), factors,
+                   float(like.stepper.law_work[1]) if load_factor is None else load_factor)
+    if (out.stepper.plane is None) != (own_plane is None):
+        raise OutOfPlane
+    n = like.nodes + s.size
+    out.stepper.core_state.s[:] += length * way[like.nodes:n]
+    out.stepper.core_state.force[:] = like.stepper.core_state.force + length * way[n:]
+    return out
+
+
+def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
+    """Events where sliders that are free in the equilibrium of a model, at which the solver is, rest where the mesh lets them."""
+    if not np.any(solver.sliding):
+        return []
+    saddle, free = solver.at_places()
+    first = saddle.multiplier.size - solver.core.n_forces - free.size
+    factored = Solver(saddle, "superlu")
+
+    def compliance(k: int) -> Array | None:
+        push = np.zeros(saddle.multiplier.size)
+        push[first + k] = 1.0
+        x = factored.solve(push)
+        return None if x is None else x[first:first + free.size]
+
+    state = State(*(x.copy() for x in solver.state))
+    return rest_events(model, state, Resolution(model).tension(state.q), free, compliance)
+
+
+class Solver:
+    """Solutions with one tangent and with its transpose, factored once each.
+
+    Parameters
+    ----------
+    saddle : Saddle
+    backend : {'auto', 'pardiso', 'superlu'}
+
+    Attributes
+    ----------
+    factorisations : int
+        Until now.
+    is_singular : bool
+        Whether a matrix of the solutions until now was singular to round-off.
+    """
+
+    def __init__(self, saddle: Saddle, backend: str) -> None:
+        self.saddle = saddle
+        mkl = None if backend == "superlu" or saddle.multiplier.size < SMALL else load_mkl()
+        self._mkl = mkl
+        self._solved: dict[bool, Any] = {}
+        self._transposed: Saddle | None = None
+        self.factorisations = 0
+        self.is_singular = False
+
+    def solve(self, right: Array, transposed: bool = False) -> Array | None:
+        """x [n] of matrix x = right, or of its transpose; None where nothing acceptable is found."""
+        saddle = self.saddle
+        if transposed:
+            if self._transposed is None:
+                self._transposed = Saddle(saddle.matrix.T.tocsr(), saddle.multiplier)
+            saddle = self._transposed
+        x = self._quick(saddle, right, transposed)
+        if x is None:
+            x = saddle.solve(right)
+            self.is_singular |= saddle.is_singular
+        return x
+
+    def _quick(self, saddle: Saddle, right: Array, transposed: bool) -> Array | None:
+        """By factors that are kept; None where the residual is not round-off."""
+        if not saddle.is_finite or not np.isfinite(right).all():
+            return None
+        if transposed not in self._solved:
+            solved = self._solved[transposed] = self._factored(saddle, transposed)
+            # of a singular matrix residuals may be small, too
+            self.is_singular |= solved is not None and least_singular_value(
+                solved, lambda x: saddle.scaled @ x, right.size) <= SINGULAR
+        solved = self._solved[transposed]
+        if solved is None:
+            return None
+        b = saddle.row * right
+        size = float(np.linalg.norm(b)) or 1.0
+        x, left = np.zeros(b.size), np.inf
+        for _ in range(4):
+            better = x + solved(b - saddle.scaled @ x)
+            found = float(np.linalg.norm(b - saddle.scaled @ better)) / size
+            if not found < 0.5 * left:
+                break
+            x, left = better, found
+        return saddle.column * x if left <= REGULAR else None
+
+    def _factored(self, saddle: Saddle, transposed: bool) -> Any:
+        """A function that solves with the scaled matrix, or None."""
+        if self._mkl is not None:
+            factors = Factors(self._mkl, threads=self._mkl.MKL_Get_Max_Threads())
+            self.factorisations += 1
+            if factors.factor(saddle.scaled.tocsr()) and not factors.perturbed:
+                return factors.solve
+        from scipy.sparse.linalg import splu
+        self.factorisations += 1
+        try:
+            found = splu(saddle.scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
+        except RuntimeError:
+            self.is_singular = True
+            return None
+        return found.solve

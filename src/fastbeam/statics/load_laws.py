@@ -1,0 +1,81 @@
+"""Loads that turn, and forces by laws, along a path of equilibria (theory.md 12)."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.model.forces.loads import factor_at
+from fastbeam.model.model import Model
+from fastbeam.scene import Beam, UserForce
+from fastbeam.scene.follower import FollowerForce
+from fastbeam.scene.links import label_of
+
+Array = np.ndarray
+# places between two times, where functions of time may vanish, at which laws are evaluated instead; and what counts as nothing
+PLACES, NOTHING = 33, 1e-6
+
+
+class LawPath(NamedTuple):
+    """Of forces by laws on a path: when they are evaluated, and their factor at load factor 0 and its change until 1."""
+
+    time: float
+    first: float
+    change: float
+    shares: tuple[Array, Array] | None = None    # the same, [K] each, of every node with a law; None: equal for all
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything changes."""
+        return self.change != 0.0 if self.shares is None else bool(np.any(self.shares[1]))
+
+    @property
+    def begins(self) -> bool:
+        """Whether anything acts at load factor 0."""
+        return self.first != 0.0 if self.shares is None else bool(np.any(self.shares[0]))
+
+
+def user_forces(model: Model) -> list[UserForce]:
+    """Forces by laws on nodes and along beams, and loads that turn."""
+    return model.uneliminated.scene.user_forces if model.user_forces else []  # type: ignore[union-attr]
+
+
+def laws_grow(model: Model) -> bool:
+    """Whether forces by laws, or of moving air, grow with the load factor."""
+    return any(force.grows for force in user_forces(model)) or model.blows
+
+
+def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None, grow: bool) -> LawPath:
+    """The same of loads that turn and of laws; grow: whether loads at one time grow from zero, or stay.
+
+    Raises
+    ------
+    SceneError
+        Between two times a law is no load that turns, or its function of time has no value to compare with.
+    """
+    forces = user_forces(model)
+    if not isinstance(at_time, tuple):
+        return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)
+    if not model.user_forces:
+        return LawPath(0.0, 1.0, 0.0)
+    followers = {label_of(x) for x in forces if isinstance(x, FollowerForce)}
+    other = [label for label in model.user_forces if label not in followers]
+    if other:
+        raise SceneError(f"{who}: {other[0]} has a law of its own, of which two times of at_time= tell no path; give one time, "
+                         "or write it as a load with follower=True")
+
+    def values(t: float) -> Array:
+        return np.array([1.0 if x.time is None else factor_at(x.time, t, f"of {x.kind} {x.name!r}") for x in forces])
+
+    a, b = (values(t) for t in at_time)
+    size = np.maximum(np.abs(a), np.abs(b))
+    times = at_time[0] + (at_time[1] - at_time[0]) * np.concatenate(([1.0, 0.0], np.linspace(0.0, 1.0, PLACES)[1:-1]))
+    best = max(times.tolist(), key=lambda t: float(np.min(np.abs(values(t)[size > 0.0]) / size[size > 0.0], initial=1.0)))
+    at = values(best)
+    if np.any((np.abs(at) < NOTHING * size) & (size > 0.0)):
+        raise SceneError(f"{who}: at_time={at_time}: time functions of loads with follower=True vanish in turn, so that no time "
+                         "tells all of them; follow one case after the other")
+    counts = [x.at.basis.n_nodes if isinstance(x.at, Beam) else 1 for x in forces]
+    first, change = (np.repeat(np.where(size > 0.0, x / np.where(size > 0.0, at, 1.0), 0.0), counts) for x in (a, b - a))
+    return LawPath(float(best), 1.0, 0.0, (first, change))

@@ -1,0 +1,394 @@
+"""Load steps of equilibria, which adapt to the convergence of Newton's method (theory.md 8): what `solve_static` runs."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fastbeam.compile.links import Passes
+from fastbeam.dynamics.control import failure
+from fastbeam.dynamics.interrupt import Interrupts
+from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
+from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
+from fastbeam.kernels.state import State
+from fastbeam.model.contact.sleeve_twist import check_twist
+from fastbeam.model.forces.spring_laws import SpringRows
+from fastbeam.model.joints.motion import check_at_rest
+from fastbeam.model.model import Model
+from fastbeam.model.supports import check_supports
+from fastbeam.results.observe.observer import Observer
+from fastbeam.results.observe.resolution import Resolution
+from fastbeam.results.progress import Progress
+from fastbeam.results.result import Result, ResultBuffer
+from fastbeam.scene.checks import Place
+from fastbeam.statics.equilibrium import StaticSolver
+from fastbeam.statics.exact_contact import ExactSolver, Observed
+from fastbeam.statics.linear_response import place_events
+from fastbeam.statics.load_laws import user_forces
+from fastbeam.statics.moving_supports import StaticMotion
+from fastbeam.statics.reactions import reactions_of
+from fastbeam.statics.sliding import SlidingSolver
+from fastbeam.statics.steady_motion import Spin, SteadyForces, Travel
+from fastbeam.stepping.outcome import Outcome
+
+Array = np.ndarray
+UNSTABLE = ("this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was passed on "
+            "the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a run in time finds a "
+            "stable one")
+FREE_MOTIONS = "nothing resists {} motion(s) {}: {}; what these do is arbitrary"
+FREE = ("the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling or limit load is met, or a part can move "
+        "freely; what it does there is arbitrary")
+# names of free motions in an event
+SHOWN = 6
+WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
+# of `simulate`'s what there is at rest
+RECORDED = ("energy", "spring", "orientation", "section", "reaction")
+KEPT = "The last equilibrium is in .state, everything computed in .result"
+# of the smallest load step, where supports move
+LEAP = ("load factor {:.6g}: no equilibrium was found next to the one before, and one further off was taken (by {:.3g}, in sizes "
+        "of the scene and rad): a buckling or limit load was passed, and there may be others; "
+        "fb.solve_path(model, at_time=(0, t)) follows the one from before, fb.relax finds where a motion ends")
+# iterations beyond which a load step was hard: the next one is not longer
+LONG = 9
+
+
+@dataclass(frozen=True)
+class StaticTask:
+    """An equilibrium that `solve_static` is asked for, its arguments tested.
+
+    Attributes
+    ----------
+    model : Model
+    start : State or None
+    notes : list of (kind, text)
+        Events of the start.
+    factors : float64 [K]
+        Load factors at the time of the loads.
+    stops : list of float
+        Load factors that steps end at.
+    stays : bool [sliders]
+        Which sliders are held.
+    asked : list of int
+        Sliders whose interval of places of rest is looked for.
+    smallest_step, at_time, observe, points, max_iterations, backend, threads, raise_loads, contacts, steady
+        Of `solve_static`.
+    """
+
+    model: Model
+    start: State | None
+    notes: list[tuple[str, str]]
+    factors: Array
+    stops: list[float]
+    stays: Array
+    asked: list[int]
+    smallest_step: float
+    at_time: float | None
+    observe: Sequence[str]
+    points: Mapping[str, Place] | None
+    max_iterations: int
+    backend: str
+    threads: int | None
+    raise_loads: bool
+    contacts: str
+    steady: Spin | Travel | None
+
+    def solver(self) -> StaticSolver:
+        """The solver for its kind of scene, at the start.
+
+        Raises
+        ------
+        SceneError
+            `contacts="exact"` beside what it does not know.
+        """
+        model, t = self.model, self.at_time or 0.0
+        out: StaticSolver
+        if self.contacts == "exact" and model.n_sliders:
+            if self.steady is not None:
+                raise SceneError("solve_static: contacts='exact' knows no steady motion; leave contacts out, or steady")
+            check_at_rest("solve_static(contacts='exact')", model, drives=True)
+            check_twist("solve_static(contacts='exact')", model)
+            out = ExactSolver(model, self.start, self.max_iterations, self.stays, self.backend, t)
+        elif model.n_constraints or self.steady is not None:
+            out = sliding = SlidingSolver(model, self.start, self.max_iterations, self.stays,
+                                          None if self.steady is None else False, self.backend, t)
+            if self.steady is not None:
+                sliding.steady = SteadyForces("solve_static", sliding.stepper.model, self.steady, sliding.contacts, 6)
+        else:
+            out = StaticSolver(model, self.start, self.max_iterations, self.backend, self.threads)
+        if model.prescribed is not None and self.at_time is not None:
+            out.motion = StaticMotion(model, out.state, self.start is None, self.at_time)
+        return out
+
+
+def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space: bool,
+              is_counted: bool = True) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """What a result says of the stability of the last equilibrium of a solver, that of load factors [K], and its events (kind,
+    text). held_in_space: what `check_supports` returns; is_counted: whether it is to be said at all."""
+    flat = solver.stepper.plane is not None
+    where = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
+    counted = solver.signs(factors, where == "plane") if is_counted else None
+    if is_counted and counted is None and flat and where == "space":
+        # about the normal of a plane moments have a potential
+        where, counted = "plane", solver.signs(factors, True)
+    unstable, free, names = counted or (None, None, ())
+    info = {"unstable_directions": unstable, "free_directions": free, "free_motions": list(names), "counted_in": where}
+    texts = [("unstable", UNSTABLE.format(unstable, WHERE[where]))] if unstable else []
+    if names:
+        shown = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+        texts.append(("free", FREE_MOTIONS.format(len(names), WHERE[where], shown)))
+    if free and free > len(names):
+        texts.append(("free", FREE.format(free - len(names), WHERE[where])))
+    return info, texts
+
+
+class LoadSteps:
+    """One way through load steps to the equilibrium, with a row for each.
+
+    Parameters
+    ----------
+    task : StaticTask
+
+    Raises
+    ------
+    SceneError
+        Something is held by nothing, or what is observed does not exist.
+    """
+
+    def __init__(self, task: StaticTask) -> None:
+        self.task, self.solver = task, task.solver()
+        model = task.model
+        self.flat = self.solver.stepper.plane is not None
+        # what spins may fly freely
+        self.held_in_space = task.steady is not None or check_supports(model, self.flat)
+        Observer(model, task.observe, task.points)  # refuses what does not exist; at rest there is only energy to record
+        self.observed = "slider", "joint", *(kind for kind in task.observe if kind in RECORDED)
+        self.observer = Observer(model, self.observed, task.points)
+        self.reactions = reactions_of(self.solver, self.observer)
+        self.info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
+                                     **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
+        self.buffer = ResultBuffer(self.observer.header(self.info))
+        self.begin = time.perf_counter()
+        self.passes = Passes(model.lines, self.buffer.event)
+        for kind, text in task.notes:
+            self.buffer.event({"kind": kind, "time": 0.0, "text": text})
+
+    def find(self, load_step: float, largest_load_step: float) -> Result:
+        """The equilibrium, with load steps that begin with one size and stay below another.
+
+        Raises
+        ------
+        ConvergenceError, Interrupted
+        """
+        bar = Progress(1.0, f"{self.task.model.scene_name}: load")
+        with _interruptible(self.solver, self.buffer, self._finish, bar):
+            self._climb(load_step, largest_load_step, bar)
+            bar.close()
+            self._judge()
+        return self._finish()
+
+    def _climb(self, step: float, largest: float, bar: Progress) -> None:
+        """From one equilibrium to the next."""
+        task, solver = self.task, self.solver
+        factors, raised, t, smallest = task.factors, task.raise_loads, task.at_time or 0.0, task.smallest_step
+        reached = 0.0
+        solver.set_time(t, 0.0 if raised else 1.0)
+        self._record(0.0, 0, 0.0)
+        while reached < 1.0:
+            solver.interrupts.serve()
+            stop = next(level for level in task.stops if level > reached)
+            size = min(step, stop - reached)
+            target = stop if reached + size > stop - 1e-12 else reached + size
+            solver.set_time(t, target if raised else 1.0)
+            solver.move_to(target)
+            before, shape = solver.stepper.core_state.q.copy(), solver.state.q.copy()
+            shorter = size > smallest * (1.0 + 1e-12)
+            solver.may_leap = not shorter
+            status, sizes = solver.equilibrium(target * factors if raised else factors)
+            if status == OK and shorter and (self._leaps_back(before) or self._swaps_back(before, shape)):
+                status = NOT_CONVERGED
+            if status == OK:
+                solver.history.append(len(sizes))
+                self._record(target, len(sizes), size)
+                for share, extent in solver.leaps:
+                    self.buffer.event({"kind": "leap", "time": share, "text": LEAP.format(share, extent)})
+                solver.leaps.clear()
+                bar.update(target - reached)
+                reached = target
+                # a step that was cut to meet a level says nothing against the size planned
+                grown = size * (2.0 if solver.longest <= 6 else 1.4 if solver.longest <= LONG else 1.0)
+                step = min(max(grown, step if size < step else 0.0), largest)
+                continue
+            if status == SLIDER_END and isinstance(solver, SlidingSolver) and max(solver.runaway, solver.stuck) >= 0:
+                bar.close()
+                raise _no_rest(solver, target, reached, self._finish())
+            if not shorter:
+                bar.close()
+                if isinstance(solver.motion, StaticMotion):
+                    solver.motion.check_turns(reached)
+                raise self._failure(status, sizes, reached)
+            step = max(smallest, 0.25 * size)
+
+    def _leaps_back(self, before: Array) -> bool:
+        """Go back to the coordinates `before` where many iterations ended at a shape that is folded as no beam is, and they were
+        not: smaller steps lead elsewhere. Returns whether that was so."""
+        solver = self.solver
+        if solver.longest <= LONG or isinstance(solver, SlidingSolver):
+            return False
+        resolution, q = Resolution(self.task.model), solver.stepper.core_state.q
+        if not resolution.is_folded(solver.state.q):
+            return False
+        after = q.copy()
+        q[:] = before
+        if resolution.is_folded(solver.state.q):
+            q[:] = after
+            return False
+        return True
+
+    def _swaps_back(self, before: Array, shape: Array) -> bool:
+        """Go back to the coordinates `before`, `shape` in space, where ends of a spring or line force have passed each other: a
+        smaller step may meet it. Returns whether that was so."""
+        solver, lines = self.solver, self.task.model.lines
+        if lines is None or isinstance(solver, SlidingSolver) or not lines.swapped(shape, solver.state.q):
+            return False
+        solver.stepper.core_state.q[:] = before
+        return True
+
+    def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
+        """Of the smallest step."""
+        solver = self.solver
+        failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
+        error = failure(solver.stepper, failed, reached, len(solver.history))
+        text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
+        coarse = self._look_at_mesh(reached)
+        if solver.unresisted:
+            coarse += (f"; {solver.unresisted!r} slips beyond its friction there, and nothing else resists: hold it, "
+                       "load it less, or give it a spring")
+        in_full = [force.name for force in user_forces(self.task.model) if not force.grows]
+        if in_full:
+            coarse += f"; user force {in_full[0]!r} acts in full from the first load step: give it grows=True if it is a load"
+        error = ConvergenceError(f"{text}{coarse}{_slack(self.task.model, solver.state)}; a limit or buckling point may lie "
+                                 "there, a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
+                                 f"slender than 1e6). {KEPT}",
+                                 step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
+                                 state=State(*(x.copy() for x in solver.state)), result=self._finish())
+        return solver.stepper.blamed(error, f"load factor {reached:.6g}", KEPT)
+
+    def _judge(self) -> None:
+        """What there is to say about the last equilibrium: friction, stability, the mesh."""
+        task, solver, info = self.task, self.solver, self.info
+        factors = task.factors
+        if isinstance(solver, SlidingSolver):
+            info |= solver.at_rest(task.asked, factors)
+        if isinstance(solver, ExactSolver):
+            info["force_along"] = solver.forces_along()
+        self._look_at_mesh(1.0)
+        if isinstance(solver, SlidingSolver) and not isinstance(solver, ExactSolver):
+            for event in place_events(solver, task.model):
+                self.buffer.event(event)
+        told, texts = stability(solver, task.model, factors, self.held_in_space, task.steady is None)
+        info |= told
+        for kind, text in texts:
+            self.buffer.event({"kind": kind, "time": 1.0, "text": text})
+
+    def _record(self, factor: float, iterations: int, size: float) -> None:
+        """A row of the last equilibrium."""
+        task, solver, observer, t = self.task, self.solver, self.observer, self.task.at_time or 0.0
+        solver.count_turns()
+        state = shown = solver.state
+        row = {**observer.row(t, state), "iterations": iterations, "step_size": size}
+        loads = factor * task.factors if task.raise_loads else task.factors
+        if observer.needs_forces:
+            found = self.reactions.at(loads, state) if self.reactions else ()
+            observer.add_forces(row, np.concatenate((state.force, found)), factor)
+        if isinstance(solver, ExactSolver) and solver.found is not None:
+            row |= solver.row(Observed(self.observed, task.points or {}), t, loads, factor)
+            shown = solver.shown
+        self.buffer.append(row | self._also(), factor)
+        self.passes.look(state.q, factor, f"the load factor {factor:.6g}")
+        q = shown.q.reshape(-1, 4, 3)
+        self.buffer.snapshot(factor, q[:, 0], q[:, 1:])
+
+    def _also(self) -> dict[str, Any]:
+        """What a row has besides what is observed."""
+        return {}
+
+    def _finish(self) -> Result:
+        """What there is until now, with the last equilibrium."""
+        solver = self.solver
+        result = self.buffer.close(self.info | {"solver": solver.name, "steps": len(solver.history),
+                                                "iterations": sum(solver.history), "wall_time": time.perf_counter() - self.begin})
+        result.state = State(*(x.copy() for x in solver.state))
+        return result
+
+    def _look_at_mesh(self, factor: float) -> str:
+        """Events where elements are too coarse for the last equilibrium; the first as a text."""
+        resolution = Resolution(self.task.model)
+        resolution.look(factor, self.solver.state)
+        found = resolution.events()
+        for event in found:
+            self.buffer.event(event)
+        return f"; {found[0]['text']}" if found else ""
+
+
+@contextmanager
+def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
+    """Ctrl-C waits for the end of a load step, or of an iteration where these are called from Python, and brings the result.
+
+    Raises
+    ------
+    Interrupted
+    """
+    try:
+        with Interrupts() as solver.interrupts:
+            yield
+    except ConvergenceError:
+        raise
+    except Exception as failed:
+        bar.close()
+        buffer.event({"kind": "failed", "time": bar.done, "text": f"{type(failed).__name__}: {failed}"})
+        carry(failed, finish)
+        raise
+    except KeyboardInterrupt as stopped:
+        bar.close()
+        text = "interrupted; the last equilibrium is in .state, everything until then in .result"
+        buffer.event({"kind": "interrupted", "time": bar.done, "text": f"at load factor {bar.done:.6g}: interrupted"})
+        result = finish()
+        raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
+
+
+def _slack(model: Model, state: State) -> str:
+    """Which springs are slack, for the message of a failed load step."""
+    rows = [] if model.find_springs is None else model.find_springs(model.links)
+    names = [name for springs in rows if isinstance(springs, SpringRows) for name in springs.slack(state)]
+    if not names:
+        return ""
+    return (f"; {len(names)} of the springs that only pull or push are slack ({', '.join(map(repr, names[:4]))}"
+            f"{', ...' if len(names) > 4 else ''}), and hold nothing: start= from a shape in which they carry, or "
+            "let fb.relax(model) find the equilibrium by motion")
+
+
+def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
+    """The error of a slider that finds no place on its beam."""
+    names = solver.stepper.model.names["sliders"]
+    name = names[max(solver.runaway, solver.stuck)]
+    if solver.runaway >= 0:
+        text = (f"slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold it where it is "
+                f"(held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it")
+    elif isinstance(solver, ExactSolver) and solver.why_stuck:
+        text = solver.why_stuck
+    else:
+        forces = solver.stepper.model.slider_forces
+        slider = None if forces is None else forces.sliders[solver.stuck]
+        driven = slider is not None and slider.drive is not None
+        why, what = (("the force of its drive jumps there", "Let that force change steadily with the place") if driven else
+                     ("a kink of its curve at an element end, where it has no direction to rest on",
+                      "Let it run on curve='c1'" if slider is None or slider.curve != "c1" else "Give more elements there"))
+        text = (f"slider {name!r} is pushed to the same place from both sides, near s = {solver.last_s[solver.stuck]:.6g} m: "
+                f"{why}. {what}, or hold it (held=({name!r},))")
+    return ConvergenceError(
+        f"load factor {target:.6g}: {text}. The last equilibrium is in .state, everything computed in .result",
+        step=len(solver.history), time=reached, state=State(*(x.copy() for x in solver.state)), result=result)

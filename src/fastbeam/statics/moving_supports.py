@@ -1,0 +1,404 @@
+"""Supports that move in statics: where they are at a load factor, and the iteration that takes the scene along (theory.md 8)."""
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.state import State
+from fastbeam.model.connections import held_axes
+from fastbeam.model.mapping import follow, turned
+from fastbeam.model.model import Model
+from fastbeam.model.moving_supports import turns_between
+
+Array = np.ndarray
+# what is missing up to the place of a support counts as round-off up to this share of its coordinates, and of 1 rad
+ROUND_OFF = 4.0 * float(np.finfo(float).eps)
+# a support turns by less than this at once, rad
+LARGEST_TURN = 1.5
+# derivatives along motions of supports are differences of this, in sizes of the scene and rad
+SHORT = 1e-4
+# a support stands elsewhere, in sizes of the scene and rad
+AWAY = 1e-6
+# a motion may leave the plane of its scene by so much of its way
+OUT_OF_PLANE = 1e-12
+
+
+class _Moving(ABC):
+    """Supports on their way with a load factor; `ahead`: to first order, so far beyond it, for derivatives by it."""
+
+    ahead = 0.0
+    _size: float
+
+    @property
+    @abstractmethod
+    def moves(self) -> Array:
+        """Displacements and rotation vectors in space that supports go by with the load factor, [M, 6]."""
+
+    @abstractmethod
+    def begin(self, share: float) -> None:
+        """Count turns from where supports are at this load factor."""
+
+    @abstractmethod
+    def moved(self, q: Array, given: Array) -> Array:
+        """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by what is `pending`."""
+
+    def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
+        """Gaps (a function of coordinates) where the supports have gone on by that, with `ahead` to first order."""
+        if not self.ahead:
+            return gaps(self.moved(q, given))
+        rate = self.ahead * self.moves
+        largest = float(np.max(np.abs(rate) / np.repeat((self._size, 1.0), 3)))
+        here, h = given - rate, SHORT / largest if largest > 0.0 else 1.0
+        way = gaps(self.moved(q, here + h * rate)) - gaps(self.moved(q, here - h * rate))
+        return gaps(self.moved(q, here)) + way / (2.0 * h)
+
+
+class StaticMotion(_Moving):
+    """Supports of a model on their way from where they stand to where their functions have them at one time.
+
+    Parameters
+    ----------
+    model : Model
+        With supports that move; tables in space.
+    state : State
+        At load factor 0, in space.
+    from_start : bool
+        Whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go straight,
+        and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
+    at_time : float or (float, float)
+        s, at load factor 1; or at 0 and 1, between which supports follow their functions, whatever the shape.
+    who : str
+        The function that was called.
+    """
+
+    def __init__(self, model: Model, state: State, from_start: bool, at_time: float | tuple[float, float],
+                 who: str = "solve_static") -> None:
+        self.of = model.prescribed
+        for motion in self.of.motions:
+            if motion.since is not None:
+                raise SceneError(f"{who}(at_time=): {motion.label} takes hold in a run (since=); leave since out, or the motion")
+        self.own = self.of.own
+        self._along, self._turns = held_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
+        between = isinstance(at_time, tuple)
+        self.model, self.from_start = model, from_start or between
+        self.first, self.at_time = at_time if isinstance(at_time, tuple) else (0.0, at_time)
+        self.share = 0.0
+        own = self.of.own
+        self._place, self._triads = (model.q0.reshape(-1, 4, 3)[own][:, i] for i in (0, slice(1, 4)))
+        start = state.q.reshape(-1, 4, 3)[own]
+        self._start = start[:, 0].copy(), start[:, 1:].copy()
+        self._size = model.length + float(np.max(np.abs(state.q.reshape(-1, 12)[:, :3])))
+        motions = self.of.motions
+        self._first = [(motion.place(0.0), *motion.turning(0.0)) for motion in motions]
+        # how far they have turned since t = 0 where the way begins, where it ends, and at the last equilibrium
+        self._way = model.turns_of(state.history).reshape(-1, 3).copy(), self.of.vectors(self.at_time).reshape(-1, 3)
+        self._reached = self._way[0]
+        self._counts = {k: n for n, k in enumerate(self.of.turning)
+                        if self._first[k][2] is not None and motions[k].turning(self.at_time)[1] is not None}
+        self._off = [np.zeros(3) if between else self._start[0][k] - self._at(k, 0.0)[0] for k in range(len(motions))]
+
+    def _at(self, k: int, t: float) -> tuple[Array, Array]:
+        """Place and triad of support k at time t."""
+        motion, (place, turn, _) = self.of.motions[k], self._first[k]
+        now = motion.place(t)
+        triad = self._triads[k] if motion.rotation is None else self._triads[k] @ turn @ motion.turn(t).T
+        return now if motion.position is not None else self._place[k] + now - place, triad
+
+    def _time_at(self, share: float) -> float:
+        """Of a load factor, s."""
+        return self.first + share * (self.at_time - self.first)
+
+    @property
+    def _time(self) -> float:
+        """Of the load factor `share`, s."""
+        return self._time_at(self.share)
+
+    @property
+    def moves(self) -> Array:
+        """As of `_Moving`, along the functions."""
+        rates = np.array([np.concatenate(motion.rates(self._time)) for motion in self.of.motions])
+        return (self.at_time - self.first) * rates * np.hstack((self._along, np.isin(np.arange(len(rates)), self._turns)[:, None]
+                                                                * np.ones(3)))
+
+    def begin(self, share: float) -> None:
+        """As of `_Moving`."""
+        self.share = share
+        self._reached = self._vectors()
+
+    def stands(self, share: float, now: Array) -> bool:
+        """Whether the supports with coordinates [M, 4, 3] stand where their functions have them at this load factor, from which
+        turns are counted then."""
+        before = self.share
+        self.begin(share)
+        left = self.pending(now)
+        self.share = before
+        return left is None or bool(np.all(np.abs(left) <= AWAY * np.repeat((self._size, 1.0), 3)))
+
+    def check_stands(self, who: str, share: float, now: Array) -> None:
+        """Refuse a start whose supports do not.
+
+        Raises
+        ------
+        SceneError
+        """
+        if not self.stands(share, now):
+            names = ", ".join(motion.label for motion in self.of.motions[:3])
+            raise SceneError(f"{who}: {names}: at the start supports stand elsewhere than their functions have them; give start= "
+                             "with the supports there, as in start=solve_static(model, at_time=...).state")
+
+    def targets(self) -> tuple[Array, Array]:
+        """Places [M, 3] and triads [M, 3, 3] at the load factor `share`."""
+        places, triads = self._start[0].copy(), self._start[1].copy()
+        for k in range(len(places)):
+            if self.from_start:
+                place, triads[k] = self._at(k, self._time)
+                places[k] = place + (1.0 - self.share) * self._off[k]
+            else:
+                place, triad = self._at(k, self.at_time)
+                places[k] += self.share * (place - places[k])
+                if k in self._counts:
+                    # where the start is off the function, less and less so
+                    off = _vector(triads[k].T @ self._turned(k, self._way[0]))
+                    triads[k] = self._turned(k, self._vectors()) @ _turned_by((1.0 - self.share) * off).T
+                else:
+                    triads[k] = triads[k] @ _turned_by(self.share * _vector(triad.T @ triads[k])).T
+        return places, triads
+
+    def _turned(self, k: int, vectors: Array) -> Array:
+        """The triad of support k where supports have turned by these vectors since t = 0."""
+        _, turn, first = self._first[k]
+        return np.asarray(self._triads[k] @ turn @ _turned_by(first + vectors[self._counts[k]]).T)
+
+    def _vectors(self) -> Array:
+        """How far supports have turned since t = 0 at the load factor `share`, [K, 3]."""
+        if self.from_start:
+            return np.asarray(self.of.vectors(self._time).reshape(-1, 3))
+        return self._way[0] + self.share * (self._way[1] - self._way[0])
+
+    def count_turns(self, out: Array) -> None:
+        """The same at an equilibrium into numbers of a history, [3 K]."""
+        self._reached = self._vectors()
+        out[:] = self._reached.reshape(-1)
+
+    def check_turns(self, reached: float) -> None:
+        """Refuse what turns by half a turn or more from the load factor `reached` to `share`.
+
+        Raises
+        ------
+        SceneError
+        """
+        for k in self.of.turning if self.from_start else ():
+            turns_between(self.of.motions[k], [self._time_at(reached), self._time])
+
+    def pending(self, now: Array) -> Array | None:
+        """What is missing at coordinates [M, 4, 3] of what moves up to the load factor `share`: position and Cayley vector,
+        [M, 6]; None where nothing is. NaN where a support would turn too far at once."""
+        out = np.zeros((len(now), 6))
+        if np.any(np.linalg.norm(self._vectors() - self._reached, axis=1) > LARGEST_TURN):
+            return np.full_like(out, np.nan)
+        places, triads = self.targets()
+        place = np.where(self._along, places - now[:, 0], 0.0)
+        out[:, :3] = np.where(np.abs(place) <= ROUND_OFF * self._size, 0.0, place)
+        turns = self._turns
+        if turns.size:
+            out[turns, 3:] = _turns_left(triads[turns], now[turns, 1:])
+        if self.ahead:
+            out += self.ahead * self.moves
+        return out if out.any() else None
+
+    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
+        """The same as increments of rows, [rows, unknowns of a node]; axes: of the plane of `core`.
+
+        Raises
+        ------
+        SceneError
+            A support leaves the plane.
+        """
+        return _rows(given, core, axes, self.own, self._size, lambda k: self.of.motions[k].label)
+
+    def moved(self, q: Array, given: Array) -> Array:
+        """As of `_Moving`."""
+        return _moved(self.model, q, self.of.nodes, given[self.of.motion_of_node])
+
+
+class StaticShift(_Moving):
+    """Supports that are shifted with the load factor, straight, and turned, each about one axis through its node.
+
+    Parameters
+    ----------
+    model : Model
+        In space.
+    moves : dict of int -> float64 (6,)
+        Of nodes that are held along them: displacement, m, and rotation vector in space, rad, at load factor 1.
+    q : float64 [12 N]
+        The shape at the load factor `share`.
+    share : float
+    """
+
+    def __init__(self, model: Model, moves: dict[int, Array], q: Array, share: float) -> None:
+        self.model, self.share, self._first = model, share, share
+        self.own, self._moves = np.array(list(moves), np.int64), np.array(list(moves.values())).reshape(-1, 6)
+        self._start = q.reshape(-1, 4, 3)[self.own].copy()
+        self._size = model.length + float(np.max(np.abs(q.reshape(-1, 12)[:, :3])))
+        self._turns = np.flatnonzero(self._moves[:, 3:].any(axis=1))
+        shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
+        self._move_of_node = shared
+        self._reached = share
+        # of supports that turn by a function: how far they had
+        self._turned: Array | None = None
+
+    def begin(self, share: float) -> None:
+        """As of `_Moving`."""
+        self._reached = share
+
+    @property
+    def moves(self) -> Array:
+        """As of `_Moving`: straight, and about one axis."""
+        return self._moves
+
+    def pending(self, now: Array) -> Array | None:
+        """As `StaticMotion.pending`, and by `ahead` further."""
+        out = np.zeros((self.own.size, 6))
+        if np.any(np.linalg.norm((self.share - self._reached) * self.moves[:, 3:], axis=1) > LARGEST_TURN):
+            return np.full_like(out, np.nan)
+        gone = (self.share - self._first) * self.moves
+        out[:, :3] = np.where(self.moves[:, :3] != 0.0, self._start[:, 0] + gone[:, :3] - now[:, 0], 0.0)
+        out[np.abs(out) <= ROUND_OFF * self._size] = 0.0
+        if self._turns.size:
+            # rows are directors: D' = D R^T
+            turn = _turned_by(gone[self._turns, 3:]).transpose(0, 2, 1)
+            out[self._turns, 3:] = _turns_left(self._start[self._turns, 1:] @ turn, now[self._turns, 1:])
+        out += self.ahead * self.moves
+        return out if out.any() else None
+
+    def count_turns(self, out: Array) -> None:
+        """As `StaticMotion.count_turns`."""
+        of = self.model.prescribed
+        if of is not None and of.turning:
+            if self._turned is None:
+                self._turned = out.copy()
+            for n, k in enumerate(of.turning):
+                for j in np.flatnonzero(self.own == of.own[k]):
+                    out[3 * n:3 * n + 3] = self._turned[3 * n:3 * n + 3] + (self.share - self._first) * self.moves[j, 3:]
+
+    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
+        """As `StaticMotion.rows`.
+
+        Raises
+        ------
+        SceneError
+        """
+        return _rows(given, core, axes, self.own, self._size, lambda k: self.model.labels[self.own[k]])
+
+    def moved(self, q: Array, given: Array) -> Array:
+        """As of `_Moving`."""
+        return _moved(self.model, q, self._nodes, given[self._move_of_node])
+
+
+def _turns_left(triads: Array, now: Array) -> Array:
+    """Cayley vectors [T, 3] from triads now [T, 3, 3] to these; NaN where one would turn too far at once."""
+    # rows are directors: D' = D R^T
+    turn = triads.transpose(0, 2, 1) @ now
+    size = 1.0 + np.trace(turn, axis1=1, axis2=2)
+    with np.errstate(divide="ignore"):
+        vector = 2.0 * _axial(turn) / size[:, None]
+    # |cayley vector| = 2 tan(angle/2)
+    if np.any(np.linalg.norm(vector, axis=1) > 2.0 * np.tan(0.5 * LARGEST_TURN)) or np.any(size < 1e-3):
+        return np.full_like(vector, np.nan)
+    return np.where(np.abs(vector) <= ROUND_OFF, 0.0, vector)
+
+
+def _moved(model: Model, q: Array, nodes: Array, given: Array) -> Array:
+    """Coordinates [12 N] where nodes [n] have gone on by position and Cayley vector [n, 6], and with them what follows them."""
+    out = q.reshape(-1, 4, 3).copy()
+    for node, x in zip(nodes, given):
+        out[node, 0] += x[:3]
+        out[node, 1:] = turned(out[node, 1:][None], x[None, 3:])[0]
+    return follow(model, out).reshape(-1)
+
+
+def leave_plane(model: Model, moves: dict[int, Array]) -> bool:
+    """Whether displacements and rotation vectors [6] lead out of the plane of a model."""
+    if model.plane is None or not moves:
+        return False
+    given = np.array(list(moves.values()))
+    return bool(np.any(_off_plane(given, model.plane.axes) > OUT_OF_PLANE * model.length))
+
+
+def coordinates_of(stepper: Any, nodes: Array) -> Array:
+    """Coordinates in space [M, 4, 3] of some nodes of a stepper."""
+    q = stepper.core_state.q
+    return q.reshape(-1, 4, 3)[nodes] if stepper.plane is None else stepper.plane.vectors_of(q[None], nodes, True)[0]
+
+
+def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float, label: Callable[[int], str]) -> Array:
+    """Motions [M, 6] of nodes as increments of rows."""
+    x = np.zeros((core.pattern.n, 6 if axes is None else 3))
+    flat = given
+    if axes is not None:
+        off = _off_plane(given, axes)
+        if np.any(off > OUT_OF_PLANE * size):
+            raise SceneError(f"{label(int(np.argmax(off)))}: it leaves the plane of the scene; compile the scene with "
+                             "planar=False")
+        flat = np.concatenate((given[:, :3] @ axes[:2].T, given[:, 3:] @ axes[2:].T), axis=1)
+    np.add.at(x, core.pattern.row_of[own], flat)
+    return x
+
+
+def _off_plane(given: Array, axes: Array) -> Array:
+    """How far motions [M, 6] lead out of a plane, [M]."""
+    return np.asarray(np.abs(given[:, :3] @ axes[2]) + np.abs(given[:, 3:] @ axes[:2].T).sum(axis=1))
+
+
+class Carrying:
+    """What an iteration needs that takes the scene of a stepper along with its supports.
+
+    Parameters
+    ----------
+    stepper : Stepper
+    own : int [M]
+        Nodes that are moved.
+    """
+
+    def __init__(self, stepper: Any, own: Array) -> None:
+        core = stepper.core
+        held, pattern = core.static_held, core.pattern
+        self.free = Record(tuple(term for term in stepper.terms if term is not held))
+        self.held = Record((held,))
+        columns = pattern.columns
+        self.block = np.flatnonzero(np.isin(columns, pattern.row_of[own]))
+        self.row, self.column = pattern.rows[self.block], columns[self.block]
+
+    def assemble(self, stepper: Any, system: Record, x: Array) -> None:
+        """Half the static tangent and the residual of the rows, as `Iteration.assemble` does, for increments of which those of
+        held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
+        work, size = stepper.work, x.shape[1]
+        kernels.assemble_all(self.free, system, 0.0)
+        blocks = work.blocks[:8 * size * stepper.core.pattern.keys.size].reshape(-1, size, 8)[self.block, :, :size]
+        r = work.r[:8 * len(x)].reshape(-1, 8)[:, :size]
+        np.add.at(r, self.row, 2.0 * np.einsum("kij,kj->ki", blocks, x[self.column]))
+        kernels.assemble_some(self.held, system, 0.0)
+
+
+def _axial(turn: Array) -> Array:
+    """Twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
+    x = turn - np.swapaxes(turn, -1, -2)
+    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
+
+
+def _vector(turn: Array) -> Array:
+    """Rotation vector (3,) of a rotation (3, 3)."""
+    from scipy.spatial.transform import Rotation
+    return Rotation.from_matrix(turn).as_rotvec()
+
+
+def _turned_by(vector: Array) -> Array:
+    """Rotations [..., 3, 3] of rotation vectors [..., 3]."""
+    from scipy.spatial.transform import Rotation
+    return Rotation.from_rotvec(vector).as_matrix()

@@ -1,0 +1,189 @@
+"""Forces along the beam on sliders in an equilibrium (theory.md 8): drives, stops, and which sliders friction holds.
+
+    sliding     F . T - Q(s) - Q_friction - Q_stop = 0,    |Q_friction| <= mu |F_n| |T|
+
+Whether a slider sticks at the place of the load step before, slips, or rests against a rigid stop is found like the set of
+active conditions in a problem of contact: what does not fit is changed, and the equilibrium found again.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.contact.slider_forces import (AGAINST, HISTORY, INCREMENT, NO_DRIVE, OFFSET, POSITION, SIGN, STICKS,
+    STIFFNESS)
+from fastbeam.model.model import Model
+from fastbeam.statics.contact_equations import Border
+
+Array = np.ndarray
+# a force along the beam that is round-off of the contact force
+ROUND_OFF = 1e-10
+# a slider that slips comes to rest where friction has this share in reserve, so that round-off of contact forces does not move it
+# in a run from there
+RESERVE = 1e-5
+# a slider is at a rigid stop, or back where it was, within this share of the length of its beam
+AT_STOP, BACK = 1e-12, 1e-13
+# a slider touches an elastic stop where it is beyond its begin by this share of the length of its beam
+TOUCH = 1e-12
+# how often one slider may change between sticking and slipping in one load step
+MOST_CHANGES = 6
+
+
+class Modes(NamedTuple):
+    """What sliders do in a load step."""
+
+    sign: Array     # int64 [S]: -1 or 1, direction in which one slips that rubs; 0: it sticks
+    at_stop: Array  # int64 [S]: -1 or 1 at a rigid stop at the start or the end, else 0
+    changes: Array  # int64 [S]: how often a slider has changed from slipping to sticking in this load step
+
+
+class StaticAlong:
+    """Forces along the beam on S sliders, of which one at least has some.
+
+    Parameters
+    ----------
+    model : Model
+    at_time : float
+        When functions of time are evaluated, s.
+    s : float64 [S]
+        Where sliders are at the load factor 0, m.
+    held : bool [S]
+        Sliders that stay at their s, with whatever force that takes.
+    history : float64
+        Of the state.
+
+    Raises
+    ------
+    SceneError
+        A drive prescribes a place beyond the end of its beam, or returns no finite number.
+    """
+
+    def __init__(self, model: Model, at_time: float, s: Array, held: Array, history: Array) -> None:
+        self.forces, self.at_time = model.slider_forces, at_time
+        table = self.forces.tables
+        self.start, self.end, own = s.copy(), s.copy(), model.along_of(history).copy()
+        self.offset, self.elastic = own[:, OFFSET], self.forces.elastic(s, own)
+        for k in np.flatnonzero((table.drive == POSITION) & ~held).tolist():
+            self.end[k] = self.forces.place_given(k, at_time, own[k])
+            low, high = model.limits_at(s, history)[k]
+            if not low <= self.end[k] <= high:
+                raise SceneError(f"solve_static: slider {model.names['sliders'][k]!r}: its drive prescribes s = {self.end[k]:.6g}"
+                                 f" m, outside what it slides on ({low:.6g} to {high:.6g} m)")
+        self.held = held | np.isin(table.drive, (POSITION, INCREMENT))
+        self.rubs = self.forces.hold_by_friction & ~self.held
+        # at rest smoothed friction is none
+        self.friction = np.where(self.rubs, table.friction, 0.0)
+        self.driven = np.flatnonzero((table.drive != NO_DRIVE) & ~self.held)
+        self.lengths, limits = model.slider_lengths, model.limits_at(s, history)
+        self.rigid = self.forces.restitutions_at(s, own) >= 0.0
+        self.stops = np.where(self.rigid, limits, (-np.inf, np.inf))
+        at_stop = (np.abs(s - self.stops[:, 1]) <= 1e-9 * self.lengths).astype(int)
+        at_stop -= np.abs(s - self.stops[:, 0]) <= 1e-9 * self.lengths
+        self.modes = Modes(np.zeros(s.size, np.int64), np.where(self.held, 0, at_stop), np.zeros(s.size, np.int64))
+        # share of the way to prescribed places, and the load factor
+        self.share = self.factor = 0.0
+        self.in_circles = False
+        self.reserve = RESERVE
+        # derivatives of laws to all digits, which Newton's method does not need
+        self.is_exact = False
+
+    # --- one load step ------------------------------------------------------------------------------------------------
+    def begin(self, s: Array) -> Array:
+        """Places [S] at the load factor of sliders whose motion is prescribed, those of the others as they are, at `s`."""
+        self.before = s.copy()
+        self.modes.sign[:] = 0
+        self.modes.changes[:] = 0
+        at = np.clip(s, *self.stops.T)
+        return np.where(self.held, self.start + self.share * (self.end - self.start), at)
+
+    @property
+    def free(self) -> Array:
+        """Which sliders move, bool [S]."""
+        return ~self.held & (self.modes.at_stop == 0) & (~self.rubs | (self.modes.sign != 0))
+
+    @property
+    def slip(self) -> Array:
+        """Coefficients of friction with the sign of the slip, 0 of sliders that stick [S]."""
+        return np.asarray((1.0 - self.reserve) * self.friction * self.modes.sign)
+
+    def known(self, s: Array) -> tuple[Array, Array]:
+        """Drives and elastic stops at s [S]: forces on the points, N, and their derivatives by s, N/m, [S] each."""
+        table = self.forces.tables
+        stiff = table.stops[:, STIFFNESS]
+        low, high = (np.where(stiff > 0.0, self.elastic[:, i], s) for i in (0, 1))
+        beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
+        force, slope = stiff * beyond, -stiff * (beyond != 0.0)
+        for k in self.driven.tolist():
+            if self.is_exact:
+                s_k, offset = float(s[k]), float(self.offset[k])
+                force[k] += self.forces.at_rest(k, self.at_time, s_k, self.factor, offset)
+                slope[k] += self.forces.slope_at_rest(k, self.at_time, s_k, self.factor, offset, by_rate=False)
+                continue
+            step = 1e-6 * (1e-3 * abs(s[k]) + 1e-3 * self.lengths[k])
+            back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.factor, self.offset[k])
+                                 for x in (-step, 0.0, step))
+            force[k] += here
+            slope[k] += (ahead - back) / (2.0 * step)
+        return force, slope
+
+    def judge(self, border: Border, s: Array) -> tuple[bool, Array]:
+        """Compare every slider with its equilibrium, the border without friction: whether one has to do something else now, and
+        where all go on from [S]."""
+        sign, at_stop, changes = self.modes
+        most = self.friction * border.normal
+        needed = border.sliding
+        slack = ROUND_OFF * (np.linalg.norm(border.tangent, axis=1) * border.size + np.abs(self.known(s)[0]))
+        before = sign.copy(), at_stop.copy()
+        resting = ~self.held & (sign == 0) & (self.rubs | (at_stop != 0))
+        back = resting & (needed > most + slack) & (at_stop >= 0)
+        forth = resting & (needed < -most - slack) & (at_stop <= 0)
+        returned = (sign != 0) & (sign * (s - self.before) < -BACK * self.lengths)
+        self.in_circles = bool(np.any(returned & (changes >= MOST_CHANGES)))
+        returned &= changes < MOST_CHANGES
+        sign[back], sign[forth] = -1, 1
+        at_stop[back | forth] = 0
+        sign[~self.rubs] = 0
+        sign[returned] = 0
+        changes[returned] += 1
+        changed = not (np.array_equal(before[0], sign) and np.array_equal(before[1], at_stop))
+        return changed, np.where(returned, self.before, s)
+
+    def to_stop(self, s: Array, way: Array) -> Array:
+        """How far sliders on their ways [S] from s may go at once: until they touch an elastic stop that they do not yet."""
+        stiff = self.forces.tables.stops[:, STIFFNESS] > 0.0
+        gap = np.where(way > 0.0, self.elastic[:, 1] - s, s - self.elastic[:, 0])
+        return np.where(stiff & (gap >= 0.0), gap + TOUCH * self.lengths, np.inf)
+
+    def is_rigid(self, way: Array) -> Array:
+        """Whether sliders on their ways [S] have a rigid stop ahead, bool [S]."""
+        return np.isfinite(np.where(way > 0.0, self.stops[:, 1], self.stops[:, 0]))
+
+    def meets(self, s: Array, steps: Array, way: Array) -> Array:
+        """-1 or 1 for sliders on their ways [S] that steps [S] from s bring to a rigid stop at the start or the end, else 0."""
+        slack = AT_STOP * self.lengths
+        low = (way < 0.0) & (s + steps <= self.stops[:, 0] + slack)
+        high = (way > 0.0) & (s + steps >= self.stops[:, 1] - slack)
+        return high.astype(np.int64) - low
+
+    def meet(self, which: Array, s: Array) -> None:
+        """Let sliders rest against the stops that they met, `which` as of `meets`; s [S] are exactly these then."""
+        self.modes.at_stop[which != 0] = which[which != 0]
+        s[which < 0], s[which > 0] = self.stops[which < 0, 0], self.stops[which > 0, 1]
+
+    # --- results ------------------------------------------------------------------------------------------------------
+    def remember(self, history: Array) -> None:
+        """Into the history of a state: all sliders rest, at stops or by friction."""
+        own = history[:HISTORY * self.held.size].reshape(-1, HISTORY)
+        own[:, SIGN] = 0.0
+        own[:, AGAINST] = self.modes.at_stop
+        own[:, STICKS] = self.rubs & (self.modes.at_stop == 0)
+
+    def report(self, names: list[str], border: Border) -> dict[str, dict[str, Any]]:
+        """Of every slider that rubs: friction force, N, the most that it could be, and whether the slider sticks; border:
+        without friction."""
+        most = self.friction * border.normal
+        force = np.where(self.modes.at_stop == 0, border.sliding, np.clip(border.sliding, -most, most))
+        return {names[k]: {"force": float(force[k]), "cone": float(most[k]), "sticks": bool(self.modes.sign[k] == 0)}
+                for k in np.flatnonzero(self.rubs).tolist()}

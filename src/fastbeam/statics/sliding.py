@@ -1,0 +1,285 @@
+"""Equilibria of scenes with sliders (theory.md 8).
+
+A sliding coordinate is only determined once its contact carries a force. So every load step is found with all sliders held first;
+then they are released and slide downhill, the rest of the scene following in equilibrium, until Newton's method on everything
+squares its increments. Sliders with friction are released where it cannot hold them, in the direction in which they go then
+(`slider_friction.py`).
+"""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fastbeam.kernels.loop import NOT_CONVERGED, OK, SINGULAR, SLIDER_END
+from fastbeam.linalg.saddle import Saddle
+from fastbeam.statics.constrained import Increment, SaddleSolver
+from fastbeam.statics.equilibrium import Counts
+from fastbeam.statics.slider_friction import RESERVE
+
+Array = np.ndarray
+# a slider moves by this share of its beam at once, and goes this share of the way to an end of it
+REACH, TO_END = 0.1, 0.75
+# nearer to an end, as a share of the beam, it runs off; increments below this share of the scene are those of Newton's method
+AT_END, CLOSE = 1e-6, 1e-9
+# increments up to this share of the beam are accepted as those of Newton's method, whose size it squares
+NEWTON_FROM = 0.02
+MOST_SLIDES = 100
+# how often it is looked which sliders stick, slip and rest against stops, for every slider
+ROUNDS = 8
+# share of a step below which nothing is found; a slope that jumps from one sign to the other within this share of a beam has no
+# place between
+LEAST_TRUST, SAME_PLACE = 1e-4, 1e-12
+# where Newton's method fails that near to a place that lay too far, the slope jumps
+JUMPS = 1e-6
+
+
+class SlidingSolver(SaddleSolver):
+    """As `SaddleSolver`, which slides to where nothing pushes along beams."""
+
+    def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        before = self._saved()
+        self.stepper.forget_failures()
+        at_stop = None if self.along is None else self.along.modes.at_stop.copy()
+        joints = None if self.joints is None else (self.joints.values.copy(), self.joints.at_stop.copy())
+        status = NOT_CONVERGED
+        try:
+            self._led = None
+            status, sizes = self._equilibrium(factors)
+            if status == OK and self._leaps(before[0], factors):
+                status = NOT_CONVERGED
+        finally:
+            if status != OK:
+                self._restore(before)
+                if self.along is not None:
+                    self.along.modes.at_stop[:] = at_stop
+                if self.joints is not None:
+                    self.joints.values, self.joints.at_stop = joints
+        return status, sizes
+
+    def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        if self.turns_too_far:
+            return NOT_CONVERGED, []
+        return self._with_sliders(factors) if self.joints is None else self.joints.settle(factors)
+
+    def _with_sliders(self, factors: Array) -> tuple[int, list[float]]:
+        self._load(factors)
+        self._loads[:] = self.work.f_ext
+        self.longest, self.runaway, self.stuck = 0, -1, -1
+        if self._factors is not None and self._factors.refused > self._refused:
+            # they may have changed too much
+            self._scales.clear()
+            self._refused = self._factors.refused
+        along, state = self.along, self.stepper.core_state
+        if along is not None:
+            state.s[:] = along.begin(state.s)
+        status, sizes = self._newton(np.zeros(self.held.size, bool))
+        for _ in range(ROUNDS * (self.held.size + 1)):
+            if status == OK and self.sliding.any():
+                status, more = self._release()
+                sizes += more
+            if status != OK or along is None:
+                return status, sizes
+            changed, s = along.judge(self._border(rubs=False), state.s)
+            if along.in_circles:
+                return NOT_CONVERGED, sizes
+            if not changed:
+                along.remember(state.history)
+                return OK, sizes
+            if np.any(s != state.s):
+                state.s[:] = s
+                status, more = self._newton(np.zeros(s.size, bool))
+                sizes += more
+        return NOT_CONVERGED, sizes
+
+    def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
+        """For the result, at the last equilibrium, that of load factors [K]: friction of all sliders, and the intervals of rest
+        of those that are asked for."""
+        of_joints = {} if self.joints is None else self.joints.report()
+        if self.along is None or not self.along.rubs.any():
+            return {"friction": of_joints} if of_joints else {}
+        names = self.stepper.model.names["sliders"]
+        out = {"friction": self.along.report(names, self._border(rubs=False)) | of_joints}
+        return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
+
+    def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
+        """Arc lengths between which slider k rests under load factors [K] by its friction, the others that rub staying where they
+        are: from the last equilibrium to both ends, where friction is all that it can be; NaN where none is found. The state is
+        the same after it."""
+        along, state = self.along, self.stepper.core_state
+        assert along is not None
+        self._load(factors)
+        self._loads[:] = self.work.f_ext
+        before, modes = self._saved(), [x.copy() for x in along.modes]
+        along.reserve, found = 0.0, []
+        for sign in (1, -1):
+            along.modes.sign[:] = 0
+            along.modes.sign[k], along.modes.at_stop[k] = sign, 0
+            # friction pushes towards the end that is looked for
+            self.runaway = -1
+            try:
+                status, _ = self._release()
+                runs_off = status == SLIDER_END and self.runaway == k
+                found.append(float(self.ends[k, int(sign < 0)] if runs_off else state.s[k] if status == OK else np.nan))
+            finally:
+                self._restore(before)
+                for x, was in zip(along.modes, modes):
+                    x[:] = was
+        along.reserve = RESERVE
+        return found[0], found[1]
+
+    def load_all(self, factors: Array) -> None:
+        self._load(factors)
+        self._border()
+        self.work.f_ext[:] += self.contacts.loads(self._weights, self.state.q, self.stepper.core_state.force, False)
+        if self.steady is not None:
+            self.work.f_ext[:] += self.steady.loads(self.state.q)
+
+    def push_of(self, k: int) -> Array:
+        """What slider k exerts at the last equilibrium on nodes [N, 8]; those that share a row have their own here."""
+        model, all_forces = self.core, self.stepper.core_state.force
+        of = [k, *(model.n_sliders + len(model.kept) + o for o, pair in enumerate(model.sleeve_pairs) if pair[0] == k)]
+        force = np.zeros_like(all_forces)
+        for c in of:
+            at = slice(model.first_force[c], model.first_force[c] + model.forces[c])
+            force[at] = all_forces[at]
+        assert self._weights is not None
+        own = np.arange(self.stepper.model.n_nodes)
+        return self.contacts.loads(self._weights, self.state.q, force, False, own)[:8 * own.size].reshape(-1, 8)
+
+    def signs(self, factors: Array, in_plane: bool) -> Counts | None:
+        if in_plane != (self.stepper.plane is not None):
+            # where friction or a stop holds a slider, it stays
+            t, share = (float(x) for x in self.stepper.law_work[:2])
+            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu", t)
+            other.set_time(t, share)
+            other.move_to(share)
+            return other.signs(factors, in_plane)
+        self._load(factors)
+        self._loads[:] = self.work.f_ext
+        self.work.increment.control[0] = 0.0
+        if self.along is not None:
+            self.along.modes.sign[:] = 0
+        self.contacts.loose = None if self.joints is None else self.joints.loose
+        found = self._assembled(self._unhindered)[0].signs(self.has_potential(in_plane))
+        self.contacts.loose = None
+        return self.counts(found)
+
+    def at_places(self) -> tuple[Saddle, Array]:
+        """Tangent at the present equilibrium with the sliders free that move without friction and away from stops, and which
+        these are, bool [S]."""
+        self.work.increment.control[0] = 0.0
+        return self._assembled(self._unhindered)[0], self._unhindered
+
+    @property
+    def _unhindered(self) -> Array:
+        """Which sliders move without friction and away from stops, bool [S]."""
+        return self.sliding if self.along is None else self.along.free & ~self.along.rubs
+
+    # --- sliding ------------------------------------------------------------------------------------------------------
+    def _release(self) -> tuple[int, list[float]]:
+        """From an equilibrium with all sliders held to one in which those that are free do not push along their beams. They go
+        downhill: with the others in equilibrium F . c' is the derivative of the energy by s."""
+        state = self.stepper.core_state
+        held = np.zeros(self.held.size, bool)
+        sizes: list[float] = []
+        drag, trust, near = 0.0, 1.0, NEWTON_FROM
+        # where they had gone too far, from where they came
+        beyond = np.full(self.held.size, np.nan)
+        for _ in range(MOST_SLIDES):
+            # less those that have come to a rigid stop
+            free = self.sliding
+            if not free.any():
+                return OK, sizes
+            self.work.increment.control[0] = 0.0
+            x = self._increment(free, drag)
+            if x is None:
+                return SINGULAR, sizes
+            slope = np.where(free, self._border().sliding, 0.0)
+            largest = float(np.max(np.abs(x.s) / self.lengths))
+            close = largest * float(np.max(self.lengths)) <= CLOSE * self.core.length
+            work = float(slope @ x.s)
+            if not close and not work < 0.0:
+                # uphill, to where it is steepest or highest: as much against it as turns the increment round
+                drag = max(4.0 * drag, 2.0 * abs(work) / float(x.s @ x.s) + drag)
+                continue
+            saved = self._saved()
+            if close or (largest <= near and drag == 0.0):
+                status, more = self._newton(free, close)
+                sizes += more
+                way = state.s - saved[1]
+                if status == OK and (close or (np.all(np.abs(way) <= 4.0 * largest * self.lengths) and self._rises(way))):
+                    return OK, sizes
+                self._restore(saved)
+                if close and (status != SLIDER_END or not self._met(x.s, x.s).any()):
+                    off = np.nan_to_num(np.abs(beyond - state.s) / self.lengths, nan=1.0)
+                    if np.min(off) <= JUMPS:
+                        self.stuck, self.last_s = int(np.argmin(off)), state.s.copy()
+                        return SLIDER_END, sizes
+                    return (NOT_CONVERGED if status == SLIDER_END else status), sizes
+                near = 0.25 * largest
+            steps, out = self._steps(x.s, slope, beyond)
+            steps *= trust
+            met = self._met(x.s, steps)
+            if out >= 0:
+                self.runaway = out
+                return SLIDER_END, sizes
+            share = float(np.max(np.abs(steps)) / np.max(np.abs(x.s)))
+            share *= self._share(share * x.nodes)
+            sizes.append(self.move(Increment(share * x.nodes, steps, share * x.force)))
+            status, more = self._newton(held)
+            sizes += more
+            after = np.where(free, self._border().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)
+            if float(np.sum(after)) <= 0.9 * abs(float(slope @ steps)):
+                trust, drag = min(1.0, 2.0 * trust), 0.0
+                if self.along is not None:
+                    self.along.meet(met, state.s)
+                continue
+            gone = state.s.copy()
+            self._restore(saved)
+            if status == OK:
+                beyond = np.where(after > 0.0, gone, beyond)
+                k = int(np.argmax(after))
+                if abs(gone[k] - state.s[k]) <= SAME_PLACE * self.lengths[k]:
+                    self.stuck, self.last_s = k, gone
+                    return SLIDER_END, sizes
+                continue
+            trust *= 0.25
+            if trust < LEAST_TRUST:
+                return status, sizes
+        return NOT_CONVERGED, sizes
+
+    def _met(self, way: Array, steps: Array) -> Array:
+        """-1 or 1 for sliders that steps [S] along their ways [S] bring to a rigid stop, else 0."""
+        if self.along is None:
+            return np.zeros(steps.size, np.int64)
+        return self.along.meets(self.stepper.core_state.s, steps, way)
+
+    def _rises(self, way: Array) -> bool:
+        """Whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the way [S] to it."""
+        self.work.increment.control[0] = 0.0
+        saddle, right = self._assembled(self.sliding)
+        right[:] = 0.0
+        n = len(self.core.dofs) * self.core.pattern.n
+        right[n:n + way.size] = np.where(self.sliding, way, 0.0)
+        x = saddle.solve(right)
+        return x is None or bool(way @ x[n:n + way.size] >= 0.0)
+
+    def _steps(self, s: Array, slope: Array, beyond: Array) -> tuple[Array, int]:
+        """Increments of the sliding coordinates, none too long, none beyond an end, and half the way to places [S] that lay too
+        far (NaN: none is known); and a slider that stands at the end that it is pushed to, or -1."""
+        now = self.stepper.core_state.s
+        to_end = np.where(s > 0.0, self.ends[:, 1] - now, now - self.ends[:, 0])
+        rigid = np.zeros(s.size, bool) if self.along is None else self.along.is_rigid(s)
+        out = np.flatnonzero((to_end <= AT_END * self.lengths) & (np.abs(s) > to_end) & (slope * s < 0.0) & ~rigid)
+        if out.size:
+            return s.copy(), int(out[0])
+        most = np.minimum(REACH * self.lengths, np.where(rigid, 1.0, TO_END) * to_end)
+        most = np.where((beyond - now) * s > 0.0, np.minimum(most, 0.5 * np.abs(beyond - now)), most)
+        if self.along is not None:
+            # an elastic stop is stiff from where it begins
+            most = np.minimum(most, self.along.to_stop(now, s))
+        steps = np.clip(s, -most, most)
+        if not slope @ steps < 0.0:
+            steps = s * float(np.min(np.where(np.abs(s) > most, most / np.where(s == 0.0, 1.0, np.abs(s)), 1.0)))
+        return steps, -1

@@ -1,0 +1,273 @@
+"""Equilibrium: Newton on the unknowns of every node with load steps that adapt (theory.md 8)."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.arguments import (Anything, Count, Flag, Instance, Listing, Name, Number, Numbers, Refusal, Word, checked,
+    shown)
+from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
+from fastbeam.interface.result_warnings import warns
+from fastbeam.interface.synonyms import its_sliders
+from fastbeam.kernels.state import State
+from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.contact.sleeve_twist import check_twist
+from fastbeam.model.forces.loads import load_factors_at
+from fastbeam.model.model import Model, check_model
+from fastbeam.model.start import check_start
+from fastbeam.results.observe.observer import OBSERVED, POINTS
+from fastbeam.results.result import Result
+from fastbeam.scene.checks import Place
+from fastbeam.statics.load_steps import LoadSteps, StaticTask
+from fastbeam.statics.steady_motion import Spin, Travel, check_steady, which_motion
+
+Array = np.ndarray
+# what load steps are multiplied by in the second attempt, where the first led to an unstable equilibrium, and the largest then
+SMALLER = 0.2
+SHARE = Number(above=0.0, most=1.0)
+CONTACTS = ("mesh", "exact")
+
+
+def which_sliders(value: Any) -> bool | tuple[str, ...]:
+    """True, False, a name or names.
+
+    Raises
+    ------
+    Refusal
+    """
+    need = "must be True (all), False (none), or names of sliders, as in ('ring',)"
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    try:
+        names = Listing(Name(), need)((value,) if isinstance(value, str) else value)
+    except Refusal:
+        raise Refusal(f"{need}, got {shown(value)}") from None
+    return names
+
+
+START = Instance(State, "a State (result.state, model.state())", "of a checkpoint: checkpoint.state")
+
+
+@warns
+@checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
+         smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
+         max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
+         rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS), steady=which_motion)
+def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
+                 smallest_step: float = 1e-9, at_time: float | None = None, start: State | None = None,
+                 observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None, max_iterations: int = 20,
+                 backend: str = "auto", threads: int | None = None, mend_start: bool = False,
+                 held: bool | str | Sequence[str] = False,
+                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh",
+                 steady: Spin | Travel | None = None) -> Result:
+    """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
+
+    Parameters
+    ----------
+    model : Model
+        A planar scene has to be held in its plane, any other one in space. Sliders connect what they join; they slide downhill
+        from where they are until they do not push along their beams any more. Those with friction stay where it holds them, and
+        slip no further than they must; load steps are a slow history of it. Prescribed positions are approached, and forces of
+        drives grow, with the load factor; smoothed and viscous friction are none at rest.
+    load_step, largest_load_step, smallest_step : float
+        First, largest and smallest increment of the load factor, which runs from 0 to 1; all in (0, 1].
+    levels : sequence of float
+        Increasing load factors in (0, 1] that steps end at, so that they have rows; other steps are rows as well.
+    at_time : float
+        Where time functions of loads and drives are evaluated, s; needed when the scene has some. With it a `PrescribedMotion`
+        moves its support with the load factor (displacement control): from the shape of the scene along its function from t = 0
+        on, from a `start` straight to its place at that time; steps that lead to another equilibrium than the one
+        nearby are divided, an event "leap" tells where the smallest one does. Without it such supports stay where they are.
+    start : State
+        Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
+    observe, points
+        As in `simulate`, of 'energy', 'spring', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
+    max_iterations : int
+        Newton iterations a load step.
+    backend : {'auto', 'pardiso', 'superlu'}
+    threads : int
+        As in `simulate`; scenes with sliders are solved on one thread.
+    mend_start : bool
+        As in `simulate`.
+    held : bool, str or sequence of str
+        Names of sliders that stay where they are on their beams, as if clipped to them; True: all. Their contact forces may have
+        a part along the beam. Sliders that are locked from the start stay as well.
+    rest_intervals : bool, str or sequence of str
+        Names of sliders with Coulomb friction, or True for all, whose interval of places of rest is looked for at the end.
+    raise_loads : bool
+        False: loads and drives act in full from the first step on, and the load factor is how far supports that move, and
+        prescribed places of sliders, have gone; for a `start` that is in equilibrium with the loads.
+    contacts : {'mesh', 'exact'}
+        Whether the force along the beam of sliders and sleeves is that of the elements in which they stand, or exact: beams are
+        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points, and may not rub; on
+        beams with Lagrange elements that are no part of a net.
+    steady : Spin or Travel, optional
+        The equilibrium in a steady motion, under its forces of inertia, which grow with the load factor (theory.md 17): in the
+        frame that spins, or beside which beams travel, supports stand still. Unstable directions are not counted: `modes(model,
+        state=..., steady=...)` tells what grows.
+
+    Returns
+    -------
+    Result
+        With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in
+        rows (`Result.slider`). With `contacts="exact"` the state is that of the given mesh, all sliders held in their exact
+        places, and `info["force_along"]` has what holds each of them along its beam, N; NaN where it stands on a node that
+        other parts refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the
+        negative and the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling
+        or limit load was passed, or is met, or something can move freely; `modes` shows them. `info["free_motions"]` names those
+        of the latter that are spins and turns of parts, `["beam 'tie' about its axis"]`, which stay as they are. Where the first
+        are not 0, and there is no `start`, and a load step was larger than 0.2, the equilibrium is looked for a second time with
+        steps of a fifth, because a large one may end in a remote equilibrium, and that of both with fewer is returned.
+        `info["counted_in"]` is "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True,
+        and one whose moments
+        leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
+        0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
+        (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for all that rubs,
+        sliders, joints and twists in sleeves ("s: twist"), its friction `force`, the most that it could be, `cone`, and whether
+        it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the others
+        with friction staying where they are; NaN where that is not found.
+
+    Raises
+    ------
+    SceneError
+        A scene that is not compiled, an argument out of range, something that is held by nothing, a slider that does not exist,
+        or is of a kind that contacts='exact' does not know.
+    ConvergenceError
+        The smallest load step fails, or a slider runs off its beam; carries the last equilibrium and the result until then.
+    Interrupted
+        By Ctrl-C; carries the same.
+    """
+    check_model("solve_static", model)
+    stays = held_sliders(model, held)
+    check_slider_forces("solve_static", model, stays, rubbing=True)
+    asked = _rubbing(model, named_sliders(model, "rest_intervals", rest_intervals), stays, rest_intervals)
+    check_backend(backend)
+    load_step = min(load_step, largest_load_step)
+    if not smallest_step <= load_step:
+        raise SceneError(f"load_step: needs 0 < smallest_step <= load_step <= 1, got {smallest_step!r} and {load_step!r}")
+    stops = [*([] if levels is None else levels), 1.0]
+    if levels is not None and not (len(levels) and levels[0] > 0.0 and levels[-1] <= 1.0 and np.all(np.diff(levels) > 0.0)):
+        raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
+    if model.slider_forces is not None:
+        model.slider_forces.check_times("solve_static", ~stays, at_time)
+    if at_time is None and model.motions is not None and model.motions.holds.has_functions:
+        raise SceneError("solve_static: motors, drives or given motions of joints are functions of time; say with at_time=... "
+                         "where to evaluate them")
+    factors = load_factors_at("solve_static", model, at_time)
+    if steady is not None:
+        check_steady("solve_static", model, steady, factors)
+        if model.asked_for_plane:
+            raise SceneError("solve_static: steady= is known in space; compile the scene without planar=True")
+    notes: list[Any] = []
+    if start is not None:
+        start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
+    task = StaticTask(model, start, notes, factors, stops, stays, asked, smallest_step, at_time, observe, points, max_iterations,
+                      backend, threads, raise_loads, contacts, steady)
+    result = LoadSteps(task).find(load_step, largest_load_step)
+    first = max(SMALLER * load_step, smallest_step)
+    large = first < load_step and float(np.max(result.series["step_size"])) > SMALLER
+    if result.info["unstable_directions"] and start is None and large:
+        return _more_stable(task, result, first, max(first, min(largest_load_step, SMALLER)))
+    return result
+
+
+def _more_stable(task: StaticTask, found: Result, load_step: float, largest: float) -> Result:
+    """Of an equilibrium with unstable directions, and one that smaller load steps lead to, the one with fewer. A large step may
+    end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first.
+
+    Raises
+    ------
+    Interrupted
+        By Ctrl-C; carries the first.
+    """
+    try:
+        again = LoadSteps(task).find(load_step, largest)
+    except ConvergenceError:
+        return found
+    except (Interrupted, KeyboardInterrupt):
+        raise Interrupted("interrupted while an equilibrium with unstable directions was looked for once more; it is in .state, "
+                          "its rows are in .result", result=found, state=found.state) from None
+    except Exception as failed:
+        carry(failed, lambda: found)
+        raise
+    found.info["wall_time"] = again.info["wall_time"] = found.info["wall_time"] + again.info["wall_time"]
+    count, where = again.info["unstable_directions"], again.info["counted_in"]
+    # moments may leave it undecided in space; fewer in the plane says nothing about space
+    fewer = count is not None and count < found.info["unstable_directions"] and where in ("space", found.info["counted_in"])
+    return again if fewer else found
+
+
+def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = False, smooth: bool = False) -> None:
+    """Refuse sliders that are free and have what an analysis does not know along their beam; rubbing: whether it knows friction,
+    drives and stops; smooth: those alone whose forces are smooth functions of places.
+
+    Raises
+    ------
+    SceneError
+        Names the slider and the function that was called.
+    """
+    forces = model.slider_forces
+    if not rubbing:
+        check_twist(who, model)
+    if forces is None:
+        return
+    off = np.flatnonzero(forces.off_at_start)
+    if off.size:
+        raise SceneError(f"{who}: slider {model.names['sliders'][off[0]]!r} begins away from its beam, where nothing rests; let "
+                         "it begin on the beam, or run until it rests")
+    refused = np.flatnonzero((forces.lets_go_of if rubbing else forces.is_rough if smooth else forces.acts_on) & ~stays)
+    if refused.size:
+        name = model.names["sliders"][refused[0]]
+        what = ("a lock or may leave its beam" if rubbing else
+                "Coulomb friction, a prescribed motion, rigid stops, a lock, a switch, or may leave its beam" if smooth else
+                "friction, a drive, stops, a lock or may leave its beam")
+        raise SceneError(f"{who}: slider {name!r} has {what}, which equilibria do not know; hold it where it stands with "
+                         f"held=({name!r},), leave that out for the equilibrium, or run until it rests")
+
+
+def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
+    """Numbers of the sliders whose intervals of rest are asked for; given: the argument.
+
+    Raises
+    ------
+    SceneError
+        One of them is held, or has no friction that could hold it.
+    """
+    forces = model.slider_forces
+    rubs = np.zeros(asked.size, bool) if forces is None else forces.hold_by_friction & ~stays
+    if given is not True and np.any(asked & ~rubs):
+        name = model.names["sliders"][np.flatnonzero(asked & ~rubs)[0]]
+        raise SceneError(f"rest_intervals: slider {name!r} has no Coulomb friction that could hold it, or is held or driven by a "
+                         "prescribed motion; name sliders with friction=")
+    return [int(k) for k in np.flatnonzero(asked & rubs)]
+
+
+def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
+    """Whether a slider stays where it is, bool [S]: those of `held`, and those that are locked from the start.
+
+    Raises
+    ------
+    SceneError
+        There is no slider of that name.
+    """
+    stays = named_sliders(model, "held", held)
+    return stays if model.slider_forces is None else stays | model.slider_forces.locked_at_start
+
+
+def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> Array:
+    """Which sliders an argument of this name means, bool [S].
+
+    Raises
+    ------
+    SceneError
+        There is no slider of that name.
+    """
+    names = model.names["sliders"]
+    if isinstance(held, bool):
+        return np.full(len(names), held)
+    for name in held:
+        if name not in names:
+            raise SceneError(f"{what}: scene {model.scene_name!r} has no slider {name!r}; {its_sliders(names, name)}")
+    return np.array([name in held for name in names], bool)

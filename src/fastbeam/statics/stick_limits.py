@@ -1,0 +1,280 @@
+"""Between which load factors friction holds a slider or a joint where it is (theory.md 8)."""
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.interface.arguments import Anything, Count, Name, Number, Numbers, Word, checked, shown
+from fastbeam.interface.errors import ConvergenceError, SceneError
+from fastbeam.interface.synonyms import its_sliders
+from fastbeam.kernels.loop import OK
+from fastbeam.kernels.state import State
+from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.contact.sleeve_twist import twist_label
+from fastbeam.model.forces.loads import load_path, which_times
+from fastbeam.model.model import Model, check_model
+from fastbeam.model.start import check_start
+from fastbeam.model.supports import check_supports
+from fastbeam.statics.moving_supports import StaticMotion, coordinates_of
+from fastbeam.statics.sliding import SlidingSolver
+from fastbeam.statics.static_analysis import START, check_slider_forces, held_sliders, which_sliders
+
+Array = np.ndarray
+# first increment of a load factor, with 1 added to its size, and the smallest
+FIRST, LEAST = 0.05, 1e-6
+# load factors are found to so much of their size, or as far as the share of friction that is left is round-off
+EXACT, ROUND_OFF = 1e-12, 1e-12
+MOST_ROUNDS = 60
+
+
+class StickInterval(NamedTuple):
+    """Load factors between which friction holds a slider or a joint, and the equilibria there."""
+
+    low: float       # -inf: everywhere below; NaN: there is no equilibrium before friction gives way
+    high: float      # inf: everywhere above; NaN as for `low`
+    at_low: State
+    at_high: State
+
+
+@checked(model=Anything(), slider=Name(), load_factor=Number(), within=Numbers((2,), "two load factors, the smaller one first"),
+         at_time=which_times, start=START, held=which_sliders, max_iterations=Count(most=10_000), backend=Word())
+def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, within: tuple[float, float] = (0.0, 10.0),
+                   at_time: float | tuple[float, float] | None = None, start: State | None = None,
+                   held: bool | str | tuple[str, ...] = False, max_iterations: int = 20, backend: str = "auto") -> StickInterval:
+    """The interval of load factors in which friction holds a slider, or a joint, where it rests at one of them.
+
+    From an equilibrium the loads grow, and shrink, slowly, until friction is all that it can be. Others with friction
+    stick or slip as this history asks for, so that the last of several rings of a capstan to slip tells when its cable moves.
+
+    Parameters
+    ----------
+    model : Model
+    slider : str
+        One with Coulomb friction, or a joint with friction= or coefficient=; of a joint with several such coordinates one of them
+        as `solve_static` names it in `info["friction"]`, "distance of cylindrical joint 'c'"; the twist of a beam in the sleeve
+        "s" that rubs with `radius=` is "s: twist". Where the loads of `load_factor` make it slip, it comes to rest first, which
+        leaves it at the end of its interval.
+    load_factor : float
+        Of the loads of the equilibrium in the interval.
+    within : (float, float)
+        The smallest and largest load factor that is looked at; they enclose `load_factor`.
+    at_time : float or (float, float), optional
+        As in `solve_path`: when time functions of loads are evaluated, s; of two times load factor 0 stands for the loads of
+        the first and 1 for those of the second, so that loads without a time function stay. Prescribed places of sliders are
+        those of that time, or of the second one, supports stay; drives by force grow with the load factor of all loads, and
+        with two times act in full.
+    start : State, optional
+        That equilibrium, as of `solve_static`; default: found from the reference, all loads raised together.
+    held, max_iterations, backend
+        As in `solve_static`.
+
+    Returns
+    -------
+    StickInterval
+        `low, high, at_low, at_high`: load factors and equilibria.
+
+    Raises
+    ------
+    SceneError
+        There is no such slider or joint, nothing that could hold it, an argument is out of range.
+    ConvergenceError
+        There is no equilibrium at `load_factor`; carries the last one.
+    """
+    check_model("stick_interval", model)
+    stays = held_sliders(model, held)
+    check_slider_forces("stick_interval", model, stays, rubbing=True)
+    kind, k = _number_of(model, slider, stays)
+    # nothing twists in a plane
+    flat = False if kind is _HeldJoint and slider in _twists(model) else None
+    if flat is False and model.asked_for_plane:
+        raise SceneError(f"stick_interval: {slider!r}: nothing twists in a plane; compile the scene without planar=True")
+    check_backend(backend)
+    if not within[0] <= load_factor <= within[1]:
+        raise SceneError(f"within: {shown(within)} must enclose load_factor={load_factor:.6g}")
+    base, change = load_path("stick_interval", model, at_time)
+    if at_time is None and (model.slider_forces is not None and model.slider_forces.has_functions(~stays)
+                            or model.motions is not None and model.motions.holds.has_functions):
+        raise SceneError("stick_interval: drives, or what joints are given, are functions of time; say with at_time=... where to "
+                         "evaluate them")
+    if start is not None:
+        start, _ = check_start(model, start, 1.0, at_rest=True)
+    t = at_time[1] if isinstance(at_time, tuple) else at_time or 0.0
+
+    def solver_of(state: State | None, held: Array) -> SlidingSolver:
+        solver = SlidingSolver(model, state, max_iterations, held, flat, backend, t)
+        solver.move_to(1.0)
+        return solver
+
+    def load(solver: SlidingSolver, factor: float, share: float = 1.0) -> bool:
+        solver.set_time(t, share * (1.0 if isinstance(at_time, tuple) else factor))
+        return bool(solver.equilibrium(share * (base + factor * change))[0] == OK)
+
+    solver = solver_of(start, stays)
+    check_supports(model, solver.stepper.plane is not None)
+    if model.prescribed is not None and at_time is not None:
+        stand = StaticMotion(model, solver.state, True, (t, t), "stick_interval")
+        stand.check_stands("stick_interval", 1.0, coordinates_of(solver.stepper, stand.own))
+    shares = [1.0] if start is not None else np.linspace(0.0, 1.0, 5)[1:].tolist()
+    for share in shares:
+        if not load(solver, load_factor, share):
+            text = f"stick_interval: no equilibrium is found at load factor {load_factor:.6g}"
+            error = ConvergenceError(f"{text}; find one with solve_static, and give it as start=", step=0, time=0.0,
+                                     state=State(*(x.copy() for x in solver.state)))
+            raise solver.stepper.blamed(error, text, "The last equilibrium is in .state")
+    found = State(*(x.copy() for x in solver.state))
+    ends = []
+    for end in within:
+        still = stays | (np.arange(stays.size) == k) if kind is _HeldSlider else stays
+        mine = kind(solver_of(State(*(x.copy() for x in found)), still), k, t)
+        ends.append(_end_of(mine, load, load_factor, float(end)))
+    return StickInterval(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+
+
+def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], int]:
+    """The number of a slider that friction can hold, or of a coordinate of a joint.
+
+    Raises
+    ------
+    SceneError
+        There is none of that name, or nothing that could hold it.
+    """
+    names = model.names["sliders"]
+    if slider in _twists(model) and slider not in names:
+        of_joints = 0 if model.motions is None else model.motions.holds.rubs.size
+        return _HeldJoint, of_joints + _twists(model).index(slider)
+    if slider not in names and model.motions is not None:
+        holds = model.motions.holds
+        rubs = [holds.parts[k] for k in holds.rubs]
+        found = [i for i, x in enumerate(rubs) if x.has_friction and slider in (x.name, x.label)]
+        if len(found) == 1:
+            return _HeldJoint, found[0]
+        if found:
+            raise SceneError(f"stick_interval: joint {slider!r} has friction on {len(found)} coordinates; name one of them, "
+                             f"{' or '.join(repr(rubs[i].label) for i in found)}")
+        if any(slider in (x.name, x.label) for x in holds.parts):
+            raise SceneError(f"stick_interval: joint {slider!r} has no friction that could hold it; name one with friction= or "
+                             "coefficient=")
+    if slider not in names:
+        raise SceneError(f"stick_interval: scene {model.scene_name!r} has no slider {slider!r}; "
+                         f"{its_sliders(names, slider)}")
+    k = names.index(slider)
+    if model.slider_forces is None or not (model.slider_forces.hold_by_friction & ~stays)[k]:
+        raise SceneError(f"stick_interval: slider {slider!r} has no Coulomb friction that could hold it, or is held or driven by "
+                         "a prescribed motion; name one with friction=")
+    return _HeldSlider, k
+
+
+def _twists(model: Model) -> list[str]:
+    """Names of the twists of beams in sleeves that rub, as in `info["friction"]`."""
+    return [twist_label(model.names["sliders"][k]) for k in model.sleeve_pairs[model.twisting, 0]] if model.twisting.size else []
+
+
+class _Held(ABC):
+    """The equilibria of a scene with one part where it is, whatever that takes; k: its number; t: time of its drive."""
+
+    def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
+        self.solver, self.k, self.t = solver, k, t
+
+    @abstractmethod
+    def margin(self) -> float:
+        """The share of its friction that is left."""
+
+    def saved(self) -> tuple[Any, ...]:
+        """Everything that a later equilibrium depends on."""
+        along, joints = self.solver.along, self.solver.joints
+        return (self.solver._saved(), None if along is None else along.modes.at_stop.copy(),
+                None if joints is None else (joints.values.copy(), joints.at_stop.copy()))
+
+    def restore(self, saved: tuple[Any, ...]) -> None:
+        """Go back to it."""
+        self.solver._restore(saved[0])
+        if self.solver.along is not None:
+            self.solver.along.modes.at_stop[:] = saved[1]
+        if self.solver.joints is not None:
+            self.solver.joints.values, self.solver.joints.at_stop = (x.copy() for x in saved[2])
+            self.solver.hold_joints()
+
+    @property
+    def state(self) -> State:
+        """A copy of the present one."""
+        return State(*(x.copy() for x in self.solver.state))
+
+
+class _HeldJoint(_Held):
+    """Of a coordinate of a joint."""
+
+    def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
+        super().__init__(solver, k, t)
+        assert solver.joints is not None
+        solver.joints.kept[k] = True
+
+    def margin(self) -> float:
+        assert self.solver.joints is not None
+        return self.solver.joints.margin(self.k)
+
+
+class _HeldSlider(_Held):
+    """Of a slider."""
+
+    def margin(self) -> float:
+        solver, k = self.solver, self.k
+        assert solver.along is not None
+        forces, border = solver.along.forces, solver._border(rubs=False)
+        needed, s = float(border.sliding[k]), float(solver.stepper.core_state.s[k])
+        if forces.tables.drive[k]:
+            needed -= forces.at_rest(k, self.t, s, solver.along.factor, solver.along.offset[k])
+        most = float(forces.tables.friction[k] * border.normal[k])
+        return 1.0 - abs(needed) / most if most > 0.0 else -1.0 if needed else 1.0
+
+
+def _end_of(held: _Held, load: Callable[..., bool], start: float, end: float) -> tuple[float, State]:
+    """The load factor between `start` and `end` where friction gives way, and the equilibrium there."""
+    if not load(held.solver, start):
+        return np.nan, held.state
+    a, left = start, held.margin()
+    if left <= 0.0:
+        # it has slipped, and rests at the end of its interval
+        return start, held.state
+    saved, step = held.saved(), FIRST * (1.0 + abs(start)) * (1.0 if end > start else -1.0)
+    while True:
+        if a == end:
+            return (np.inf if end > start else -np.inf), held.state
+        b = a + step if abs(step) < abs(end - a) else end
+        if not load(held.solver, b):
+            held.restore(saved)
+            step *= 0.25
+            if abs(step) < LEAST * (1.0 + abs(a)):
+                return np.nan, held.state
+            continue
+        beyond = held.margin()
+        if beyond < 0.0:
+            return _root(held, load, saved, (a, left), (b, beyond))
+        a, left, saved = b, beyond, held.saved()
+        step *= 2.0
+
+
+def _root(held: _Held, load: Callable[..., bool], saved: tuple[Any, ...], low: tuple[float, float],
+          high: tuple[float, float]) -> tuple[float, State]:
+    """The load factor between two, with friction left and without, where there is none left (regula falsi, with the halved
+    ordinate of the Illinois method); every equilibrium is found from the last one with some left."""
+    (a, left), (b, beyond), side = low, high, 0
+    for _ in range(MOST_ROUNDS):
+        x = a + (b - a) * left / (left - beyond)
+        held.restore(saved)
+        if not load(held.solver, x):
+            return np.nan, held.state
+        margin = held.margin()
+        if abs(margin) <= ROUND_OFF or abs(b - a) <= EXACT * (1.0 + abs(a)):
+            return x, held.state
+        if margin > 0.0:
+            a, left, saved = x, margin, held.saved()
+            beyond *= 0.5 if side > 0 else 1.0
+            side = 1
+        else:
+            b, beyond = x, margin
+            left *= 0.5 if side < 0 else 1.0
+            side = -1
+    return a, held.state

@@ -1,0 +1,344 @@
+"""Unstressed lengths of beams as unknowns of an equilibrium, one for every condition on it (theory.md 12)."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.loop import NOT_CONVERGED, OK
+from fastbeam.kernels.state import State
+from fastbeam.linalg.saddle import Saddle, factors_for
+from fastbeam.model.model import Model
+from fastbeam.model.tables import elements_of
+from fastbeam.results.observe.points import place_of
+from fastbeam.results.observe.resolution import Resolution
+from fastbeam.scene import Beam
+from fastbeam.scene.checks import Place
+from fastbeam.statics.constrained import Increment
+from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
+from fastbeam.statics.linear_response import Response, Solver
+from fastbeam.statics.path_stops import AXES, MOMENTS, Wanted
+from fastbeam.statics.prestrains import LEAST, MOST, StrainPath
+from fastbeam.stepping.iteration import newton_loop
+
+Array = np.ndarray
+# longest increment, in sizes of the scene and rad
+LONGEST = 1.0
+# steps of coordinates, in distances of nodes and as they are, for derivatives of section forces, and differences of order 6
+NEARBY, WAYS, WEIGHTS = 2.0**-8, (-3, -2, -1, 1, 2, 3), (-1 / 60, 9 / 60, -45 / 60, 45 / 60, -9 / 60, 1 / 60)
+# what lengths do to conditions, next to what they do to the scene, that is round-off; the smallest of the singular values of all
+# of it, rows and columns scaled to 1, next to the largest
+UNMOVED, DEPENDENT = 1e-9, 1e-9
+# share of conditions and loads that is round-off where the matrix is singular
+UNBALANCED = 1e-9
+
+
+class LengthTables(StrainPath):
+    """Prestrains of beams, each by itself, counted from those of the scene.
+
+    Parameters
+    ----------
+    model : Model
+    beams : list of Beam
+    per_length : bool
+        Whether their weights go with their unstressed lengths.
+    """
+
+    def __init__(self, model: Model, beams: list[Beam], per_length: bool) -> None:
+        self.beams, self.first = beams, np.array([beam.start_strain[0] for beam in beams])
+        self.weighs = per_length and bool(np.any(model.gravity))
+        # arrays of loads and of weights, what they are at first, and their change with the prestrain of every beam
+        self._weights: list[tuple[Array, Array, list[tuple[Array, Array]]]] = []
+        self._axes: Array | None = None
+        # nodes of every beam, one element after the other, and how their masses change with its prestrain, kg
+        self._shares = [_shares(model, beam, first) for beam, first in zip(beams, self.first.tolist())] if self.weighs else []
+        super().__init__(model, dict.fromkeys(beams, 1.0))
+
+    def _own(self, model: Model) -> Model:
+        if model.plane is not None:
+            self._axes = model.plane.axes
+        own = super()._own(model)
+        if not self.weighs:
+            return own
+        # gravity is in the first vector of all loads
+        loads, weight = model.loads.copy(), model.gravity_weight.copy()
+        rows = loads[0].reshape(-1, 8)
+        within = np.eye(3) if model.dim == 3 or self._axes is None else self._axes[:2].T
+        pull = np.zeros(8)
+        pull[:within.shape[1]] = model.gravity @ within
+        row_of = model.pattern.row_of
+        self._weights.append((rows, rows.copy(), [(row_of[at], share[:, None] * pull) for at, share in self._shares]))
+        self._weights.append((weight, weight.copy(), self._shares))
+        return replace(own, loads=loads, gravity_weight=weight)
+
+    def put(self, factor: float | Array) -> None:
+        super().put(factor)
+        for array, first, changes in self._weights:
+            array[:] = first
+            for k, (at, change) in enumerate(changes):
+                np.add.at(array, at, self._now[k] * change)
+
+    @property
+    def lengths(self) -> Array:
+        """Of the beams as they are drawn [m]."""
+        return np.array([beam.length for beam in self.beams])
+
+
+def _shares(model: Model, beam: Beam, first: float) -> tuple[Array, Array]:
+    """Nodes of a beam and how their masses, kg, change with its prestrain, which is `first` with the mass of the scene."""
+    q = model.q0.reshape(-1, 4, 3)
+    part = elements_of(beam, model.numbers.start(beam), q[:, 0], q[:, 1:])
+    mass = part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)
+    return part.nodes.reshape(-1), -mass.reshape(-1) / (1.0 - first)
+
+
+class Condition(NamedTuple):
+    """A quantity that has to have a value."""
+
+    wanted: Wanted
+    size: float                      # of the quantity
+    at: tuple[Array, Array] | None   # nodes [k] and weights [k, 4] of a place
+    axis: int                        # of the place
+    slider: int                      # of an arc length; else -1
+    part: str                        # of a section force
+
+    def slope(self, state: State) -> tuple[Array, Array]:
+        """Numbers of coordinates of nodes and the derivatives by them, of places and section forces."""
+        if self.at is not None:
+            nodes, weights = self.at
+            return (12 * nodes[:, None] + 3 * np.arange(4) + self.axis).reshape(-1), weights.reshape(-1)
+        section = copy(self.wanted.section)
+        first, section.first = section.first, 0
+        q = state.q.reshape(-1, 12)[first:first + section.count]
+        nodes = np.unique(np.concatenate((section.nodes.reshape(-1), section.at_nodes.reshape(-1))))
+        steps = np.full((nodes.size, 12), NEARBY)
+        steps[:, :3] *= np.max(np.linalg.norm(np.diff(q[nodes, :3], axis=0), axis=1))
+        n = steps.size
+        # node, coordinate, one after the other; from each of them six steps away
+        moved = np.broadcast_to(q, (n, len(WAYS), *q.shape)).copy()
+        each = np.arange(n)
+        moved[each[:, None], np.arange(len(WAYS)), np.repeat(nodes, 12)[:, None], each[:, None] % 12] += (
+            np.array(WAYS) * steps.reshape(-1, 1))
+        shapes = moved.reshape(-1, section.count, 4, 3)
+        values = getattr(section.at(np.zeros(len(shapes)), shapes[:, :, 0], shapes[:, :, 1:]), self.part)[:, 0]
+        slope = values.reshape(n, -1) @ np.array(WEIGHTS) / steps.reshape(-1)
+        return (12 * (first + nodes[:, None]) + np.arange(12)).reshape(-1), slope
+
+
+def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, float], points: Mapping[str, Place] | None,
+                  stays: Array) -> list[Condition]:
+    """Of quantities as `path_stops.wanted_of` knows them, each as it was asked for.
+
+    Raises
+    ------
+    SceneError
+        One of them has no derivative, or is the arc length of a slider that stays.
+    """
+    out = []
+    for what, one in zip(conditions, wanted):
+        at, axis, slider, size, part = None, -1, -1, model.length, ""
+        if isinstance(what, str):
+            slider = model.names["sliders"].index(what)
+            if stays[slider]:
+                raise SceneError(f"find_lengths, conditions: slider {what!r} is held, and its arc length stays; let it be free")
+        elif callable(what):
+            raise SceneError(f"find_lengths, conditions: {one.label} is a function, whose derivative is not known; ask for "
+                             "coordinates, section forces or arc lengths of sliders")
+        elif what[1] in AXES:
+            at, axis = place_of(model, what[0], (points or {})[what[0]]), AXES.index(what[1])
+        else:
+            part = what[1]
+            size = float(one.section.stiffness[0, 0]) * (model.length if part in MOMENTS else 1.0)
+        out.append(Condition(one, size, at, axis, slider, part))
+    return out
+
+
+class LengthSolver(Response):
+    """An equilibrium with conditions, on all its unknowns and prestrains of beams; `move_to` leads the conditions from what they
+    are at the start to what they are to be.
+
+    Parameters
+    ----------
+    tables : LengthTables
+    start : State
+        An equilibrium with the lengths of the scene.
+    max_iterations, held, backend, at_time, factors
+        As `Response`.
+    conditions : list of Condition
+        As many as beams.
+    """
+
+    def __init__(self, tables: LengthTables, start: State, max_iterations: int, held: Array, backend: str, at_time: float,
+                 factors: Array, conditions: list[Condition]) -> None:
+        plane = tables.model.plane
+        self.tables, self.conditions = tables, conditions
+        self.change = np.zeros(len(tables.beams))
+        tables.watch([condition.wanted.section for condition in conditions])
+        super().__init__(tables.model, start, held, plane is not None and plane.holds(start), backend, at_time, factors, 1.0)
+        # conditions are at the start
+        self.part, self.may_leap = 0.0, False
+        self.max_iterations = max_iterations
+        self._of_lengths = factors_for(backend)
+        self.begun = self.values()
+        self.asked = np.array([condition.wanted.value for condition in conditions])
+
+    @property
+    def name(self) -> str:
+        """What was used, for the result."""
+        f = self._of_lengths
+        if f is None or not f.count:
+            return "SuperLU on nodes and lengths"
+        return f"PARDISO on nodes and lengths, {f.count} factorisations, {f.refused} left to SuperLU"
+
+    @property
+    def prestrains(self) -> Array:
+        """Of the beams at present [m]."""
+        return self.tables.first + self.change
+
+    def values(self) -> Array:
+        """Of the quantities of all conditions [m]."""
+        state = self.state
+        return np.array([condition.wanted.of(state) for condition in self.conditions])
+
+    def move_to(self, share: float) -> None:
+        """How much of their way conditions have gone at the next equilibrium. Supports and what joints are given stay."""
+        super().move_to(1.0)
+        self.part = share
+
+    def _put(self, change: Array) -> None:
+        """Let beams have these changes of their prestrains [m], and weigh what goes with them."""
+        self.tables.put(change)
+        if self.tables.weighs:
+            self._load(self.factors)
+            self._loads[:] = self.work.f_ext
+
+    def bordered(self) -> tuple[Saddle, Array, Array, Any, Array]:
+        """Tangent [n, n], what is left of the equations [n], their derivatives by the prestrains [n, m], and those of the
+        conditions by the unknowns [m, n] and by the prestrains [m, m]."""
+        saddle, right = self.linearised()
+        m, size, rows = self.change.size, len(self.core.dofs), self.core.pattern.n
+        state, outer = self.state, self.work.f_ext - self._loads
+        before = self.work.r[:8 * rows].reshape(rows, 8)[:, :size].reshape(-1).copy()
+        values = self.values()
+        push, direct = np.zeros((right.size, m)), np.zeros((m, m))
+        in_sections = [j for j, condition in enumerate(self.conditions) if condition.wanted.section is not None]
+        for k in range(m):
+            more = self.change.copy()
+            more[k] += 1.0
+            # equations are linear in prestrains and weights
+            self._put(more)
+            self.work.f_ext[:] = self._loads + outer
+            self.stepper.parts.assemble(0.0)
+            after = self.work.r[:8 * rows].reshape(rows, 8)[:, :size].reshape(-1)
+            push[:after.size, k] = before - after
+            for j in in_sections:
+                direct[j, k] = self.conditions[j].wanted.of(state) - values[j]
+        self._put(self.change)
+        return saddle, right, push, self._slopes(state, right.size), direct
+
+    def _slopes(self, state: State, n: int) -> Any:
+        """Derivatives of the conditions by all unknowns, sparse [m, n]."""
+        from scipy import sparse
+        m = len(self.conditions)
+        by_q, by_s = sparse.lil_matrix((m, state.q.size)), sparse.lil_matrix((m, n - self.nodes))
+        for j, condition in enumerate(self.conditions):
+            if condition.slider >= 0:
+                by_s[j, condition.slider] = 1.0
+                continue
+            at, values = condition.slope(state)
+            by_q[j, at] = values
+        return sparse.hstack((by_q.tocsr() @ self.lift(), by_s)).tocsr()
+
+    def influence(self) -> tuple[Array, Array] | None:
+        """Derivatives of all conditions by all prestrains at the present equilibrium, each in sizes of its quantity [m, m], and
+        how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions, and prestrains
+        push along what has no stiffness."""
+        saddle, _, push, slopes, direct = self.bordered()
+        solver = Solver(saddle, "auto")
+        columns = [solver.solve(push[:, k]) for k in range(push.shape[1])]
+        if solver.is_singular:
+            # beams may spin
+            columns = []
+            for k in range(push.shape[1]):
+                columns.append(saddle.solve(push[:, k]))
+                if saddle.unbalanced > UNBALANCED * np.linalg.norm(saddle.row * push[:, k]):
+                    return None
+        if any(x is None for x in columns):
+            return None
+        found = direct + slopes @ np.stack(columns, axis=1)  # type: ignore[arg-type]
+        size = np.array([condition.size for condition in self.conditions])
+        return np.asarray(found / size[:, None]), np.array([self.size_of(x) for x in columns if x is not None])
+
+    def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        before, change = self._saved(), self.change.copy()
+        self.stepper.forget_failures()
+        status, sizes = NOT_CONVERGED, list[float]()
+        try:
+            status, sizes = self._find()
+        finally:
+            if status != OK:
+                self._restore(before)
+                self.change = change
+                self._put(change)
+        self.longest = len(sizes)
+        return status, sizes
+
+    def _find(self) -> tuple[int, list[float]]:
+        """Newton's method for the conditions of the present share of their way."""
+        self.runaway = self.stuck = -1
+        state, n = self.stepper.core_state, self.nodes + self.sliding.size
+        wanted = self.begun + self.part * (self.asked - self.begun) if self.part < 1.0 else self.asked
+        ways: list[Array] = []
+
+        def increment() -> tuple[int, float | None]:
+            x = self._solved(wanted - self.values())
+            if x is None:
+                return self.no_increment, None
+            change = self.change + x[self.unknowns:]
+            prestrains = self.tables.first + change
+            if self._size(x[:self.nodes]) > LONGEST or np.any((prestrains < LEAST) | (prestrains > MOST)):
+                return NOT_CONVERGED, None
+            if self.beyond_ends(state.s + x[self.nodes:n]):
+                return NOT_CONVERGED, None
+            ways.append(x)
+            self.change = change
+            self._put(change)
+            moved = self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns]))
+            return OK, moved + float(np.max(np.abs(x[self.unknowns:])))
+
+        status, sizes = newton_loop(increment, self.max_iterations, self.interrupted)
+        if status != OK:
+            return status, sizes
+        # further off than conditions that are nearly linear lead: another equilibrium
+        gone = np.sum(ways, axis=0)
+        if self._extent(gone - ways[0]) > max(STRAY * self._extent(ways[0]), LEAST_STRAY):
+            if not self.may_leap or Resolution(self.tables.model).is_folded(self.state.q):
+                return NOT_CONVERGED, sizes
+            self.leaps.append((self.part, self._extent(gone)))
+        return OK, sizes
+
+    def _extent(self, x: Array) -> float:
+        """The largest motion, in sizes of the scene and rad, and change of a prestrain among all unknowns [n + m]."""
+        return self.size_of(x) + float(np.max(np.abs(x[self.unknowns:])))
+
+    def _solved(self, off: Array) -> Array | None:
+        """Increments of all unknowns and prestrains [n + m], conditions being off by so much [m]; None where there are none."""
+        from scipy import sparse
+        saddle, right, push, slopes, direct = self.bordered()
+        m = off.size
+        whole = Saddle(sparse.bmat([[saddle.matrix, sparse.csr_matrix(-push)], [slopes, sparse.csr_matrix(direct)]]).tocsr(),
+                       np.append(saddle.multiplier, np.ones(m, bool)), self._of_lengths)
+        x = whole.solve(np.append(right, off))
+        if x is None or not np.isfinite(x).all():
+            return None
+        if whole.is_singular:
+            noise = np.zeros(x.size)
+            noise[:self.nodes] = self._round_off(saddle)
+            noise[-m:] = [UNBALANCED * condition.size for condition in self.conditions]
+            if whole.unbalanced > np.linalg.norm(whole.row * noise):
+                return None
+        return x

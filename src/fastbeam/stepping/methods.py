@@ -1,0 +1,210 @@
+"""Methods of time integration: the conserving step and the ones it is compared with (theory.md 7)."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.arguments import number
+from fastbeam.interface.errors import ConvergenceError, SceneError
+from fastbeam.kernels.beams import generalized_alpha as kernels
+from fastbeam.kernels.beams.generalized_alpha import Alpha
+from fastbeam.kernels.beams.nodes_without_mass import Knots
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.forces.bushing import Bushings
+from fastbeam.kernels.forces.winch import Winches
+from fastbeam.kernels.state import State
+from fastbeam.model.maps import free_unknowns, gap_rates, mass_map, share_map, spin_map, tie_map, velocity_map
+from fastbeam.model.model import Model
+
+Array = np.ndarray
+METHODS = {"energy_momentum": "energy-momentum conserving", "midpoint": "implicit midpoint", "trapezoidal": "trapezoidal rule",
+           "generalized_alpha": "generalized alpha"}
+RHO_INF = 0.8
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to step.
+
+    Attributes
+    ----------
+    name : str
+        Key of `METHODS`.
+    middle : None or 1
+        As in `kernels.step.assemble_step`.
+    parameters : None or float64 [4]
+        alpha_m, alpha_f, beta, gamma where equilibrium holds at the end of a step.
+    rho_inf : None or float
+    """
+
+    name: str = "energy_momentum"
+    middle: int | None = None
+    parameters: Array | None = None
+    rho_inf: float | None = None
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return METHODS[self.name] + ("" if self.rho_inf is None else f", rho_inf = {self.rho_inf:g}")
+
+    @property
+    def filters(self) -> bool:
+        """Whether conserving steps dissipate high frequencies."""
+        return self.name == "energy_momentum" and self.rho_inf is not None
+
+    @property
+    def at_end(self) -> bool:
+        """Whether forces belong to the end of a step, not to its middle."""
+        return self.parameters is not None
+
+
+def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float | None, model: Model) -> Method:
+    """The method of these arguments of `simulate`.
+
+    Raises
+    ------
+    SceneError
+        An unknown method, or arguments that do not go with it.
+    """
+    if not isinstance(name, str) or name not in METHODS:
+        raise SceneError(f"method: {name!r} does not exist: choose from {', '.join(map(repr, METHODS))}")
+    if rho_inf is not None and name not in ("generalized_alpha", "energy_momentum"):
+        raise SceneError(f"rho_inf: belongs to 'energy_momentum' and 'generalized_alpha', not to {name!r}; leave it out")
+    rho = RHO_INF if rho_inf is None else number("rho_inf", rho_inf)
+    if not 0.0 <= rho <= 1.0:
+        raise SceneError(f"rho_inf: must lie in [0, 1] (1 damps nothing, 0 annihilates high frequencies), got {rho:g}")
+    if model.sleeves is not None and name != "energy_momentum":
+        raise SceneError(f"method={name!r}: sleeves are held by conserving steps alone; leave method out")
+    if any(isinstance(table, Knots) for table in model.links) and name != "energy_momentum":
+        raise SceneError(f"method={name!r}: crossings, which have no mass, are known to conserving steps alone; leave method out")
+    if any(isinstance(table, Winches) for table in model.links) and name != "energy_momentum":
+        raise SceneError(f"method={name!r}: winches are known to conserving steps alone; leave method out")
+    if name in ("energy_momentum", "midpoint"):
+        # 1 dissipates nothing: the step as it is
+        return Method(name, 1 if name == "midpoint" else None, None, rho_inf if rho_inf is None or rho < 1.0 else None)
+    if order != 2:
+        raise SceneError(f"order: method {name!r} has order 2, got order={order!r}; order 4 composes the symmetric steps of "
+                         "'energy_momentum' or 'midpoint'")
+    if tolerance is not None:
+        raise SceneError(f"tolerance: step control is there for 'energy_momentum' and 'midpoint', not for {name!r}; "
+                         "leave tolerance out")
+    if name == "trapezoidal":
+        return Method(name, None, np.array([0.0, 0.0, 0.25, 0.5]))
+    am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+    gamma = 0.5 + af - am
+    return Method(name, None, np.array([am, af, 0.25 * (gamma + 0.5)**2, gamma]), rho)
+
+
+def check_forces(method: Method, composed: bool, model: Model, core: Model) -> None:
+    """Refuse what forces along beams on sliders, damping, supports that move and user forces do not go together with.
+
+    Parameters
+    ----------
+    composed : bool
+        Whether steps are composed of substeps, some of them backward.
+    model, core : Model
+        And the tables that a run goes on.
+
+    Raises
+    ------
+    SceneError
+    """
+    compared = method.middle is not None or method.parameters is not None
+    absent = [*(["supports that move"] if core.prescribed is not None else []),
+              *(["supports that let go or take hold"] if core.released is not None else []), *model.user_forces, *core.losses,
+              *(["added mass"] if core.added is not None else []),
+              *(["bushings"] if any(isinstance(table, Bushings) for table in core.links) else []),
+              *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
+    if compared and absent:
+        raise SceneError(f"method {method.name!r} does not know {', '.join(absent[:3])}; use the default method")
+    backward = [*core.losses, *model.needs_forward_steps]
+    if core.slider_forces is not None and core.slider_forces.dissipates:
+        backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
+    if composed and core.released is not None:
+        raise SceneError("order=4: where a support lets go or takes hold, velocities are of second order, and so is what "
+                         "follows; use order=2")
+    if composed and core.added is not None and core.added.turns:
+        raise SceneError(f"order=4: {core.added.labels[0]}: where the mass along d1 is not that across it, velocities are of "
+                         "second order, and so is what follows; use order=2")
+    if composed and core.slider_forces is not None and core.slider_forces.lets_go:
+        raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
+                         "follows; use order=2")
+    if composed and backward:
+        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in, and "
+                         "what rubs, hits or is locked has kinks in time, over which two runs cannot be extrapolated either; use "
+                         "order=2")
+
+
+def empty_rates(method: Method, n_nodes: int) -> Alpha | None:
+    """Work arrays of a method, None where it needs none."""
+    if method.parameters is None:
+        return None
+    return Alpha(method.parameters, empty(54 * n_nodes), empty(18 * n_nodes), empty(2), np.eye(3).reshape(-1))
+
+
+def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None:
+    """Consistent accelerations and contact forces of a state: the equations of motion with the second derivative of every
+    gap (index 1), written into alpha.rates and state.force.
+
+    Parameters
+    ----------
+    residual : function of q'' [12 N]
+        Rows [6 N] of the nodes' equations, in the order of the nodes, without contact forces.
+
+    Raises
+    ------
+    ConvergenceError
+        Inertia is missing: accelerations are not determined.
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+    n, s = model.n_nodes, model.n_sliders
+    rates = alpha.rates.reshape(9, n, 6)
+    q, v = state.q.reshape(n, 4, 3), state.v.reshape(n, 4, 3)
+    rates[:] = 0.0
+    rates[0, :, :3] = v[:, 0]
+    rates[0, :, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+    spin = spin_map(model)
+    rates[0, :, 3:] = (spin @ rates[0, :, 3:].reshape(-1)).reshape(n, 3)
+    tie = tie_map(model)
+    share = share_map(model)
+    free = free_unknowns(model)
+    lift = (tie @ velocity_map(q) @ share)[:, free]
+    bias = np.zeros(12 * n)
+    kernels.second_rates(alpha, 0, state.q, bias)
+    bias = tie @ bias
+    mass = (lift.T @ mass_map(model) @ lift).tocsc()
+    right = -residual(bias).reshape(-1)[free]
+    system: Any = mass
+    forces = 0
+    if model.n_constraints:
+        points, tangents, convective = gap_rates(model, state)
+        gap = points @ lift
+        forces = gap.shape[0]
+        along = sparse.csr_matrix((np.concatenate([np.zeros(0), *tangents]), (np.arange(3 * s), np.repeat(np.arange(s), 3))),
+                                  shape=(forces, s))
+        # constraints that hold the same motion twice share its force, as in theory.md (5.5)
+        with np.errstate(divide="ignore"):
+            soft = sparse.diags(1e-12 * (gap.power(2) @ (1.0 / mass.diagonal())))
+        system = sparse.bmat([[mass, -gap.T, None], [gap, soft, -along], [None, along.T, None]] if s else
+                             [[mass, -gap.T], [gap, soft]]).tocsc()
+        right = np.concatenate((right, convective - points @ bias, np.zeros(s)))
+    try:
+        x = splu(system).solve(right)
+    except RuntimeError:
+        x = np.full(system.shape[0], np.nan)
+    size = np.linalg.norm(right)
+    if not np.linalg.norm(system @ x - right) <= 1e-8 * max(size, 1e-300):
+        raise ConvergenceError(
+            "the accelerations at the start are not determined: generalized alpha and the trapezoidal rule need inertia at every "
+            "unknown (section inertia, inertia of every body); use method='energy_momentum' or 'midpoint'",
+            step=0, time=0.0, residuals=[], worst="start", state=State(*(y.copy() for y in state)))
+    second = lift @ x[:free.size] + bias
+    rates[1, :, :3] = second.reshape(n, 4, 3)[:, 0]
+    turn = np.zeros(6 * n)
+    turn[free] = x[:free.size]
+    rates[1, :, 3:] = (spin @ (share @ turn).reshape(n, 6)[:, 3:].reshape(-1)).reshape(n, 3)
+    rates[2] = rates[1]
+    state.force[:] = x[free.size:free.size + forces]

@@ -1,0 +1,581 @@
+"""Steppers: take a model's state over steps, either in the compiled loop with block elimination or with a sparse solver."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fastbeam.interface.arguments import count, number
+from fastbeam.interface.errors import ConvergenceError, SceneError
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.beams.moving_supports import PrescribedSchedule
+from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS, DriveSchedule
+from fastbeam.kernels.empty_arrays import aligned_empty, empty
+from fastbeam.kernels.energies import slider_motion
+from fastbeam.kernels.entries.dense import Contact
+from fastbeam.kernels.entries.factored import FactoredContact
+from fastbeam.kernels.forces.user_force import UserForceTimes
+from fastbeam.kernels.jit.decorators import announce_first_use, begin_background
+from fastbeam.kernels.jit.records import Record, record_of
+from fastbeam.kernels.linalg.constraints import Constraints
+from fastbeam.kernels.loop import BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from fastbeam.kernels.state import MORE_ITERATIONS, State
+from fastbeam.kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
+from fastbeam.linalg.linear_system import LinearSystem, check_backend
+from fastbeam.model.contact.sleeve_twist import start_twisting
+from fastbeam.model.forces.failed_laws import LET_IT, Failure, acting_at, failure_in, forget, has_failed
+from fastbeam.model.forces.loads import load_factors
+from fastbeam.model.joints.motion import check_motions
+from fastbeam.model.model import Model
+from fastbeam.model.released_supports import own_supports
+from fastbeam.model.start import own_state
+from fastbeam.model.workspace import (Capacity, capacity_of, check_border, contact_of, factored_contact_of, inner_of,
+    larger_capacity, law_work, work_of)
+from fastbeam.stepping.condensed import CondensedIteration, thread_count
+from fastbeam.stepping.constraint_rows import constraints_of
+from fastbeam.stepping.iteration import LEFT, Iteration
+from fastbeam.stepping.methods import Method, check_forces, empty_rates, start_rates
+from fastbeam.stepping.outcome import Outcome
+from fastbeam.stepping.terms import Corner, Growing, put_limits, system_of, terms_of
+
+Array = np.ndarray
+# of theory.md (5.5), chosen by docs/reports/stress.md
+AUGMENTATION = 1e7
+# a force moves nothing where the compliance of the parts that it joins is below this share of h^2/(mass of the scene)
+LEAST_COMPLIANCE = 1e-14
+# work arrays in the order of the nodes and sliders, whatever the order of the rows
+BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force",
+           "keep_dphi", "keep_theta", "past", "keep_past")
+# the cache folder is looked through once a process
+_announce = cache(announce_first_use)
+# doubles of a dense border beyond which a failed step is not repeated with one
+LARGEST_BORDER = 250_000_000
+# a start whose supports have turned as far as their functions, rad
+SAME_TURN = 1e-9
+
+
+class Stepper:
+    """Runs steps of one model; owns the state and the work arrays.
+
+    Parameters
+    ----------
+    model : Model
+    weights : float64 [m]
+        Substeps of a step as fractions of it (theory.md 6).
+    state : State, optional
+        Start from here instead of the model's initial state.
+    max_iterations : int
+        Newton iterations a substep.
+    backend : {'auto', 'pardiso', 'superlu'}
+        Of the sparse solver, where the model needs one.
+    method : Method
+    t : float
+        Time of the state, s; some methods need the loads there.
+    memory : float64, optional
+        As `memory` gave it; default: consistent with the state.
+    augmentation : float
+        Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
+    threads : int, optional
+        Of condensed beams (default: see `thread_count`) and of PARDISO.
+    static, symmetric : bool
+        For statics: loads that change, PARDISO's symmetric factorisation.
+
+    Raises
+    ------
+    SceneError
+        The state is not one of this model, max_iterations, backend or augmentation is not usable, or its constraints are a dense
+        border that the memory does not hold.
+    """
+
+    def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
+                 backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
+                 augmentation: float = AUGMENTATION, threads: int | None = None, static: bool = False,
+                 symmetric: bool = False) -> None:
+        check_backend(backend)
+        self.max_iterations = count("max_iterations", max_iterations)
+        _announce()
+        compared = method.middle is not None or method.parameters is not None
+        if compared and model.substructures is not None and model.uncondensed is not None:
+            model = model.uncondensed()
+        self.model, self.method = model, method
+        start = None if state is None else own_state(model, state)
+        self.augmentation = number("augmentation", augmentation)
+        if self.augmentation != 0.0 and not 1.0 <= self.augmentation <= 1e12:
+            raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
+                             f"is {AUGMENTATION:g}")
+        # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
+        flat = model.plane is not None and not compared
+        from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
+        self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
+        core: Model = model if self.plane is None else self.plane.model
+        if not static:
+            check_border(core)
+        self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
+        core, self.supports = own_supports(core, self.core_state, static)
+        self.core, self.weights = core, np.ascontiguousarray(weights, dtype=float)
+        # a step in one piece changes the state when it is done
+        rates = method.parameters is not None
+        keep = self.weights.size > 1 or core.n_constraints > 0 or core.moving is not None or rates
+        self.work = work_of(core, keep=keep, rates=rates)
+        self.inner = inner_of(core)
+        # sliders alone, as rows of the block matrix
+        self._factored = core.by_rows and core.n_constraints == core.n_sliders and not (compared or static)
+        self.rows: Constraints | None = None
+        if core.by_rows:
+            self.capacity = capacity_of(core)
+            self.contact = self._contact_of(self.capacity.entries)
+            if not static:
+                self._make_rows(self.capacity)
+        else:
+            self.contact = contact_of(core)
+        condensed = core.substructures is not None
+        if condensed or threads is not None:
+            threads = thread_count(threads, core.condensed_elements)
+        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.dofs), threads, reproducible=condensed,
+                                   symmetric=symmetric)
+        self.alpha, self._static = empty_rates(method, model.n_nodes), static
+        self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
+        self.prescribed = self.motion = None
+        self._more_turns: Array | None = None
+        if core.prescribed is not None and not static:
+            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
+        if not static:
+            check_forces(method, self.weights.size > 1, model, core)
+        if model.moving is not None:
+            model.moving.check(method.name if compared else None, static)
+        check_motions(model.motions, method.name if compared else None, self.weights.size)
+        if core.motions is not None and core.motions.rows.size:
+            self.motion = core.motions.work(core)
+            if memory is None:
+                core.motions.settle(self.core_state, self.state, core.motion_place, None if static else t)
+        # of user forces: the time in the middle of a step, and the load factor in statics
+        self.law_work = law_work()
+        self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
+        self.corner: Corner | None = None  # a slider on its way over a corner of a switch
+        self.growing = Growing(core, self.terms) if static else None
+        put_limits(core, self.core_state, None, self.terms)
+        self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
+        self._factors = np.ones((1, len(model.load_times)))
+        self.made_fallback: Stepper | None = None  # once a step has needed it
+        self._records: tuple[Record | None, Record | None] = None, None
+        # asked between the iterations of a loop in Python: whether to leave, with the state before the step
+        self.stop: Callable[[], bool] = bool
+        mass = float(model.gravity_weight.sum()) + (0.0 if model.moving is None else model.moving.mass)
+        self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
+        self._timed = any(t is not None for t in model.load_times)
+        if not self._timed and len(core.loads) == 1 and not static:
+            # they stay as they are
+            self.work = self.work._replace(f_ext=core.loads[0])
+        elif not self._timed and model.loads.shape[0]:
+            kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
+        if self.alpha is not None:
+            if self._timed:
+                kernels.external_forces(model.loads, load_factors(model, np.full(1, t), np.zeros(1))[0], self.work.f_ext)
+            if memory is None:
+                start_rates(model, self.alpha, self.core_state, self._rows_at_rest)
+        if self.along is not None:
+            core.slider_forces.check_start(t, self.core_state.s, core.along_of(self.core_state.history))
+        if memory is not None:
+            self.memory = memory
+        elif self.along is not None:
+            self._start_sliding()
+
+    def load_at(self, t: float, factor: float, shares: Array | None = None) -> None:
+        """In statics: the time, s, and load factor of forces by laws, moving air and ropes; shares: as of `Growing.put`."""
+        self.law_work[:2] = t, factor
+        assert self.growing is not None
+        self.growing.put(t, factor, shares)
+
+    def _start_sliding(self) -> None:
+        """Signs of the velocities of sliders with Coulomb friction. What a run before left at rest, held by friction or against a
+        stop, stays there: its velocity is what the step left in which it came to rest, of second order."""
+        model, state = self.model, self.state
+        rates, contact = empty(model.n_sliders), contact_of(model)
+        slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, empty(3 * model.n_sliders), rates)
+        moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
+        own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
+        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
+        own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
+        start_twisting(model, self.core_state.history, *(x.reshape(-1, 4, 3) for x in state[:2]), state.s)
+
+    @property
+    def state(self) -> State:
+        """The present state: the arrays themselves, or what they mean in space where the run is planar."""
+        return self.core_state if self.plane is None else self.plane.expand(self.core_state)
+
+    @property
+    def recorded(self) -> int:
+        """Number of forces in an outcome."""
+        return self.model.n_forces
+
+    @property
+    def memory(self) -> Array:
+        """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
+        increments, and the state as a planar run keeps it."""
+        rates, past, *increments = self._remembered
+        if past[3] == 0.0:
+            # they are no rates, but what a failed step left
+            increments[:2] = (np.zeros_like(x) for x in increments[:2])
+        return np.concatenate((rates, past, *increments))
+
+    @property
+    def system(self) -> System:
+        """What all terms share in compiled code."""
+        method: Any = Conserving() if self.method.middle is None else Midpoint()
+        if self.alpha is not None:
+            method = self.alpha
+        if self._static:
+            method = Equilibrium()
+        solver = self.linear.tables if self.core.pattern.plan is None else self.rows or self.core.pattern.plan
+        return system_of(self.core, method, None if self._static else self.contact, solver if self.linear.is_compiled else None,
+                         self.core_state, self.work)
+
+    @property
+    def records(self) -> tuple[Record, Record]:
+        """The terms and what they share, as compiled code takes them."""
+        terms, system = self._records
+        self._records = found = record_of(self.terms, terms), record_of(self.system, system)
+        return found
+
+    @property
+    def _remembered(self) -> tuple[Array, ...]:
+        """The parts of `memory`."""
+        rates = np.zeros(0) if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes]
+        own = () if self.plane is None else self.core_state
+        return rates, self.work.past, self.work.dphi, self.work.theta, *own
+
+    @memory.setter
+    def memory(self, memory: Array) -> None:
+        parts = self._remembered
+        sizes = [x.size for x in parts]
+        if memory.size != sum(sizes):
+            raise SceneError(f"start: the checkpoint carries {memory.size} numbers besides the state, method "
+                             f"{self.method.name!r} needs {sum(sizes)}; go on with the method that wrote it, or "
+                             "with start=checkpoint.state, t_start=checkpoint.t")
+        for mine, other in zip(parts, np.split(memory, np.cumsum(sizes)[:-1])):
+            mine[:] = other
+
+    def _rows_at_rest(self, u: Array) -> Array:
+        """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
+        model, work = self.model, self.work
+        work.u[:] = u
+        system = self.system._replace(method=AtRest())
+        whole = Record(terms_of(model, None)), Record(system)
+        kernels.begin(*whole, 0.0)
+        kernels.assemble_all(*whole, 0.0)
+        return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
+
+    def _contact_of(self, entries: int) -> Contact | FactoredContact | None:
+        """Work arrays of the constraints, with room for so many entries each."""
+        return factored_contact_of(self.core, entries) if self._factored else contact_of(self.core, entries)
+
+    def _make_rows(self, capacity: Capacity) -> None:
+        """Work arrays of sliders as rows of the block matrix."""
+        assert self.contact is not None
+        self.capacity = capacity
+        self.rows = rows = constraints_of(self.core, self.inner, capacity.entries, capacity.scale, capacity.targets)
+        if capacity.buffer > rows.buffer.size:
+            self.rows = rows._replace(buffer=aligned_empty(capacity.buffer))
+        self.work = self.work._replace(blocks=rows.factors.store[:rows.couplings.end[0]])
+        if self.contact.row.shape[1] != capacity.entries:
+            old, self.contact = self.contact, self._contact_of(capacity.entries)
+            assert self.contact is not None
+            self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
+
+    def _enlarge(self) -> None:
+        """More room for sliders as rows, of the kind that was too short."""
+        assert self.contact is not None and self.rows is not None
+        self._make_rows(larger_capacity(self.core, self.capacity, self.contact, self.rows))
+
+    @property
+    def _border_size(self) -> int:
+        """Doubles of the dense border of all sliders."""
+        return self.core.border_size
+
+    @property
+    def pivots_everywhere(self) -> bool:
+        """Whether all unknowns are solved for by SuperLU, after which there is nothing left to try."""
+        return self.inner is None and self.core.substructures is None and not self.linear.is_compiled
+
+    @property
+    def fallback(self) -> Stepper:
+        """The same state and first guesses around SuperLU, without elimination of inner nodes, where pivots vanish."""
+        if self.made_fallback is None:
+            assert self.model.uneliminated is not None
+            fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
+                               "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
+            fallback.core_state, fallback.alpha = self.core_state, self.alpha
+            put_limits(self.core, self.core_state, self.corner, fallback.terms)
+            fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
+                                                   increment=fallback.work.increment._replace(theta=self.work.theta))
+            self.made_fallback = fallback
+        return self.made_fallback
+
+    def save(self) -> tuple[State, Array]:
+        """Everything a later `load` needs."""
+        return self.copy_state(), self.memory
+
+    def load(self, saved: tuple[State, Array]) -> None:
+        """Go back to what `save` returned."""
+        self.set_state(saved[0])
+        self.memory = saved[1]
+
+    def copy_state(self) -> State:
+        """A copy of the present state."""
+        return State(*(x.copy() for x in self.state))
+
+    def set_state(self, state: State) -> None:
+        """Go (back) to a state, without memory of steps before it."""
+        self.work.past[0] = 0.0
+        for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
+            mine[:] = other
+        put_limits(self.core, self.core_state, self.corner, self.terms, self.made_fallback and self.made_fallback.terms)
+
+    @property
+    def failed_law(self) -> Failure:
+        """Which law of the user's own has failed in the last attempt, and how."""
+        return failure_in(self.core, self.terms, self.law_work)
+
+    def label_of(self, node: int) -> str:
+        """A node for messages about what fails, with whose laws act there."""
+        return self.model.node_label(node) + acting_at(self.core, self.terms, node)
+
+    def blamed(self, error: ConvergenceError, text: str, rest: str) -> ConvergenceError:
+        """The error of an attempt in which a law of the user's own has failed says so; any other one is as it is.
+
+        Parameters
+        ----------
+        error : ConvergenceError
+        text : str
+            What was attempted.
+        rest : str
+            Where the results are.
+        """
+        failed = self.failed_law
+        if failed.text:
+            error.args = (f"{text}: {failed.text}{LET_IT} {rest}",)
+            error.__cause__ = failed.error
+        return error
+
+    def forget_failures(self) -> None:
+        """Before an attempt."""
+        forget(self.terms, self.law_work)
+
+    def assemble_anew(self) -> None:
+        """Residual and tangent of the present shape at rest.
+
+        Raises
+        ------
+        SceneError
+            A law of the user's own has failed.
+        """
+        self.forget_failures()
+        self.parts.assemble(0.0)
+        self.check_laws()
+
+    def check_laws(self) -> None:
+        """Refuse equations that laws have put no numbers into.
+
+        Raises
+        ------
+        SceneError
+            Names the law, its time and what it was given.
+        """
+        if has_failed(self.terms, self.law_work):
+            failed = self.failed_law
+            raise SceneError(failed.text) from failed.error
+
+    def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
+        """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
+        event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
+        self.begun = False  # whether the state may have changed
+        result = self._run(t, h, n, done)
+        while result.status == OK and result.steps < n and not self.stop():
+            result = self._run(t, h, n - result.steps, done + result.steps).after(result)
+        if self.prescribed is not None and self.core.prescribed.turns_size:
+            self._count_turns(t + h * done, t + h * (done + result.steps))
+        return result
+
+    def _count_turns(self, begin: float, end: float) -> None:
+        """How far supports have turned since t = 0, from one time to another, into the history. What the state of the start
+        differs by from their functions stays."""
+        now = self.core.turns_of(self.core_state.history)
+        if self._more_turns is None:
+            more = now - self.core.prescribed.vectors(begin)
+            self._more_turns = np.where(np.abs(more) > SAME_TURN, more, 0.0)
+        now[:] = self.core.prescribed.vectors(end) + self._more_turns
+
+    def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
+        """Like `advance`, but returns after a step that was repeated."""
+        model = self.core
+        self._augment(h)
+        self.forget_failures()
+        counts, sizes = np.zeros(5, np.int64), empty(MORE_ITERATIONS * self.max_iterations)
+        force = empty((2, self.core_state.force.size))
+        loads, factors = None, self._factors
+        if self._timed:
+            starts, lengths = self._substeps(t, h, n, done)
+            if self.method.at_end:
+                starts, lengths = starts + h, np.zeros(n)
+            loads, factors = model.loads, load_factors(model, starts, lengths)
+        schedules = self._schedules(t, h, n, done)
+        self.begun = True
+        if self.linear.is_compiled and model.substructures is None:
+            with self.linear.threads():
+                kernels.run(*self._loop(loads, factors, schedules, h, n, counts, sizes, force))
+            result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
+        else:
+            result = self._python_run(factors if self._timed else None, h, n, schedules)
+        reached = result.steps
+        if self.rows is not None and self.rows.factors.failed[0]:
+            # what the step has done does not count: rows of a run do not depend on when there was room
+            self._enlarge()
+            result.iterations = int(counts[4])
+            return self._run(t, h, 1, done + reached).after(result)
+        if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
+            if has_failed(self.terms, self.law_work):
+                # when a step was done: its work is not known
+                result.status = NOT_FINITE
+            return result
+        # the failed step once more, from a first guess that relies less on the past, at last with pivoting across all unknowns
+        past = self.work.past
+        if past[0]:
+            known, past[0] = past[0], past[0] - 1.0
+            fresh = self._run(t, h, 1, done + reached)
+            if fresh.status in (OK, SLIDER_END):
+                return fresh.after(result)
+            past[0] = known
+            return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
+        if self.pivots_everywhere or self._border_size > LARGEST_BORDER:
+            return result
+        self.fallback._augment(h)
+        at = reached * self.weights.size
+        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1,
+                                             self.fallback._schedules(t, h, 1, done + reached))
+        if pivoting.status not in (OK, SLIDER_END):
+            return result
+        if self.motion is not None and self.motion.friction is not None:
+            self.motion.friction.reached[:] = self.fallback.motion.friction.reached
+        self.linear.fallbacks += pivoting.status == OK
+        return pivoting.after(result)
+
+    def _schedules(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
+        """What drives, motors, supports that move and user forces are given in n steps; empty where nothing depends on time."""
+        out: list[Any] = []
+        if self.along is not None and self.core.slider_forces.timed:
+            out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
+        if self.motion is not None:
+            end = t + h * (done + n)
+            out += self.core.motions.schedules(self.motion, *self._substeps(t, h, n, done), end)
+        if self.prescribed is not None:
+            # a substep ends, to the last bit, where the next begins
+            times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
+            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed, self.plane)))
+        if self.core.dragged is not None and self.core.dragged.timed:
+            out.append(self.core.dragged.schedule(self.core.drag.air, self.terms, *self._substeps(t, h, n, done)))
+        if self.model.user_forces or self.core.dragged is not None and self.core.dragged.windy:
+            starts, sizes = self._substeps(t, h, n, done)
+            out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))
+        return tuple(out)
+
+    def _substeps(self, t: float, h: float, n: int, done: int) -> tuple[Array, Array]:
+        """Times at which the substeps of n steps begin, and their sizes."""
+        begins = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
+        starts = t + h * (np.arange(done, done + n)[:, None] + begins)
+        return starts.reshape(-1), np.tile(self.weights * h, n)
+
+    def _loop(self, loads: Array | None, factors: Array, schedules: tuple[Any, ...], h: float, n: int, counts: Array,
+              sizes: Array, force: Array) -> tuple[Any, ...]:
+        """The arguments of the compiled loop."""
+        given = (*schedules, *(() if loads is None else (Loads(loads, factors),)))
+        return given, *self.records, self.weights, h, n, self.max_iterations, counts, sizes, force
+
+    def begin_compilation(self) -> None:
+        """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
+        if self.linear.is_compiled and self.core.substructures is None:
+            empty = np.zeros(0)
+            begin_background(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors,
+                                                     self._schedules(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
+                                                     np.zeros((0, 0))))
+
+    def _in_space(self, force: Array) -> Array:
+        return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])
+
+    def _augment(self, h: float) -> None:
+        """Settings of the augmented Lagrangian for steps of size h, and supports as the state has them."""
+        self.supports.follow(self)
+        if self.contact is None:
+            return
+        self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
+
+    def _python_run(self, factors: Array | None, h: float, n: int, schedules: tuple[Any, ...] = ()) -> Outcome:
+        """The same loop in Python, around SuperLU or on several threads."""
+        model, state, work, parts = self.core, self.core_state, self.work, self.parts
+        force, iterations, sizes = np.zeros((2, state.force.size)), 0, np.zeros(0)
+        for k in range(n):
+            parts.keep()
+            last, status, slider = np.zeros(state.force.size), OK, -1
+            for m, weight in enumerate(self.weights):
+                if factors is not None:
+                    kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
+                for schedule in schedules:
+                    put_loads(schedule, None, k * self.weights.size + m)
+                status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
+                iterations += len(sizes)
+                if status == LEFT:
+                    parts.restore()
+                    return Outcome(OK, k, iterations, -1, sizes, self._in_space(force))
+                if status != OK:
+                    break
+                parts.finish(weight * h)
+                last += weight * state.force
+            if status == OK:
+                counts = np.array([0, 0, 0, -1])
+                status = OK if kernels.all_within_limits(*self.records, counts) else SLIDER_END
+                slider = int(counts[3])
+            if status != OK:
+                parts.restore()
+                return Outcome(status, k, iterations, slider, sizes, self._in_space(force))
+            force[1] = last
+            if k == 0:
+                force[0] = last
+        return Outcome(OK, n, iterations, -1, sizes, self._in_space(force))
+
+    def _python_step(self, h: float) -> tuple[int, Array]:
+        self.parts.start(h)
+        status, sizes = self.parts.newton(h, self.max_iterations, LARGEST_IN_TIME, self.stop)
+        return status, np.array(sizes)
+
+    def worst_constraint(self) -> tuple[int, float, float]:
+        """(slider, or joint behind the sliders, gap in m, residual of its sliding equation in N) where the gap of the last
+        iteration is largest."""
+        assert self.contact is not None
+        inside = np.arange(8) < self.contact.forces[:, None]
+        gaps = np.where(inside, np.abs(self.contact.residual), 0.0).max(axis=1)
+        k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
+        return k, float(gaps[k]), float(self.contact.residual[k, self.core.dim])
+
+    def largest_turn(self) -> tuple[int, float]:
+        """(node, angle in rad) of the largest turn of a triad in the last substep."""
+        theta = self.work.theta.reshape(self.model.n_nodes, -1)
+        size = np.abs(theta[:, 0]) if self.plane is not None else np.linalg.norm(theta, axis=1)
+        node = int(np.argmax(size))
+        return node, float(2.0 * np.arctan(0.5 * size[node]))
+
+    def largest_spin(self) -> tuple[int, float]:
+        """(node, angular velocity in rad/s) of the triad that turns fastest in the present state."""
+        state = self.state
+        q, v = (x.reshape(-1, 4, 3)[:, 1:] for x in (state.q, state.v))
+        size = np.linalg.norm(0.5 * np.cross(q, v).sum(axis=1), axis=1)
+        node = int(np.argmax(size))
+        return node, float(size[node])
+
+    def worst_node(self) -> tuple[int, float]:
+        """(node, size) of the largest residual of the last iteration."""
+        # that of the interior of condensed beams is kept nowhere; steps in time that failed have been tried without condensation
+        of = self if self.core.substructures is None or self.made_fallback is None else self.made_fallback
+        r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.dofs)]).max(axis=1)
+        row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
+        return int(np.flatnonzero(of.model.pattern.row_of == row)[0]), float(r[row])

@@ -1,0 +1,397 @@
+"""A scene linearised about one of its equilibria (theory.md 11): stiffness and masses on its unknowns as sparse matrices."""
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.beams.nodes import Held
+from fastbeam.kernels.state import State
+from fastbeam.linalg.eigen import Pencil
+from fastbeam.model.forces.damping_matrix import damping_map, material_map
+from fastbeam.model.mapping import follow, turned
+from fastbeam.model.maps import mass_map, velocity_map
+from fastbeam.model.model import Model
+from fastbeam.model.start import mended
+from fastbeam.statics.contact_equations import SaddleMatrix, StaticContacts
+from fastbeam.statics.steady_motion import Spin, SteadyForces, Travel
+from fastbeam.stepping.stepper import Stepper
+
+if TYPE_CHECKING:
+    from fastbeam.statics.contact_equations import Border
+    from fastbeam.vibration.resting_sliders import RestingSliders
+
+Array = np.ndarray
+# skew part of the scaled stiffness that is no round-off
+SKEW = 1e-8
+# diagonal entries below this share of the largest one of their kind, forces or moments, are round-off: of the spin of a body that
+# meets the moments of a sleeve alone
+LEAST_DIAGONAL = 1e-8
+# share of the kinetic energy that displacements across an axis have as round-off
+NOT_ACROSS = 1e-9
+
+
+class Linearisation:
+    """Stiffness and masses of a model about a state.
+
+    Parameters
+    ----------
+    model : Model
+    state : State or None
+        None: the reference.
+    sliding : bool [S]
+        Which sliders are free to slide.
+    factors : float64 [K]
+        Of the loads.
+    flat : bool
+        Motions in the plane of the scene alone.
+    moved : int64 [N], optional
+        Bits of unknowns of nodes that supports hold and that move here, 7 for positions, 56 for spins.
+    steady : (str, Spin or Travel), optional
+        The function that was called, and the steady motion that it is in equilibrium in.
+    resting : RestingSliders, optional
+        What acts along beams on sliders; then it tells which are free.
+
+    Attributes
+    ----------
+    free : int64 [k]
+        Numbers of the unknowns of rows that are free.
+    lift : sparse [12 N, k]
+        These unknowns -> rates of all coordinates.
+    mass : sparse [k, k]
+    """
+
+    def __init__(self, model: Model, state: State | None, sliding: Array, factors: Array, flat: bool,
+                 moved: Array | None = None, steady: tuple[str, Spin | Travel] | None = None,
+                 resting: RestingSliders | None = None) -> None:
+        assert model.uneliminated is not None
+        self.model = model
+        # spins that statics may hold are motions here
+        self.own = own = _released(model.uneliminated(planar=flat), moved)
+        self.stepper = Stepper(own, np.ones(1), state, backend="superlu", static=True)
+        plane = self.stepper.plane
+        if flat and plane is None:
+            raise SceneError("planar=True: the state leaves the plane of the scene; leave planar out")
+        self.core, self._sliding, self.factors, self.resting = self.stepper.core, sliding, factors, resting
+        self.size = len(self.core.dofs)
+        self.contacts = StaticContacts(own, None if plane is None else plane.axes)
+        motions = self.core.motions
+        if motions is not None and motions.holds.rubs.size:
+            self.contacts.loose = motions.holds.loose(self.stepper.core_state.history)
+        self.free = np.flatnonzero(self.contacts.free(self.size))
+        self.lift = (self.contacts.ties @ velocity_map(self.q) @ self.contacts.rows).tocsc()[:, self.free]
+        inertia = mass_map(own, self.q.reshape(-1))
+        if own.added is not None:
+            inertia = inertia + own.added.mass_map(self.q)
+        self._inertia = inertia
+        self.mass = (self.lift.T @ (inertia @ self.lift)).tocsr()
+        self._shift_mass = self.lift.T @ inertia
+        self.loads = np.zeros_like(self.stepper.work.f_ext)
+        if self.core.loads.shape[0]:
+            kernels.external_forces(self.core.loads, factors, self.loads)
+        self.steady = None
+        if steady is not None:
+            self.steady = SteadyForces(steady[0], own, steady[1], self.contacts, self.size)
+        self._saddle = None
+        if own.n_constraints:
+            self._saddle = SaddleMatrix(self.core.pattern, self.size, self.core.n_sliders, self.core.n_forces)
+
+    @property
+    def sliding(self) -> Array:
+        """Which sliders are free to slide, bool [S]."""
+        return self._sliding if self.resting is None else self._sliding & self.resting.free
+
+    @property
+    def held_sliders(self) -> list[str]:
+        """Names of those that stay where they are."""
+        return [name for name, is_free in zip(self.model.names["sliders"], self.sliding) if not is_free]
+
+    @property
+    def q(self) -> Array:
+        """Coordinates in space [N, 4, 3]."""
+        return np.asarray(self.stepper.state.q).reshape(-1, 4, 3)
+
+    def assembled(self) -> tuple[Pencil, Array]:
+        """Stiffness and masses, and the forces and gaps that are left, with the present contact forces."""
+        from scipy import sparse
+        stepper, core = self.stepper, self.core
+        work, state, n = stepper.work, stepper.core_state, core.pattern.n
+        work.f_ext[:] = self.loads
+        border = None
+        if self._saddle is not None:
+            weights = self.contacts.weights(state.s)
+            border = self.contacts.border(weights, self.q.reshape(-1), state.force)
+            border = border if self.resting is None else self.resting.put(border)
+            work.f_ext[:] += self.contacts.loads(weights, self.q.reshape(-1), state.force)
+        if self.steady is not None:
+            work.f_ext[:] += self.steady.loads(self.q)
+        stepper.parts.start(0.0)
+        stepper.assemble_anew()
+        right = -work.r[:8 * n].reshape(n, 8)[:, :self.size].reshape(-1)[self.free]
+        keep = self.free
+        if self._saddle is None or border is None:
+            blocks = work.blocks[:8 * self.size * core.pattern.keys.size].reshape(-1, self.size, 8)
+            matrix = 2.0 * stepper.linear.superlu.by_rows(blocks)
+        else:
+            matrix = self._saddle.of(work.blocks, border, self.sliding, 0.0)
+            keep = np.concatenate((self.free, np.arange(self._saddle.nodes, self._saddle.n)))
+            slope = np.where(self.sliding, -border.sliding, 0.0)
+            right = np.concatenate((right, slope, border.gaps))
+        if self.steady is not None:
+            more = self.steady.stiffness(self.q)
+            more.resize(matrix.shape)
+            matrix = matrix + more
+        matrix = matrix[keep][:, keep]
+        multiplier = np.arange(keep.size) >= self.free.size + core.n_sliders
+        transposed = matrix.T.tocsr()
+        skew = (matrix - transposed).tocoo()
+        size = np.sqrt(self._diagonal(matrix, keep))
+        scaled = np.abs(skew.data) / np.maximum(size[skew.row] * size[skew.col], 1e-300)
+        within = (size[skew.row] > 0.0) & (size[skew.col] > 0.0)
+        symmetric = not np.any(scaled[within] > SKEW)
+        if symmetric:
+            matrix = 0.5 * (matrix + transposed)
+        return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, keep, sparse), self._turns(keep)), right
+
+    def _turns(self, keep: Array) -> Array:
+        """Which of these unknowns are rotations."""
+        return (keep < self.size * self.core.pattern.n) & (keep % self.size >= self.core.dim)
+
+    def _diagonal(self, matrix: Any, keep: Array) -> Array:
+        """Sizes of the diagonal entries of a stiffness, by which its entries are scaled; keep: places of its rows."""
+        found = np.abs(matrix.diagonal())
+        turns = self._turns(keep)
+        least = [LEAST_DIAGONAL * np.max(found, where=kind, initial=0.0) for kind in (~turns, turns)]
+        return np.where(found > 0.0, np.maximum(found, np.where(turns, least[1], least[0])), 0.0)
+
+    def _idle_spins(self, matrix: Any, keep: Array, sparse: Any) -> Any:
+        """Spins of beams of nets about their axes where that changes no stress, sparse [k, j]; keep: places of the rows."""
+        k = self.free.size
+        none = sparse.csr_matrix((k, 0))
+        base, static = self.model, self.model.static_held
+        if static is None or static is base.held or self.size != 6:
+            return none
+        more = np.zeros(base.n_nodes, np.int64)
+        more[static.row] = static.mask
+        if base.held is not None:
+            more[base.held.row] &= ~base.held.mask
+        # by rows of the model in hand, whose numbers are other ones
+        nodes = np.flatnonzero(more[base.pattern.row_of])
+        at = np.full(self.core.pattern.n * self.size, -1)
+        at[self.free] = np.arange(k)
+        rows, columns, values = [], [], []
+        axis = self.q[:, 1]
+        count = 0
+        for net in self.model.names.get("nets", []):
+            starts = net["first"] + np.append(net["starts"], net["count"])
+            for a in np.flatnonzero(np.isin(starts[:-1], nodes)):
+                own = np.arange(starts[a], starts[a + 1])
+                where = at[6 * self.core.pattern.row_of[own][:, None] + 3 + np.arange(3)]
+                rows.append(where.reshape(-1))
+                columns.append(np.full(where.size, count))
+                values.append(axis[own].reshape(-1))
+                count += 1
+        if not count or min(map(np.min, rows)) < 0:
+            return none
+        still = sparse.csc_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(k, count))
+        left = (matrix[:k, :k] @ still).tocoo()
+        size = np.sqrt(self._diagonal(matrix, keep))[:k]
+        weights = np.asarray((self.mass @ still).multiply(still).sum(axis=0))
+        turns = size[self._turns(self.free)]
+        if np.any(np.abs(left.data) > 1e-9 * size[left.row] * np.max(turns, initial=0.0)) or not np.all(weights > 0.0):
+            return none
+        return still.tocsr()
+
+    def add_forces(self, change: Array) -> None:
+        """Add to the contact forces [F]."""
+        self.stepper.core_state.force[:] += change
+
+    def damping(self) -> Any:
+        """What resists velocities, sparse [k, k].
+
+        Raises
+        ------
+        SceneError
+            Nothing is at rest in moving air.
+        """
+        of_nodes = self._on_unknowns(damping_map(self.own, self.q, *self.stepper.law_work[:2].tolist()))
+        return of_nodes if self.resting is None else (of_nodes + self._damping_along(self.resting)).tocsr()
+
+    def _damping_along(self, resting: RestingSliders) -> Any:
+        """Of sliders along their beams, sparse [k, k]: the gaps stay closed, so that ds/dt = c' . B dx/dt / c'^2."""
+        from scipy import sparse
+        border = self._pressed()
+        s, d = border.tangent.shape
+        of = np.repeat(np.arange(s), d), np.arange(s * d)
+        share = border.tangent / np.sum(border.tangent**2, axis=1)[:, None]
+        rates = sparse.csr_matrix((share.reshape(-1), of), shape=(s, s * d)) @ border.gradient[:s * d][:, self.free]
+        return rates.T @ sparse.diags(resting.damping(border)) @ rates
+
+    def _pressed(self) -> Border:
+        """Equations of the sliders without forces along beams, and what presses on them."""
+        state = self.stepper.core_state
+        return self.contacts.border(self.contacts.weights(state.s), self.q.reshape(-1), state.force, np.zeros(state.s.size))
+
+    def frees(self, who: str) -> bool:
+        """Whether a slider turns out to be free, once contact forces are those of the equilibrium; who: the function that was
+        called.
+
+        Raises
+        ------
+        SceneError
+            Friction or a stop does not hold one that it is to hold.
+        """
+        return self.resting is not None and self.resting.judge(who, self._pressed(), self.load_size)
+
+    def coriolis(self) -> Any:
+        """Forces of the steady motion against velocities, sparse [k, k], skew."""
+        assert self.steady is not None
+        return self._on_unknowns(self.steady.field.coriolis)
+
+    def material(self) -> Any:
+        """Stiffness of the material of beams alone, sparse [k, k]."""
+        return self._on_unknowns(material_map(self.own, self.q))
+
+    @property
+    def load_size(self) -> float:
+        """Of all loads and forces of inertia, N; of moments as forces at the size of the scene."""
+        n = self.core.pattern.n
+        arm = np.where(np.arange(self.size) < self.core.dim, 1.0, self.core.length)
+        parts = [self.loads] + ([] if self.steady is None else [self.steady.loads(self.q)])
+        return sum(float(np.linalg.norm(x[:8 * n].reshape(n, 8)[:, :self.size] / arm)) for x in parts)
+
+    def _on_unknowns(self, matrix: Any) -> Any:
+        return (self.lift.T @ (matrix @ self.lift)).tocsr()
+
+    def on_rows(self, of_nodes: Array) -> Array:
+        """Forces and moments on nodes [N, 6] as forces on the unknowns [k]."""
+        # what ties hand on from positions and directors; moments of followers act on the spin that they share
+        rates = np.zeros((len(of_nodes), 4, 3))
+        rates[:, 0] = of_nodes[:, :3]
+        # sum d_i x f_i is the moment m with f_i = 1/2 m x d_i
+        rates[:, 1:] = 0.5 * np.cross(of_nodes[:, None, 3:], self.q[:, 1:])
+        return np.asarray(self.lift.T @ rates.reshape(-1))
+
+    # --- shapes ---------------------------------------------------------------------------------------------------------
+    def spread(self, vectors: Array) -> tuple[Array, Array]:
+        """Unknowns [k, m] as displacements and spins of all nodes [m, N, 3] each."""
+        rates = (self.lift @ vectors).T.reshape(vectors.shape[1], len(self.q), 4, 3)
+        d, spins = self.q[:, 1:], np.empty((len(rates), len(self.q), 3), rates.dtype)
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            # in a tenth of the time of np.cross
+            spins[:, :, i] = 0.5 * (np.einsum("na,mna->mn", d[:, :, j], rates[:, :, 1:, k])
+                                    - np.einsum("na,mna->mn", d[:, :, k], rates[:, :, 1:, j]))
+        return rates[:, :, 0].copy(), spins
+
+    def base_motion(self) -> Array:
+        """Products of the masses with unit motions of everything along x, y, z [k, 3], and the mass itself, kg."""
+        unit = np.zeros((len(self.q), 4, 3, 3))
+        unit[:, 0] = np.eye(3)
+        return np.asarray(self._shift_mass @ unit.reshape(-1, 3))
+
+    def moved(self, displacement: Array, spin: Array, slide: Array, velocity: Array, turning: Array) -> State:
+        """The equilibrium with its nodes moved [N, 3], triads turned by spins [N, 3] and sliders along their beams [S], and with
+        velocities and spins [N, 3]; joints and sliders are closed, which they are to first order."""
+        start = self.stepper.state
+        q = self.q.copy()
+        q[:, 0] += displacement
+        q[:, 1:] = turned(q[:, 1:], spin)
+        q = follow(self.model, q)
+        v = np.zeros_like(q)
+        v[:, 0] = velocity
+        v[:, 1:] = np.cross(turning[:, None, :], q[:, 1:])
+        fresh = self.model.state()
+        self.model.keep_turns(fresh.history, start.history)
+        if self.resting is not None:
+            self.resting.remember(fresh.history)
+        state = State(q.reshape(-1), follow(self.model, v).reshape(-1), start.s + slide, start.force.copy(), fresh.history)
+        return mended(self.model, state)
+
+    def in_motion(self, displacement: Array, velocity: Array, turning: Array) -> tuple[Array, Array]:
+        """Velocities and spins [N, 3] in space of those in the frame of the steady motion, of nodes moved by so much.
+
+        Raises
+        ------
+        SceneError
+            Beams travel.
+        """
+        assert self.steady is not None
+        motion = self.steady.motion
+        if not isinstance(motion, Spin):
+            raise SceneError(f"state: in {motion!r} nodes stand still while material passes, which no run begins with; follow "
+                             "the mode by its rate")
+        turn = motion.rate * motion.axis
+        return velocity + np.cross(turn, self.q[:, 0] + displacement - motion.point), turning + turn
+
+    def whirl(self, vectors: Array) -> Array:
+        """Of complex motions [k, m] about a spin: kinetic energy of displacements that circle forward less that of those that
+        circle backward, as a share of those across the axis [m]; of spins where these are all; 0 of beams that travel."""
+        assert self.steady is not None
+        motion = self.steady.motion
+        if not isinstance(motion, Spin):
+            return np.zeros(vectors.shape[1])
+        one = np.cross(motion.axis, np.eye(3)[np.argmin(np.abs(motion.axis))])
+        one /= np.linalg.norm(one)
+        two = np.cross(motion.axis, one)
+        out = []
+        for x in vectors.T:
+            rates = (self.lift @ x).reshape(-1, 4, 3)
+            product = (self._inertia @ rates.reshape(-1)).reshape(-1, 4, 3)[:, 0]
+            moves = rates[:, 0]
+            along = np.sum((moves @ motion.axis).conj() * (product @ motion.axis))
+            across = float(np.real(np.sum(moves.conj() * product) - along))
+            if across <= NOT_ACROSS * float(np.real(np.vdot(rates, self._inertia @ rates.reshape(-1)))):
+                moves = product = 0.5 * np.cross(self.q[:, 1:], rates[:, 1:]).sum(axis=1)
+                across = float(np.linalg.norm(moves @ one)**2 + np.linalg.norm(moves @ two)**2)
+                across *= across > NOT_ACROSS * float(np.linalg.norm(moves))**2
+            # twice the imaginary part of conj(b) a, b ahead of a by a quarter of a turn
+            turning = 2.0 * float(np.imag(np.sum((moves @ two).conj() * (product @ one))))
+            out.append(turning / across if across > 0.0 else 0.0)
+        return np.array(out)
+
+    # --- what is said about a state ---------------------------------------------------------------------------------------
+    def sizes(self, change: Array) -> Array:
+        """Of changes of the unknowns [k], in sizes of the scene and rad."""
+        return np.abs(change) / np.where(self.free % self.size < self.core.dim, self.core.length, 1.0)
+
+    def label(self, unknown: int) -> tuple[str, str]:
+        """The node of an unknown, and the unit of its force."""
+        row, component = divmod(int(self.free[unknown]), self.size)
+        node = int(np.flatnonzero(self.core.pattern.row_of == row)[0])
+        return self.model.labels[node], "N" if component < self.core.dim else "N m"
+
+    def force_size(self, forces: Array) -> float:
+        """Of forces and moments on the unknowns [k], N; of moments as forces at the size of the scene."""
+        return float(np.linalg.norm(forces / np.where(self._turns(self.free), self.core.length, 1.0)))
+
+    def round_off(self, pencil: Pencil) -> float:
+        """Force, N, that round-off of coordinates makes of the stiffness; of moments as forces at the size of the scene."""
+        forces = np.abs(pencil.stiffness.diagonal()[:self.free.size])
+        return 1e-13 * float(np.max(np.where(self._turns(self.free), forces / self.core.length, forces * self.core.length),
+                                    initial=0.0))
+
+
+def _released(model: Model, moved: Array | None) -> Model:
+    """The same without the spins that statics holds, and with these unknowns of nodes free."""
+    plane = model.plane
+    if plane is not None:
+        plane = replace(plane, model=replace(plane.model, static_held=_without(plane.model, moved)))
+    return replace(model, static_held=_without(model, moved), plane=plane)
+
+
+def _without(model: Model, moved: Array | None) -> Held | None:
+    """What supports hold but for these unknowns of nodes."""
+    held = model.held
+    if moved is None or held is None:
+        return held
+    bits = moved if model.dim == 3 else np.where(moved & 7 != 0, 3, 0) | np.where(moved & 56 != 0, 4, 0)
+    off = np.zeros(model.n_nodes, np.int64)
+    np.bitwise_or.at(off, model.pattern.row_of, bits)
+    mask = held.mask & ~off[held.row]
+    of_row = np.zeros(model.n_nodes, np.int64)
+    of_row[held.row] = mask
+    return held._replace(mask=mask, row_mask=of_row[model.pattern.rows[held.block]],
+                         column_mask=of_row[model.pattern.columns[held.block]])
