@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 IMPORT = re.compile(r"^from (fastbeam[\w.]*) import (\(.*?\)|[^\n]*)", re.MULTILINE | re.DOTALL)
 
 
+@cache
 def names_of(package: str) -> dict[str, str]:
     """Read the stub of a package; return its public names, each with the module that holds it."""
     out: dict[str, str] = {}
