@@ -632,8 +632,8 @@ class Compared(NamedTuple):
 
 
 # round-off, next to what numbers change by that differ in their last places, and next to the size of a result; derivatives by
-# parameters are differences over scenes that differ by 1/256
-TIMES, FLOOR, DIFFERENCES = 100.0, 1e-12, 1e-11
+# parameters are differences over scenes that differ by 1/256, and places are of the order of a metre: one bit of these, divided
+TIMES, FLOOR, DIFFERENCES, ONE_BIT = 100.0, 1e-12, 1e-11, 256 * EPS
 
 
 def compared(name: str, family: str, features: tuple[str, ...], seed: int) -> Compared:
@@ -645,8 +645,8 @@ def compared(name: str, family: str, features: tuple[str, ...], seed: int) -> Co
     moved = 1.0 + float(np.linalg.norm(away(seed).shift))
     for what, (x, size) in home.numbers.items():
         off, own = _size(far.numbers[what][0] - x), _size(near.numbers[what][0] - x)
-        floor = DIFFERENCES if what.startswith("by ") else FLOOR
-        worst, times = max(worst, off / (size or 1.0)), off / (moved * (TIMES * own + floor * size) or 1.0)
+        floor = DIFFERENCES * size + ONE_BIT if what.startswith("by ") else FLOOR * size
+        worst, times = max(worst, off / (size or 1.0)), off / (moved * (TIMES * own + floor) or 1.0)
         ratio = max(ratio, times)
         if times > 1.0:
             wrong += f"{what} off by {off:.1e} of {size:.1e}, {times:.1e} times the round-off; "

@@ -14,7 +14,7 @@ from fastbeam.kernels.algebra.vectors import put_first, total, vld, vst, vzero
 from fastbeam.kernels.jit.decorators import inlined, kernel
 
 # a pivot of the scaled Schur complement below this is round-off, that of dependent sliders; without the augmented Lagrangian
-# their pivots are larger (docs/stress.md)
+# their pivots are larger (docs/reports/stress.md)
 LEAST_PIVOT, LEAST_UNAUGMENTED = 1e-14, 1e-5
 
 
