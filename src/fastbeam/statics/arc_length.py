@@ -438,7 +438,7 @@ class PathSolver(SlidingSolver):
         v = found.vectors
         if self.is_unsymmetric:
             values = found.values - below_zero * self._stiffest
-            return values, v / np.sqrt(np.sum(self.weight[:, None] * v * v, axis=0))
+            return values, v / np.sqrt(np.sum(self.weight[:, None] * np.abs(v)**2, axis=0))
         # not set to zero where they are round-off
         return np.sum(v * (matrix @ v), axis=0), v
 
