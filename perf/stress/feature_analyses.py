@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import fastbeam as fb
-from perf.stress.feature_scenes import Host, MakesNoSense
+from perf.feature_scenes import Host, MakesNoSense
 
 RUN = {"t_end": 0.02, "step": 1e-3, "every": 1, "snapshots": 3, "progress": False}
 # stiffness without a symmetry: eigenvalues are not counted

@@ -1,4 +1,4 @@
-"""Every feature in every analysis: 66 x 26 pairs, each checked against another way to find the same numbers.
+"""Every feature in every analysis: 76 x 26 pairs, each checked against another way to find the same numbers.
 
     python perf/stress/features.py OUT.json --md OUT.md                  all pairs, an hour; those in OUT.json are not run again
     python perf/stress/features.py OUT.json --features winch --analyses static path
@@ -32,7 +32,7 @@ import numpy as np  # noqa: E402
 import fastbeam as fb  # noqa: E402
 from fastbeam.kernels import empty_arrays  # noqa: E402
 from perf.stress.feature_analyses import ANALYSES, WrongError, forget  # noqa: E402
-from perf.stress.feature_scenes import FEATURES, MakesNoSense  # noqa: E402
+from perf.feature_scenes import FEATURES, MakesNoSense  # noqa: E402
 from perf.stress.table import Row  # noqa: E402
 from perf.suite.same_bits_cases import found_in  # noqa: E402
 

@@ -1,4 +1,4 @@
-"""Sixty-six features, each hung on the apex of a shallow clamped arch with a force on it, so that it moves and carries something.
+"""Features, each hung on the apex of a shallow clamped arch with a force on it, so that it moves and carries something.
 
 The arch lies in the x-z plane; it has an equilibrium, a limit load and vibrations, and may snap.
 """
@@ -184,10 +184,10 @@ def switch(h: Host) -> None:
           fb.Slider("s", h.apex, on=ways, at=ways.offset(upper) + 0.0036))
 
 
-def crossing(h: Host) -> None:
+def crossing(h: Host, **options: Any) -> None:
     h.arch()
     y = fb.Beam.straight("cable", (0.5, -0.5, h.rise / 2), (0.5, 0.5, h.rise / 2), section=section_of(1), elements=2)
-    cross = fb.Crossing("x", h.right, y, at=(0.5 * math.hypot(1, h.rise) if not h.is_net else 0, 0.5))
+    cross = fb.Crossing("x", h.right, y, at=(0.5 * math.hypot(1, h.rise) if not h.is_net else 0, 0.5), **options)
     if h.is_net:
         raise MakesNoSense("here: the net has a node where the beams cross")
     h.facts(planar=False, contact=cross.name_a)
@@ -289,13 +289,20 @@ FEATURES: dict[str, Act] = {
     "revolute angle": turning({"moved": True, **TIMED}, angle=lambda t: 30 * t * t),
     "revolute friction": turning({"friction": "j"}, friction=3e-4),
     "revolute rigid stops": turning({"expect": "impact"}, stops=fb.Stops(-0.001, 0.001, restitution=0.5)),
+    "revolute load friction": turning({"friction": "j"}, coefficient=0.1, radius=0.02),
+    "revolute elastic stops": turning(stops=fb.Stops(-0.001, 0.001, stiffness=50.0)),
+    "revolute drive": turning(drive=fb.Drive(position=0.02, stiffness=0.5, damping=0.01)),
     "universal": joined(lambda a, b: fb.UniversalJoint(a, b, "j", axis_a=(0, 1, 0), axis_b=(1, 0, 0))),
     "cylindrical": joined(lambda a, b: fb.CylindricalJoint(a, b, "j", axis=(1, 0, 0))),
+    "cylindrical friction": joined(lambda a, b: fb.CylindricalJoint(a, b, "j", axis=(1, 0, 0), friction=(1e-3, 0.05)),
+                                   friction="j"),
     "prismatic": joined(lambda a, b: fb.PrismaticJoint(a, b, "j", axis=(1, 0, 1))),
     "planar joint": joined(lambda a, b: fb.PlanarJoint(a, b, "j", normal=(0, 1, 0))),
     "spherical": joined(lambda a, b: fb.SphericalJoint(a, b, "j", axis=(1, 0, 0), stiffness=(0.2, 0.2), damping=(0.01, 0.01))),
     "slider frictionless": sliding(), "slider viscous": sliding(friction=fb.Friction(0.0, viscous=2.0)),
     "slider Coulomb": sliding(facts={"friction": "s"}, friction=0.3),
+    "slider smoothed friction": sliding(friction=fb.Friction(0.3, smoothing=0.01)), "slider own curve": sliding(curve="own"),
+    "slider drive with limit": sliding(drive=lambda at: fb.Drive(position=at + 0.01, stiffness=300.0, damping=2.0, limit=0.8)),
     "slider speed drive": sliding(facts=TIMED, drive=fb.Drive(speed=lambda t: -20 * t)),
     "slider force drive": sliding(drive=lambda at: fb.Drive(force=lambda t, s, rate: -40 * (s - 0.7) - 0.5 * rate)),
     "slider elastic stops": sliding(stops=lambda at: fb.Stops(start=at - 0.001, stiffness=1e3)),
@@ -305,9 +312,11 @@ FEATURES: dict[str, Act] = {
     "slider one-sided": sliding(one_sided=(1, 0, 0)), "sleeve keyed": sliding(fb.Sleeve),
     "sleeve unkeyed twist friction": twisted,
     "sleeve bore length": sliding(fb.Sleeve, length=0.1),
+    "sleeve friction": sliding(fb.Sleeve, facts={"friction": "s"}, length=0.1, friction=0.2),
     "slider on Path": lambda h: (h.facts(contact="s"), h.add(fb.Slider("s", h.place() and h.apex, on=fb.Path(
         "p", h.rail(cuts=(-0.001,), elements=3)), at=0.6 + h.rise))),
-    "slider closed Path": closed_path, "slider on Switch": switch, "Crossing": crossing, "MovingMesh slider": moving_mesh,
+    "slider closed Path": closed_path, "slider on Switch": switch, "Crossing": crossing,
+    "Crossing friction": lambda h: crossing(h, friction=0.1), "MovingMesh slider": moving_mesh,
     "spring": added(lambda h: fb.Spring(ground(h), h.apex, "e", stiffness=50.0)),
     "spring tension-only": added(lambda h: fb.Spring(ground(h), h.apex, "e", stiffness=50.0, tension_only=True)),
     "spring table": added(lambda h: fb.Spring(ground(h), h.apex, "e", table=([-0.1, 0, 0.005, 0.1], [-4, 0, 0.3, 8]))),
@@ -333,6 +342,9 @@ FEATURES: dict[str, Act] = {
     "added mass": added(lambda h: fb.AddedMass("water", h.all, normal=0.1)),
     "winch": added(lambda h: fb.Winch("w", ground(h, 0.0, 0.5), h.apex, stiffness=50.0, mass_per_length=0.02, segments=2,
                                       length_at=lambda t: 0.49 - 20 * t * t), **TIMED),
+    "winch with inertia": added(lambda h: fb.Winch("w", ground(h, 0.1, 0.5), h.apex, stiffness=50.0, mass_per_length=0.02,
+                                                   segments=2, length=0.49, tension=lambda t: 1.0 + t, total=0.6,
+                                                   inertia=0.01), **TIMED),
     "controller": added(lambda h: fb.Load("f", h.apex, force=(0, 0, -0.8), time=fb.Controller(
         "c", lambda now, memory: 1 - 10 * (now.point("apex")[2] - 0.15), period=0.002, start=1.0, points={"apex": h.apex})),
         **TIMED),
