@@ -13,8 +13,8 @@ from fastbeam.interface.synonyms import ABSENT
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")
-# third column of every table
-CELLS = [row.split("|")[3] for row in PAGE.splitlines() if row.startswith("|") and row.count("|") == 5]
+# first column of every table
+CELLS = [row.split("|")[1] for row in PAGE.splitlines() if row.startswith("|") and row.count("|") == 3]
 NAMES = sorted({name for cell in CELLS for name in re.findall(r"`([^`]+)`", cell)})
 # what a new user searches for
 WORDS = ("damping", "friction", "spring", "motor", "reaction", "contact", "revolute", "prismatic", "hydrodynamics", "follower",

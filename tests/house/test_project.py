@@ -61,3 +61,27 @@ def test_every_page_is_part_of_the_site() -> None:
     assert sorted(listed) == sorted(pages - reports)
     assert len(reports) == 5 and links("docs/reports/index.md") == {name.split("/")[1] for name in reports}
     assert links("docs/index.md") == {name for name in listed if "/" not in name or name.endswith("/index.md")} - {"index.md"}
+
+
+def users_pages() -> set[str]:
+    """Pages of docs but those about methods, measurements and the inside."""
+    pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
+    return {name for name in pages if not name.startswith("reports/")} - {"theory.md", "architecture.md", "extending.md"}
+
+
+def words(*names: str) -> int:
+    return sum(len(text(f"docs/{name}").split()) for name in names)
+
+
+def test_the_pages_of_users_are_short() -> None:
+    assert len(users_pages()) > 30 and words(*users_pages()) <= 30_000
+    assert words("glossary.md") <= 900
+    assert words("limits.md") <= 2500
+    assert words("questions.md", "coming-from.md") <= 2400
+
+
+def test_the_pages_of_users_begin_with_a_sentence() -> None:
+    """Behind the title, and not with a heading, a list or code."""
+    for name in users_pages():
+        title, first = [line for line in text(f"docs/{name}").splitlines() if line.strip()][:2]
+        assert title.startswith("# ") and first[0].isalpha(), name

@@ -45,7 +45,7 @@ QUESTIONS = (
     ("natural frequency of a string", ("questions.html#how-do-i-model-a-cable",
                                        "questions.html#how-do-i-find-natural"), "modes("),
     ("how do I connect two beams", ("questions.html#how-do-i-connect",), "RigidConnection("),
-    ("how do I model a hinge with a motor", ("questions.html#how-do-i-model-a-hinge",
+    ("how do I model a hinge with a motor", ("questions.html#how-do-i-drive",
                                               "how-to/joints.html#joints-with-axes"), "torque="),
     ("how do I fix a node", ("questions.html#how-do-i-fix",), "Clamp("),
     ("reaction force at a support", ("questions.html#how-do-i-fix", "how-to/results.html#read-forces-out"), "reaction"),
