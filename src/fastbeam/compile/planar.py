@@ -26,7 +26,6 @@ from fastbeam.model.connections import TRIAD, held_axes, held_in_plane
 from fastbeam.model.contact.sleeves import sleeves_in_plane
 from fastbeam.model.forces.bushings import bushings_in_plane, check_plane
 from fastbeam.model.joints.coordinates import Coordinate
-from fastbeam.model.joints.motion import motions_in_plane
 from fastbeam.model.joints.tables import conditions_in_plane, kept_in_plane, left_in_plane
 from fastbeam.model.plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
 from fastbeam.model.tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
@@ -336,11 +335,11 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     flat = replace(
         model, sleeves=sleeves, kept=kept, kept_softness=softness,
-        motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane, model.n_sliders + len(kept)),
+        features=tuple(feature.in_plane(plane, model, model.n_sliders + len(kept)) for feature in model.features),
         simo=simo, green=green,
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
-        released=None if model.released is None else model.released.in_plane(axes), held=_held(model.held, axes),
+        bodies=bodies, links=tuple(table for table in links if table is not None), ties=ties,
+        held=_held(model.held, axes),
         static_held=_held(model.static_held, axes), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE)
     return replace(plane, moments=moments, model=replace(flat, inner=_inner(model.inner, [simo, green], flat.n_bordered > 0)))
 
@@ -417,11 +416,6 @@ def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> An
     if table is None or "ties" not in table._fields:
         return table
     return table._replace(ties=NoTies() if ties is None else ties)
-
-
-def _drag(drag: Any, axes: Array) -> Any:
-    """Drag has the same tables, but for the velocity of the air."""
-    return None if drag is None else drag._replace(air=(drag.air.reshape(-1, 3) @ axes[:2].T).reshape(-1))
 
 
 def _held(held: Held | None, axes: Array) -> Held | None:

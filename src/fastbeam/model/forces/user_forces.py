@@ -12,10 +12,13 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.forces.drag import NoWind, Wind
 from fastbeam.kernels.forces.force_element import ForceElements
 from fastbeam.kernels.forces.line_force import LineForces
+from fastbeam.kernels.forces.planar_follower import PlanarFollowers
 from fastbeam.kernels.forces.user_force import Laws, UserForces
+from fastbeam.model.analyses import Analysis, Lack, dissipating, unknown_to_methods, without_adjoint
+from fastbeam.model.feature import Feature, OfRun
 from fastbeam.model.forces.compiled_laws import (compiled_differences, compiled_force, compiled_slopes, compiled_tension,
     compiled_tension_slopes, compiled_wind, machine_code)
-from fastbeam.model.forces.failed_laws import Asked
+from fastbeam.model.forces.failed_laws import Asked, Lawful
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import node_lengths
 from fastbeam.model.workspace import law_work
@@ -25,6 +28,43 @@ from fastbeam.scene.links import label_of
 from fastbeam.scene.user_force import numbers_of_nodes
 
 Array = np.ndarray
+# tables of forces by laws of the triad
+ON_NODES = UserForces, PlanarFollowers
+
+
+class UserLaws(Feature):
+    """Forces by laws of the user's own, and loads that follow.
+
+    Parameters
+    ----------
+    forces : list of UserForce
+        On nodes.
+    between : list of LineForce or ForceElement
+        Between two points.
+    laws : dict of type -> failed_laws.Lawful
+        By the kinds of tables that call them, those of wind included.
+    """
+
+    key, title, order = "user_laws", "user forces, loads that follow, line forces and force elements", 120
+    lacks = (
+        unknown_to_methods("user forces", lambda laws, asked: laws.labels),
+        dissipating("user forces with dissipates=True", lambda laws, asked: [
+            label_of(force) for force in laws.forces if force.dissipates]),
+        Lack((Analysis.STEADY,), "user forces", "{who}: {name} is not known in a steady motion", "leave it out",
+             lambda laws, asked: laws.labels),
+        Lack((Analysis.SENSITIVITY,), "user forces", "{who}: derivatives with {name} are not known",
+             "use loads that keep their direction, or differences of equilibria", lambda laws, asked: laws.labels),
+        without_adjoint("user forces", lambda laws, asked: laws.labels))
+
+    def __init__(self, forces: list[UserForce], between: list[Any], laws: dict[type, Lawful]) -> None:
+        self.forces, self.called_laws = forces, laws
+        self.labels = tuple(label_of(force) for force in (*forces, *between))
+
+    def link_of_run(self, table: Any, run: OfRun) -> Any:
+        """Tables of laws with the work array of the run; shares are those of a run, because paths change them."""
+        if isinstance(table, ON_NODES):
+            return table._replace(work=run.law_work, share=table.share.copy())
+        return table._replace(work=run.law_work) if isinstance(table, (ForceElements, LineForces)) else table
 
 
 class Loaded:

@@ -8,6 +8,8 @@ import numpy as np
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.forces.winch import GAUSS, Winches, motion_of_ropes, weight_of_ropes
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, Lack, always, unknown_to_methods, without_adjoint
+from fastbeam.model.feature import Feature, OfRun
 from fastbeam.model.workspace import law_work
 
 Array = np.ndarray
@@ -59,6 +61,37 @@ class Ropes:
         return Winches(node, row_of[node], block, segments[of] - (np.arange(of.size) - first[of]), segments[of],
                        each("length")[of], q[node[:, 2], 0].copy(), each("stiffness")[of], mass[of], first, total,
                        np.where(has, mass, 0.0), each("inertia"), self.gravity, law_work())
+
+
+UNKNOWN = (Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.SENSITIVITY, Analysis.MASSES, Analysis.CATCHING)
+
+
+class Hoists(Feature):
+    """Winches of a scene, and their ropes.
+
+    Parameters
+    ----------
+    winches : list of Winch
+    """
+
+    key, title, order = "hoists", "winches", 105
+    lacks = (
+        unknown_to_methods("winches"),
+        Lack(UNKNOWN, "winches", "{who} does not know winches",
+             "use simulate or solve_static, or a Spring of the same length and stiffness, and a mass, in its place",
+             always("winches")),
+        Lack((Analysis.INNER,), "ropes", "observe: 'inner' does not know the ropes of winches", "leave it out",
+             always("winches")),
+        Lack((Analysis.STEADY,), "ropes", "{who}: ropes of winches are not known in a steady motion",
+             "put a Spring of the same length and stiffness, and a mass, in their place", always("winches")),
+        without_adjoint("winches"))
+
+    def __init__(self, winches: list[Any]) -> None:
+        self.winches = winches
+
+    def link_of_run(self, table: Any, run: OfRun) -> Any:
+        """The table of ropes with the work array of the run."""
+        return table._replace(work=run.law_work) if isinstance(table, Winches) else table
 
 
 class WinchRows:
@@ -175,15 +208,3 @@ def used_up(model: Any, state: State, h: float) -> str:
             what = "all rope is paid out" if ahead > 0.0 else "all rope is on it"
             return f"{what}, of {model.labels[drum]}: {length:.6g} m are free and change by {v[drum]:.6g} m/s"
     return ""
-
-
-def refuse_winches(who: str, model: Any) -> None:
-    """For what does not know them.
-
-    Raises
-    ------
-    SceneError
-    """
-    if ropes_of(model) is not None:
-        raise SceneError(f"{who} does not know winches; use simulate or solve_static, or a Spring of the same length and "
-                         "stiffness, and a mass, in its place")

@@ -28,7 +28,7 @@ class MeshRows:
 
     def __init__(self, model: Model, slider: bool, energy: bool) -> None:
         self.moving, self.slider = model.moving, slider and model.moving is not None
-        self.motions, self.place = model.motions, model.motion_place
+        self.motions, self.place = model.motions, 0 if model.motions is None else model.place("motions")
         # of contacts on which something acts along the beam: their numbers, and those of their coordinates
         names = [] if model.moving is None else model.moving.along
         self.some = np.flatnonzero(np.array([name != "" for name in names], bool))

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.arguments import Listing, Names, Word
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels import energies as kernels
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
@@ -15,12 +14,15 @@ from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FRICTION_LOSS, HE
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.loop import energy_of
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.contact.sleeve_conditions import Section, sections
 from fastbeam.model.contact.sleeve_twist import angles, push_of_twist
 from fastbeam.model.forces.added_mass import add_energies
 from fastbeam.model.forces.loads import factor_at
-from fastbeam.model.forces.winches import add_motion, ropes_of, weight_energy
+from fastbeam.model.forces.winches import add_motion, weight_energy
+from fastbeam.model.joints.motion import Motions
 from fastbeam.model.model import Model
+from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.start import own_state
 from fastbeam.model.workspace import contact_of
 from fastbeam.results.exchanged import AT_START
@@ -66,8 +68,8 @@ class Observer:
         self.model, self.lost = model, lost
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
-        if "inner" in kinds and ropes_of(model) is not None:
-            raise SceneError("observe: 'inner' does not know the ropes of winches; leave it out")
+        if "inner" in kinds:
+            require(Analysis.INNER, model)
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.meshes = MeshRows(model, "slider" in kinds, self.energy)
         self.points = points if isinstance(points, PointRows) else PointRows(model, kinds, points)
@@ -80,7 +82,7 @@ class Observer:
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
         self.joint = "joint" in kinds and model.motions is not None
-        self.springs = model.find_springs(model.links) if "spring" in kinds and model.find_springs is not None else []
+        self.springs = model.spring_rows if "spring" in kinds else []
         # whether rows hold forces of joints that are unknowns
         self.held = self.joint and model.motions.holds.held.size > 0
         self.balance = self.energy and (model.balances or lost is not None)
@@ -155,7 +157,7 @@ class Observer:
             out["kinetic"] = float(self._out[0])
             out["strain"] = strain_energy(model, state.q, self._work)
             if model.motions is not None:
-                in_joints = model.motions.exchanged(state, model.motion_place)
+                in_joints = model.motions.exchanged(state, model.place("motions"))
                 out |= in_joints
                 self._in_stops = self.meshes.in_stops(in_joints["joint_energy"])
                 out["strain"] += float(np.sum(in_joints["joint_energy"])) - self._in_stops
@@ -186,16 +188,16 @@ class Observer:
             tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
                                   rate)
-            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
+            history = model.own(state.history, "slider_forces").reshape(-1, HISTORY).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
             out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
         if (self.slider or self.energy) and model.slider_forces is not None:
-            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
+            history = model.own(state.history, "slider_forces").reshape(-1, HISTORY).copy()
             out |= {"friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
                     "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s, state.history),
                     "lock_loss": history[:, LOCK_LOSS]}
         if self.joint:
-            out |= model.motions.row(t, state, model.motion_place)
+            out |= model.motions.row(t, state, model.place("motions"))
         for springs in self.springs:
             out |= springs.row(state)
         if self.balance:
@@ -207,18 +209,18 @@ class Observer:
         model = self.model
         stored, sizes = out["total"], [self.scale["total"]]
         lost, put_in = (state.history[begin:begin + len(of)].copy() for begin, of in (
-            (model.loss_place, model.losses), (model.drive_place, model.works)))
+            (model.loss_place, model.losses), (model.works_place, model.works)))
         out |= {name: x for name, x in (("losses", lost), ("works", put_in)) if x.size}
         sizes += [float(np.sum(np.abs(x))) for x in (lost, put_in)]
         if model.accounts_loads:
-            out["external_work"] = float(state.history[model.work_place])
+            out["external_work"] = float(model.own(state.history, "load_account")[0])
             if model.moving is not None:
                 out["external_work"] += model.moving.work_of_weight(state.history)
             # their potential is in the total as if they were constant
             stored = out["kinetic"] + out["strain"] + self._in_stops + self._weight - out["external_work"]
             sizes.append(abs(out["external_work"]))
         if model.slider_forces is not None:
-            history = state.history[:model.work_place].reshape(-1, HISTORY)
+            history = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
             if model.accounts_loads:
                 stored += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
             stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
@@ -352,10 +354,10 @@ class Observer:
             names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
         if model.released is not None:
             names |= {"until": list(model.released.names), "since": model.released.waits.tolist(),
-                      "history": [model.release_place]}
+                      "history": [model.place("released")]}
         if model.prescribed is not None or model.motions is not None:
             names |= {"turning": [] if model.prescribed is None else model.prescribed.turning_labels,
-                      "turns": [model.turn_place, model.motion_place]}
+                      "turns": [model.place_for(PrescribedMotions), model.place_for(Motions)]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         names = self.meshes.named(names)
@@ -407,7 +409,8 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
     if model.moving is not None and np.any(model.gravity):
         return out
-    acted_on = len(model.loads) or model.accounts_loads or held or model.catches or model.drag is not None
+    caught = model.released is not None and model.released.losses
+    acted_on = len(model.loads) or model.accounts_loads or held or caught or model.dragged is not None
     if not acted_on:
         out += ["lin_mom", "ang_mom"]
     return out
