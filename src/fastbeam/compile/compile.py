@@ -21,7 +21,7 @@ import numpy as np
 from fastbeam.compile.condense import Condensed
 from fastbeam.compile.condense import condense as choose
 from fastbeam.compile.links import Links
-from fastbeam.compile.moving_meshes import initial, rewrite, with_tables
+from fastbeam.compile.moving_meshes import IN_SPACE, initial, rewrite, with_tables
 from fastbeam.compile.numbered import number
 from fastbeam.compile.order import Blocks, Ordered, order
 from fastbeam.compile.planar import find_plane, pack_plane
@@ -36,9 +36,6 @@ from fastbeam.kernels.beams.nodes_without_mass import Knots
 from fastbeam.kernels.beams.ties import TARGET, Ties
 from fastbeam.kernels.contact.slider import Sliders
 from fastbeam.kernels.forces.drag import Wind
-from fastbeam.kernels.forces.force_element import ForceElements
-from fastbeam.kernels.forces.line_force import LineForces
-from fastbeam.kernels.forces.user_force import UserForces
 from fastbeam.kernels.layout import POSITION
 from fastbeam.kernels.terms import NoTies
 from fastbeam.model.analyses import Analysis, require
@@ -52,15 +49,16 @@ from fastbeam.model.forces.damping_and_drag import Dragged, damped_of
 from fastbeam.model.forces.failed_laws import Lawful
 from fastbeam.model.forces.link_forces import CarriedSliders, Crossings, LinkForces
 from fastbeam.model.forces.loads import LoadAccount
-from fastbeam.model.forces.user_forces import UserLaws, asked_of
+from fastbeam.model.forces.user_forces import asked_of
 from fastbeam.model.holding import Holding, trees
 from fastbeam.model.joints.motion import motions_of
+from fastbeam.model.loading import Loading, Remarks
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import released_of
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.supports import waiting
 from fastbeam.model.tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
-from fastbeam.scene import Beam, Bushing, ForceElement, LineForce, Path, RigidBody, Scene, Sleeve, Switch
+from fastbeam.scene import Beam, Bushing, ForceElement, Path, RigidBody, Scene, Sleeve, Switch
 from fastbeam.scene.crossings import Knot
 from fastbeam.scene.winch import Coil, RopePoint
 
@@ -69,8 +67,6 @@ SOLVERS = ("auto", "chain", "sparse")
 CHOICE = Flag(("auto",))
 # mass of a point without mass in the tangent, as a share of that of an element beside it (nodes_without_mass.py)
 KNOT_SHARE = 1e-6
-# why scenes with moving meshes have no tables of a plane
-IN_SPACE = "moving meshes run in space"
 
 
 @checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
@@ -131,12 +127,12 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     as_compiled, numbered_as = copy(as_given), copy(scene)
     as_compiled.parts, numbered_as.parts = list(as_given.parts), list(scene.parts)
     model = replace(
-        model, plane=plane, not_planar=not_planar, asked_for_plane=planar is True,
+        model, plane=plane,
         find_holding=partial(_holding, numbered_as, numbered.nodes, numbered.joints),
-        massless=tuple(beam.label for beam in scene.beams if _is_massless(scene, beam)),
         uneliminated=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False),
         uncondensed=Variant(as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False, condense=False))
-    return replace(model, text=describe(scene, model))
+    model = model.with_remarks(not_planar=not_planar, asked_for_plane=planar is True)
+    return model.with_remarks(text=describe(scene, model))
 
 
 def _out_of_plane(scene: Scene, reason: str) -> SceneError:
@@ -187,7 +183,6 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
                                        ordered.n_panel)
     ties = _ties(joints.without_welds(), blocks)
     held = _held(joints.held, blocks)
-    curves, sliders, corners, curve_s = _sliders(scene, nodes, joints)
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of, links)
     state, length = unpacked.state, unpacked.numbered.length
@@ -197,18 +192,16 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         links=(),
         kept=unpacked.kept, kept_softness=softness_of(unpacked.kept, joints, nodes.rank), ties=ties,
         held=held, static_held=_held(joints.held | idle, blocks) if idle.any() else held,
-        curves=curves, sliders=sliders, curve_s=curve_s,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
-        spin_root=joints.spin_root, loads=loads, load_times=unpacked.loads.times, gravity=unpacked.gravity,
-        gravity_time=scene.gravity_time, gravity_weight=unpacked.loads.weight, constant_load=unpacked.loads.constant,
+        spin_root=joints.spin_root, loading=Loading(
+            loads, unpacked.loads.times, unpacked.loads.names, {load.name: load for load in [*scene.loads, *scene.distributed]},
+            unpacked.gravity, scene.gravity_time, unpacked.loads.weight, unpacked.loads.constant),
         q0=state.q, v0=state.v, s0=state.s,
-        slider_lengths=np.array([s.beam.length for s in scene.sliders]), spans=_spans(scene), corners=corners,
         length=length,
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, notes=unpacked.notes,
-        joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
-        load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
-        sleeves=sleeves_of(scene, nodes, len(unpacked.kept)))
+        names=_names(scene, nodes), numbers=nodes, remarks=Remarks(
+            notes=unpacked.notes, joints=_joint_names(scene, nodes),
+            massless=tuple(beam.label for beam in scene.beams if _is_massless(scene, beam))))
     return _with_features(model, scene, unpacked, blocks)
 
 
@@ -218,10 +211,10 @@ def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Block
     released = released_of(scene, nodes, joints, row_of, unpacked.numbered.always)
     dragged, added = unpacked.dragged, unpacked.added
     model = model.with_features(
-        SlidingContact(scene.sliders) if scene.sliders else None, slider_forces_of(scene.sliders),
+        _sliding(scene, nodes, joints, len(unpacked.kept)), slider_forces_of(scene.sliders),
         SleeveContact(scene.sleeves) if scene.sleeves else None, twist_friction_of(scene),
         LoadAccount() if _accounts_loads(unpacked) else None, damped_of(scene, nodes), *links.features(),
-        unpacked.prescribed, released, _laws(scene, nodes, links),
+        unpacked.prescribed, released,
         Crossings() if scene.knots else None, Controllers(tuple(scene.controllers)) if scene.controllers else None,
         CarriedSliders() if model.carriers is not None else None)
     ties = NoTies() if model.ties is None else model.ties
@@ -235,7 +228,9 @@ def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Block
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
     model = model.with_features(motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
-    model = replace(model, sleeves=with_twist(scene, model))
+    if scene.sleeves:
+        model = replace(model, features=tuple(replace(x, sleeves=with_twist(scene, model)) if isinstance(x, SlidingContact) else x
+                                              for x in model.features))
     if added is not None:
         model = model.with_features(added.with_table(row_of, blocks.diagonal(added.node), model.place_for(Added)))
         if model.has_blows:
@@ -342,32 +337,15 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
     return out
 
 
-def _both(nodes: NodeList, at: Array, k: int) -> str:
-    return " and ".join(nodes.labels[i] for i in at[k].tolist())
-
-
-def _laws(scene: Scene, nodes: NodeList, links: Links) -> UserLaws | None:
-    """Forces by laws of the user's own, whose laws the rows of tables call, and where; None where there are none."""
-    loaded, between = links.loaded, links.of(LineForce, ForceElement)[0]
-    if not loaded.forces and not between:
-        return None
-    out: dict[type, Lawful] = {UserForces: Lawful(loaded.forces, loaded.of, lambda k: nodes.labels[loaded.node[k]], asked_of)}
-    for noun, table in ((LineForce, LineForces), (ForceElement, ForceElements)):
-        parts, at = links.of(noun)
-        out[table] = Lawful(parts, np.arange(len(parts)), partial(_both, nodes, at), asked_of)
-    return UserLaws(loaded.forces, between, out)
-
-
 def _laws_of_wind(scene: Scene, nodes: NodeList, dragged: Dragged) -> dict[type, Lawful]:
     """Whose laws the rows of the table of drag call, and where."""
     return {Wind: Lawful(scene.drags, dragged.part, lambda k: nodes.labels[dragged.node[k]], asked_of)}
 
 
-def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None, dict[Any, tuple[int, bool]],
-                                                                          tuple[Array, ...]]:
-    """Curves, sliders, which curves lead over the corners of switches, and arc lengths of the nodes of every curve."""
+def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> SlidingContact | None:
+    """Sliders and sleeves, behind so many joints with multipliers; None where there are none."""
     if not scene.sliders:
-        return None, None, {}, ()
+        return None
     tracks = [track_of(scene, nodes, slider) for slider in scene.sliders]
     index = {track: k for k, track in enumerate(dict.fromkeys(tracks))}
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
@@ -378,12 +356,10 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
         for place, (track, is_sharp) in corners_of(scene, nodes, slider).items():
             corners[c, *place] = -1 if track is None else len(every), is_sharp
             every += [] if track is None else [track]
-    return pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64)), corners, tuple(track.node_s for track in every)
-
-
-def _spans(scene: Scene) -> dict[int, Array]:
-    """Of sliders on switches where their tracks begin and end."""
-    return {k: slider.beam.spans for k, slider in enumerate(scene.sliders) if isinstance(slider.beam, Switch)}
+    spans = {k: slider.beam.spans for k, slider in enumerate(scene.sliders) if isinstance(slider.beam, Switch)}
+    return SlidingContact(scene.sliders, pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64)),
+                          sleeves_of(scene, nodes, kept), np.array([slider.beam.length for slider in scene.sliders]), spans,
+                          corners, tuple(track.node_s for track in every))
 
 
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:

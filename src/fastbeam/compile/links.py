@@ -14,7 +14,10 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.forces.bushing import Bushings
+from fastbeam.kernels.forces.force_element import ForceElements
+from fastbeam.kernels.forces.line_force import LineForces
 from fastbeam.kernels.forces.spring import Springs
+from fastbeam.kernels.forces.user_force import UserForces
 from fastbeam.kernels.forces.winch import Winches
 from fastbeam.kernels.jit.sources import is_outside
 from fastbeam.kernels.joints.ball_joint import BallJoints
@@ -23,9 +26,10 @@ from fastbeam.kernels.terms import assemble
 from fastbeam.model.connections import Connections
 from fastbeam.model.feature import Feature
 from fastbeam.model.forces.bushings import BushingRows, bushings
+from fastbeam.model.forces.failed_laws import Lawful
 from fastbeam.model.forces.link_forces import BushingForces, LinkForces, OutsideLinks
 from fastbeam.model.forces.spring_laws import SpringRows, spring_laws
-from fastbeam.model.forces.user_forces import Loaded, force_elements, line_forces
+from fastbeam.model.forces.user_forces import Loaded, UserLaws, asked_of, force_elements, line_forces
 from fastbeam.model.forces.winches import Hoists, Ropes, WinchRows
 from fastbeam.model.joints.constraints import Distance, KeptLink, Law, Together
 from fastbeam.model.joints.coordinates import Coordinate
@@ -398,7 +402,17 @@ class Links:
         outside = [type(part).__name__ for group in self.groups for part in group.parts[:1] if is_outside(group.entry.noun)]
         return [*([LinkForces(self.losses, partial(_rows_of, self), lines)] if springs or lines or self.ropes.winches else []),
                 *([Hoists(self.ropes.winches)] if self.ropes.winches else []),
-                *([BushingForces()] if self.of(Bushing)[0] else []), *([OutsideLinks(outside)] if outside else [])]
+                *([BushingForces()] if self.of(Bushing)[0] else []), *([OutsideLinks(outside)] if outside else []),
+                *self._laws()]
+
+    def _laws(self) -> list[UserLaws]:
+        """Forces by laws of the user's own, whose laws the rows of tables call, and where."""
+        loaded, between, nodes = self.loaded, self.of(LineForce, ForceElement)[0], self.nodes
+        out: dict[type, Lawful] = {UserForces: Lawful(loaded.forces, loaded.of, lambda k: nodes.labels[loaded.node[k]], asked_of)}
+        for noun, table in ((LineForce, LineForces), (ForceElement, ForceElements)):
+            parts, at = self.of(noun)
+            out[table] = Lawful(parts, np.arange(len(parts)), partial(_both, nodes, at), asked_of)
+        return [UserLaws(loaded.forces, between, out)] if loaded.forces or between else []
 
     @property
     def lines(self) -> Lines | None:
@@ -432,6 +446,10 @@ class Links:
         if self.ropes.winches:
             out.append(self.ropes.table(row_of, blocks, self.nodes.phi))
         return tuple(out)
+
+
+def _both(nodes: NodeList, at: Array, k: int) -> str:
+    return " and ".join(nodes.labels[i] for i in at[k].tolist())
 
 
 def _rows_of(links: Links, tables: tuple[Any, ...]) -> list[Any]:

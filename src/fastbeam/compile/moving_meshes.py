@@ -27,6 +27,9 @@ JOINTS = (RevoluteJoint, PrismaticJoint, CylindricalJoint, PlanarJoint, Universa
 TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, DistanceJoint, *JOINTS, Clamp, Pin, Load, Slider, Spring, Damper,
          Bushing, InitialVelocity, RigidMotion, MovingMesh)
 
+# why scenes with moving meshes have no tables of a plane
+IN_SPACE = "moving meshes run in space"
+
 
 @dataclass(frozen=True)
 class Moving(Feature):
@@ -51,6 +54,7 @@ class Moving(Feature):
     order: ClassVar[int] = 100
     is_told_first: ClassVar[bool] = True
     lacks: ClassVar[tuple[Lack, ...]] = (
+        Lack((Analysis.PLANAR,), "elements that move", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
         Lack((Analysis.COMPARED,), "elements that move", "moving mesh with slider {name!r}: {who} knows no elements that move",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
         Lack((*AT_REST, Analysis.TRAVEL), "elements that move",

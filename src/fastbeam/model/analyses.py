@@ -17,6 +17,7 @@ MOST_NAMES = 3
 class Analysis(Enum):
     """What may be done with a model; the value is how a user writes it."""
 
+    PLANAR = "compile_scene(planar=True)"
     COMPARED = "simulate(method=...)"
     ORDER_4 = "simulate(order=4)"
     COMPOSED = "simulate(order=4) in one run"
@@ -103,14 +104,19 @@ def dissipating(what: str, names: Callable[[Any, Asked], Iterable[str]], *, kink
                 "kinks in time, over which two runs cannot be extrapolated either", "use order=2", names)
 
 
-def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = None) -> Iterator[tuple[Lack, list[str]]]:
-    """What an analysis cannot do with a model, and the names of the parts that are concerned."""
-    asked = Asked(model, who, np.zeros(model.n_sliders, bool) if held is None else held)
-    for feature in sorted(model.features, key=lambda x: not x.is_told_first):
+def told(analysis: Analysis, features: Iterable[Any], asked: Asked | None = None) -> Iterator[tuple[Lack, list[str]]]:
+    """What an analysis cannot do with some features, and the names of the parts that are concerned."""
+    given = Asked(None, "", np.zeros(0, bool)) if asked is None else asked
+    for feature in sorted(features, key=lambda x: not x.is_told_first):
         for lack in feature.lacks:
-            names = list(lack.names(feature, asked)) if analysis in lack.analyses else []
+            names = list(lack.names(feature, given)) if analysis in lack.analyses else []
             if names:
                 yield lack, names
+
+
+def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = None) -> Iterator[tuple[Lack, list[str]]]:
+    """What an analysis cannot do with a model, as `told`."""
+    return told(analysis, model.features, Asked(model, who, np.zeros(model.n_sliders, bool) if held is None else held))
 
 
 def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None) -> None:

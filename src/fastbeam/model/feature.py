@@ -171,6 +171,10 @@ class Feature:
         """The same in the tables of a plane; model: in space; constraints: all that are left there but moments of sleeves."""
         return self
 
+    def link_in_plane(self, table: Any, plane: Any) -> Any:
+        """A table of links for a plane where the feature knows it, None where nothing is left of it; else as it is."""
+        return table
+
     def start_history(self, own: Array, q: Array, v: Array) -> None:
         """Put what its numbers of the history are at the start into them, at coordinates and rates [12 N], in a plane [4 N]."""
 

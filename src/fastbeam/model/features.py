@@ -1,18 +1,24 @@
 """Features of a model, by name, and where their numbers stand in `State.history`."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Self
+from types import SimpleNamespace
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
 from fastbeam.kernels.joints.coordinates import VALUE
 from fastbeam.kernels.state import State
 from fastbeam.model.feature import Feature
+from fastbeam.model.loading import Loading, Remarks
 
+T = TypeVar("T")
 Array = np.ndarray
+# of a scene without sliders
+NO_SLIDERS = SimpleNamespace(curves=None, sliders=None, sleeves=None, slider_lengths=np.zeros(0), spans={}, corners={},
+                             curve_s=())
 
 
 class Found:
@@ -25,6 +31,19 @@ class Found:
         return self if model is None else model.by_key.get(self._key)
 
 
+class Part(Generic[T]):
+    """An attribute of one record of a model as an attribute of the model."""
+
+    def __init__(self, of: str) -> None:
+        self._of = of
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, model: Any, owner: type | None = None) -> T:
+        return getattr(getattr(model, self._of), self._name)  # type: ignore[no-any-return]
+
+
 class WithFeatures:
     """Of a compiled scene: its features, in their order.
 
@@ -34,6 +53,29 @@ class WithFeatures:
 
     features: tuple[Feature, ...]
     links: tuple[Any, ...]
+    loading: Loading
+    remarks: Remarks
+    loads = Part[Array]("loading")
+    load_times = Part[list[Callable[[float], float] | None]]("loading")
+    load_names = Part[list[str]]("loading")
+    load_parts = Part[dict[str, Any]]("loading")
+    gravity = Part[Array]("loading")
+    gravity_time = Part[Callable[[float], Any] | None]("loading")
+    gravity_weight = Part[Array]("loading")
+    constant_load = Part[Array]("loading")
+    text = Part[str]("remarks")
+    not_planar = Part[str]("remarks")
+    asked_for_plane = Part[bool]("remarks")
+    massless = Part[tuple[str, ...]]("remarks")
+    notes = Part[tuple[tuple[str, str], ...]]("remarks")
+    joints = Part[dict[int, list[str]]]("remarks")
+    curves = Part[Any]("sliding")
+    sliders = Part[Any]("sliding")
+    sleeves = Part[Any]("sliding")
+    slider_lengths = Part[Array]("sliding")
+    spans = Part[dict[int, Array]]("sliding")
+    corners = Part[dict[tuple[int, int, bool, int], tuple[int, bool]]]("sliding")
+    curve_s = Part[tuple[Array, ...]]("sliding")
     slider_forces = Found()
     damped = Found()
     dragged = Found()
@@ -47,6 +89,19 @@ class WithFeatures:
         """The model with some more; None: there is none."""
         found = [*self.features, *(x for x in more if x is not None)]
         return replace(self, features=tuple(sorted(found, key=lambda x: x.order)))  # type: ignore[type-var]
+
+    def with_loading(self, **changes: Any) -> Self:
+        """The model with other loads; changes: of the attributes of `Loading`."""
+        return replace(self, loading=replace(self.loading, **changes))  # type: ignore[type-var]
+
+    def with_remarks(self, **changes: Any) -> Self:
+        """The model with other remarks; changes: of the attributes of `Remarks`."""
+        return replace(self, remarks=replace(self.remarks, **changes))  # type: ignore[type-var]
+
+    @property
+    def sliding(self) -> Any:
+        """Sliders and sleeves; without any, what there is of none."""
+        return self.by_key.get("sliding", NO_SLIDERS)
 
     @cached_property
     def by_key(self) -> Mapping[str, Feature]:

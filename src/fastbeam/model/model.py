@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -17,9 +17,8 @@ from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.beams.nodes import Bodies, Held
 from fastbeam.kernels.beams.planar_nodes import PlanarBodies, PlanarTies
 from fastbeam.kernels.beams.ties import Ties
-from fastbeam.kernels.contact.curves import Curves, Paths
-from fastbeam.kernels.contact.sleeve import Sleeves
-from fastbeam.kernels.contact.slider import END_SLACK, Sliders
+from fastbeam.kernels.contact.curves import Paths
+from fastbeam.kernels.contact.slider import END_SLACK
 from fastbeam.kernels.contact.slider_forces import HISTORY
 from fastbeam.kernels.linalg.carriers import Carriers
 from fastbeam.kernels.linalg.substructures import ELEMENTS, Substructures
@@ -30,6 +29,7 @@ from fastbeam.model.features import WithFeatures
 from fastbeam.model.fingerprint import fingerprint_of
 from fastbeam.model.holding import Holding
 from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.loading import Loading, Remarks
 from fastbeam.model.mapping import state_for
 
 Array = np.ndarray
@@ -45,7 +45,7 @@ class Model(WithFeatures):
     ----------
     simo, green : ElementTables or None
         Elements with strain set (2.2), (2.1).
-    inner, substructures, carriers, bodies, ties, held, curves, sliders : tables or None
+    inner, substructures, carriers, bodies, ties, held : tables or None
         None where the scene has none; then no code is compiled for them.
     links : tuple
         Tables of springs and other links between two points, one of each kind.
@@ -55,17 +55,14 @@ class Model(WithFeatures):
         Of each of them the share of 1/a of theory.md (5.5) that its equations have.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
-    spans, corners : dict
-        Of sliders on switches where their tracks begin and end, m; by (curve of the switch, track, whether by its end, next
-        track) the number of the curve over a corner, -1 where there is none, and whether it is sharp.
     pattern : Pattern
         Order, blocks and elimination plan.
     spinless : int8 [N]
         1 where a triad does not turn.
     spin_root : int64 [N]
         The node whose spin a node shares.
-    loads : float64 [K, 8 (N + 1)]
-        Load vectors in row layout; `load_times[k]` their factor (None: constant).
+    loading : Loading
+        Loads and gravity, whose attributes are attributes of the model, too.
     q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
     length : float
         Size of the scene, m.
@@ -79,30 +76,14 @@ class Model(WithFeatures):
         Of as many numbers as a node has unknowns: 6, in the tables of a planar scene 3.
     plane : planar.Plane or None
         Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
-    not_planar : str
-        Why there is no plane.
-    asked_for_plane : bool
-        Whether it was compiled with planar=True: nothing but the plane is of interest.
+    remarks : Remarks
+        What is said of it, whose attributes are attributes of the model, too.
     uneliminated : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
     uncondensed : callable
         Makes the model of the same scene in space, whose beams are not condensed.
-    massless : tuple of str
-        Beams without rotary inertia whose triads nothing holds.
-    notes : tuple of (str, str)
-        Kinds and texts of events of a run that begins with the initial velocities.
-    joints : dict
-        Names of the joints at a node.
-    load_names : list of str
-        What each time function belongs to.
-    curve_s : tuple of float64 [n]
-        Arc lengths of the nodes of every curve of sliders, m.
-    load_parts : dict
-        Loads of the scene by their names.
     features : tuple of Feature
         What the scene has besides, in the order of their numbers in the history.
-    sleeves : Sleeves or None
-        The sliders that are sleeves.
     find_holding : callable that makes `holding` when it is first asked for
     """
 
@@ -120,45 +101,30 @@ class Model(WithFeatures):
     ties: Ties | PlanarTies | None
     held: Held | None
     static_held: Held | None
-    curves: Curves | Paths | None
-    sliders: Sliders | None
     pattern: Pattern
     spinless: Array
     spin_root: Array
-    loads: Array
-    load_times: list[Callable[[float], float] | None]
-    gravity: Array
-    gravity_time: Callable[[float], float] | None
-    gravity_weight: Array
-    constant_load: Array
     q0: Array
     v0: Array
     s0: Array
-    slider_lengths: Array
-    spans: dict[int, Array]
-    corners: dict[tuple[int, int, bool, int], tuple[int, bool]]
     length: float
     softest: float
     n_blocks: int
     names: dict[str, list[Any]]
-    labels: list[str]
     numbers: Any
-    text: str = ""
+    loading: Loading
     dofs: tuple[int, ...] = SPACE
     plane: Any = None
-    not_planar: str = ""
-    asked_for_plane: bool = False
     uneliminated: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
-    massless: tuple[str, ...] = ()
-    notes: tuple[tuple[str, str], ...] = ()
-    joints: dict[int, list[str]] = field(default_factory=dict)
-    load_names: list[str] = field(default_factory=list)
-    load_parts: dict[str, Any] = field(default_factory=dict)
-    curve_s: tuple[Array, ...] = ()
     features: tuple[Feature, ...] = ()
-    sleeves: Sleeves | None = None
+    remarks: Remarks = Remarks()
     find_holding: Callable[[], Holding] | None = None
+
+    @property
+    def labels(self) -> list[str]:
+        """Beam and node, body or mass of every node."""
+        return self.numbers.labels  # type: ignore[no-any-return]
 
     @cached_property
     def holding(self) -> Holding:

@@ -170,8 +170,8 @@ def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
     """The model with loads that are constant and supports that go their way, or stand still."""
     def constant(one: Model) -> Model:
         loads = one.loads * factors[:, None] if one.loads.size else one.loads
-        return replace(one, loads=loads, load_times=[None] * len(factors), features=tuple(
-            _Still(x, way) if isinstance(x, PrescribedMotions) else x for x in one.features))
+        features = tuple(_Still(x, way) if isinstance(x, PrescribedMotions) else x for x in one.features)
+        return replace(one.with_loading(loads=loads, load_times=[None] * len(factors)), features=features)
 
     plane, uneliminated, uncondensed = model.plane, model.uneliminated, model.uncondensed
     if plane is not None:

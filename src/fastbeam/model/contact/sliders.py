@@ -2,20 +2,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
+from fastbeam.kernels.contact.curves import Curves, Paths
 from fastbeam.kernels.contact.sleeve import Rubbing, Sleeves
 from fastbeam.kernels.contact.sleeve_twist import Twist
-from fastbeam.kernels.contact.slider import NoForceAlong, NoSleeves, Sliding
+from fastbeam.kernels.contact.slider import NoForceAlong, NoSleeves, Sliders, Sliding
 from fastbeam.kernels.terms import NoTies
 from fastbeam.model.analyses import Analysis, Asked, Lack
 from fastbeam.model.contact.sleeve_twist import sleeves_of_run
+from fastbeam.model.contact.sleeves import sleeves_in_plane
 from fastbeam.model.feature import Feature, OfRun, Stand
 from fastbeam.scene import DistributedLoad, Drag, Slider, Switch, UserForce
 from fastbeam.scene.crossings import Knot
 from fastbeam.scene.nets import NetBeam
+
+Array = np.ndarray
 
 
 def _works_along(part: Any, beam: Any) -> bool:
@@ -28,7 +33,7 @@ def _works_along(part: Any, beam: Any) -> bool:
 def _on_beams(instead: str, what: str, why: Callable[[Any, Asked], str]) -> Lack:
     """Declare that contacts on some beams cannot be element ends; why: of a beam, empty where they can."""
     def names(contact: SlidingContact, asked: Asked) -> Iterator[str]:
-        for slider in contact.sliders:
+        for slider in contact.parts:
             for beam in slider.beams:
                 reason = why(beam, asked)
                 if reason:
@@ -44,16 +49,31 @@ def _loads_along(beam: Any, asked: Asked) -> str:
     return ""
 
 
+@dataclass(frozen=True)
 class SlidingContact(Feature):
     """Sliders and sleeves.
 
-    Parameters
+    Attributes
     ----------
-    sliders : list of Slider
+    parts : list of Slider
+    curves : Curves or Paths
+        What sliders slide on.
+    sliders : Sliders
+    sleeves : Sleeves or None
+        The sliders that are sleeves.
+    slider_lengths : float64 [S]
+        m.
+    spans, corners : dict
+        Of sliders on switches where their tracks begin and end, m; by (curve of the switch, track, whether by its end, next
+        track) the number of the curve over a corner, -1 where there is none, and whether it is sharp.
+    curve_s : tuple of float64 [n]
+        Arc lengths of the nodes of every curve, m.
     """
 
-    key, title, order = "sliding", "sliders", 5
-    lacks = (
+    key: ClassVar[str] = "sliding"
+    title: ClassVar[str] = "sliders"
+    order: ClassVar[int] = 5
+    lacks: ClassVar[tuple[Lack, ...]] = (
         Lack((Analysis.EXACT,), "crossings, switches", "{who}: {name}, which only contacts='mesh' knows", "leave contacts= out",
              lambda contact, asked: contact.branching),
         _on_beams("make it a Beam of its own, or leave contacts= out", "beams of nets",
@@ -64,19 +84,25 @@ class SlidingContact(Feature):
         _on_beams("put it on nodes, or leave contacts= out", "user forces, moments, loads that follow and moving air along beams",
                   _loads_along))
 
-    def __init__(self, sliders: list[Slider]) -> None:
-        self.sliders = sliders
+    parts: list[Slider]
+    curves: Curves | Paths
+    sliders: Sliders
+    sleeves: Sleeves | None
+    slider_lengths: Array
+    spans: dict[int, Array]
+    corners: dict[tuple[int, int, bool, int], tuple[int, bool]]
+    curve_s: tuple[Array, ...]
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
         """Sliders, sleeves, and what these rub."""
         model = run.model
         if run.static:
             return []
-        sleeves = NoSleeves() if model.sleeves is None else sleeves_of_run(model.sleeves)
+        sleeves: Any = NoSleeves() if self.sleeves is None else sleeves_of_run(self.sleeves)
         # sliders of a run go over corners of switches on curves of their own
-        sliders = model.sliders._replace(curve=model.sliders.curve.copy()) if model.corners else model.sliders
+        sliders = self.sliders._replace(curve=self.sliders.curve.copy()) if self.corners else self.sliders
         along = run.own.get("slider_forces")
-        sliding = Sliding(model.curves, sliders, NoTies() if model.ties is None else model.ties,
+        sliding = Sliding(self.curves, sliders, NoTies() if model.ties is None else model.ties,
                           model.put_limits(np.zeros((model.n_sliders, 3)), model.s0),
                           NoForceAlong() if along is None else along, sleeves)
         out: list[Any] = [sliding]
@@ -86,8 +112,13 @@ class SlidingContact(Feature):
                 out.append(Rubbing(sleeves, sliding))
         return [(Stand.SLIDING, x) for x in out]
 
+    def in_plane(self, plane: Any, model: Any, constraints: int) -> SlidingContact:
+        """With the table of sleeves for nodes with 3 unknowns, whose constraints are the last."""
+        sleeves = sleeves_in_plane(model, plane)[0]
+        return replace(self, sleeves=sleeves and sleeves._replace(first=np.array([constraints])))
+
     @property
     def branching(self) -> list[str]:
         """Sliders of crossings and on switches, for messages."""
         return [f"{x.kind} {x.name!r} belongs to a {'crossing' if isinstance(x.point.owner, Knot) else 'switch'}"
-                for x in self.sliders if isinstance(x.point.owner, Knot) or isinstance(x.beam, Switch)]
+                for x in self.parts if isinstance(x.point.owner, Knot) or isinstance(x.beam, Switch)]

@@ -129,6 +129,8 @@ class Dragged(Feature):
     title: ClassVar[str] = "drag"
     order: ClassVar[int] = 50
     lacks: ClassVar[tuple[Lack, ...]] = (
+        Lack((Analysis.PLANAR,), "wind=", "wind= of a drag may lead out of a plane", "use planar='auto'",
+             lambda dragged, asked: dragged.labels[:dragged.windy]),
         unknown_to_methods("drag", lambda dragged, asked: dragged.labels),
         dissipating("drag", lambda dragged, asked: dragged.labels),
         Lack((Analysis.STEADY,), "drag", "{who}: drag of {name} resists the steady motion itself, which would not go on",

@@ -4,8 +4,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from fastbeam.kernels.forces.bushing import Bushings
 from fastbeam.model.analyses import dissipating, unknown_to_methods, without_adjoint
 from fastbeam.model.feature import Feature
+from fastbeam.model.forces.bushings import bushings_in_plane
 
 
 class LinkForces(Feature):
@@ -35,6 +37,10 @@ class BushingForces(Feature):
 
     key, title, order = "bushing_forces", "bushings", 140
     lacks = (unknown_to_methods("bushings"),)
+
+    def link_in_plane(self, table: Any, plane: Any) -> Any:
+        """Axes as they lie in the plane."""
+        return bushings_in_plane(table, plane) if isinstance(table, Bushings) else table
 
 
 class Crossings(Feature):

@@ -47,6 +47,8 @@ class UserLaws(Feature):
 
     key, title, order = "user_laws", "user forces, loads that follow, line forces and force elements", 120
     lacks = (
+        Lack((Analysis.PLANAR,), "laws of the user's own but line forces", "the law of {name} may lead out of a plane",
+             "use planar='auto'", lambda laws, asked: laws.leading_out),
         unknown_to_methods("user forces", lambda laws, asked: laws.labels),
         dissipating("user forces with dissipates=True", lambda laws, asked: [
             label_of(force) for force in laws.forces if force.dissipates]),
@@ -56,9 +58,22 @@ class UserLaws(Feature):
              "use loads that keep their direction, or differences of equilibria", lambda laws, asked: laws.labels),
         without_adjoint("user forces", lambda laws, asked: laws.labels))
 
-    def __init__(self, forces: list[UserForce], between: list[Any], laws: dict[type, Lawful]) -> None:
+    def __init__(self, forces: list[Any], between: list[Any], laws: dict[type, Lawful]) -> None:
         self.forces, self.called_laws = forces, laws
         self.labels = tuple(label_of(force) for force in (*forces, *between))
+        self.leading_out = [label_of(x) for x in forces if not isinstance(x, FollowerForce)] + [
+            label_of(x) for x in between if isinstance(x, ForceElement)]
+
+    def link_in_plane(self, table: Any, plane: Any) -> Any:
+        """Loads that turn with nodes, along u and J u of each."""
+        if not isinstance(table, UserForces):
+            return table
+        own = table.parameters[table.first[:, None] + np.arange(6)]
+        along = np.sum(own[:, :3] * plane.factor[table.node], axis=1)
+        about = np.sum(own[:, 3:] * plane.normal[table.node], axis=1)
+        zero = np.zeros_like(about)
+        parameters = np.stack((along.real, along.imag, zero, zero, zero, about), axis=1)
+        return PlanarFollowers(*table[:6], 6 * np.arange(len(own)), parameters.reshape(-1), table.place, table.laws, table.work)
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
         """Tables of laws with the work array of the run; shares are those of a run, because paths change them."""

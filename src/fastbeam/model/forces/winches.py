@@ -76,6 +76,8 @@ class Hoists(Feature):
 
     key, title, order = "hoists", "winches", 105
     lacks = (
+        Lack((Analysis.PLANAR,), "winches", "{name} runs in space", "use planar='auto'",
+             lambda hoists, asked: [winch.label for winch in hoists.winches]),
         unknown_to_methods("winches"),
         Lack(UNKNOWN, "winches", "{who} does not know winches",
              "use simulate or solve_static, or a Spring of the same length and stiffness, and a mass, in its place",
