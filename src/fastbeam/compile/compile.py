@@ -217,6 +217,8 @@ def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Block
         unpacked.prescribed, released,
         Crossings() if scene.knots else None, Controllers(tuple(scene.controllers)) if scene.controllers else None,
         CarriedSliders() if model.carriers is not None else None)
+    if scene.gravity_time is not None:
+        require(Analysis.GRAVITY_IN_TIME, model)
     ties = NoTies() if model.ties is None else model.ties
     model = replace(model, links=links.tables(blocks, row_of, len(scene.sliders), ties, model.place_for(LoadAccount),
                                               model.losses_for(LinkForces)))

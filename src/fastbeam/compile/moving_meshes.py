@@ -64,6 +64,10 @@ class Moving(Feature):
         Lack((Analysis.FILTERED,), "elements that move",
              "rho_inf: moving mesh with slider {name!r}: strains of elements that move are not filtered",
              "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
+        Lack((Analysis.POINT_INSIDE,), "points inside",
+             "point {who!r}: the elements of {name} move, and no node stays at a material point inside",
+             "observe its start or end, or what slides on it",
+             lambda moving, asked: [asked.part.label] * moving.has(asked.model.numbers.first.get(asked.part))),
         without_adjoint("elements that move"))
 
     tables: tuple[Any, ...]
@@ -84,6 +88,10 @@ class Moving(Feature):
     def mass(self) -> float:
         """Of all beams, kg."""
         return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
+
+    def has(self, first: int | None) -> bool:
+        """Whether elements of the beam whose first node this is move."""
+        return any(first == int(table.place[1]) for table in self.tables)
 
     def table_of(self, k: int) -> Any:
         """The term of the beam of contact k."""

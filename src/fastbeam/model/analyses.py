@@ -27,6 +27,8 @@ class Analysis(Enum):
     MASSES = "impacts, mend_start=True"
     CATCHING = "since= of supports"
     INNER = "observe=('inner',)"
+    POINT_INSIDE = "points={name: (beam, s)}"
+    GRAVITY_IN_TIME = "Scene(gravity_time=...)"
     STATIC = "solve_static"
     EXACT = "solve_static(contacts='exact')"
     RELAX = "relax"
@@ -37,6 +39,7 @@ class Analysis(Enum):
     TIMELESS_SHAPES = "relax, solve_path, sensitivity without at_time="
     TIMELESS_MODES = "modes, frequency_response without at_time="
     AT_TIME = "equilibria with at_time="
+    TWO_TIMES = "equilibria with two times in at_time="
     MODES = "modes, frequency_response"
     DAMPED = "modes(damped=True), frequency_response"
     STEADY = "steady=Spin or Travel"
@@ -51,11 +54,12 @@ AT_REST = (Analysis.STATIC, Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analy
 
 
 class Asked(NamedTuple):
-    """What is asked of a feature: the model, who asks, and which sliders are held, bool [S]."""
+    """What is asked of a feature: the model, who asks, which sliders are held, bool [S], and of which part of the scene."""
 
     model: Any
     who: str
     held: Array
+    part: Any = None
 
 
 class Lack(NamedTuple):
@@ -114,12 +118,13 @@ def told(analysis: Analysis, features: Iterable[Any], asked: Asked | None = None
                 yield lack, names
 
 
-def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = None) -> Iterator[tuple[Lack, list[str]]]:
+def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = None,
+            part: Any = None) -> Iterator[tuple[Lack, list[str]]]:
     """What an analysis cannot do with a model, as `told`."""
-    return told(analysis, model.features, Asked(model, who, np.zeros(model.n_sliders, bool) if held is None else held))
+    return told(analysis, model.features, Asked(model, who, np.zeros(model.n_sliders, bool) if held is None else held, part))
 
 
-def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None) -> None:
+def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None, part: Any = None) -> None:
     """Refuse a model with a feature that an analysis does not know.
 
     Parameters
@@ -130,6 +135,8 @@ def require(analysis: Analysis, model: Any, who: str | None = None, held: Array 
         What messages call it; default: as the user writes it.
     held : bool [S], optional
         Sliders that are held, whose forces along their beams do not count.
+    part : optional
+        Of the scene, where the analysis is about one.
 
     Raises
     ------
@@ -137,7 +144,7 @@ def require(analysis: Analysis, model: Any, who: str | None = None, held: Array 
         Names the parts that are concerned and what to do instead.
     """
     name = analysis.value if who is None else who
-    found = list(lacking(analysis, model, name, held))
+    found = list(lacking(analysis, model, name, held, part))
     if found:
         lack = found[0][0]
         names = [x for other, own in found if (other.text, other.instead) == (lack.text, lack.instead) for x in own]

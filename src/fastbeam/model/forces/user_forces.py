@@ -52,6 +52,9 @@ class UserLaws(Feature):
         unknown_to_methods("user forces", lambda laws, asked: laws.labels),
         dissipating("user forces with dissipates=True", lambda laws, asked: [
             label_of(force) for force in laws.forces if force.dissipates]),
+        Lack((Analysis.TWO_TIMES,), "laws of the user's own",
+             "{who}: {name} has a law of its own, of which two times of at_time= tell no path",
+             "give one time, or write it as a load with follower=True", lambda laws, asked: laws.pathless),
         Lack((Analysis.STEADY,), "user forces", "{who}: {name} is not known in a steady motion", "leave it out",
              lambda laws, asked: laws.labels),
         Lack((Analysis.SENSITIVITY,), "user forces", "{who}: derivatives with {name} are not known",
@@ -61,8 +64,10 @@ class UserLaws(Feature):
     def __init__(self, forces: list[Any], between: list[Any], laws: dict[type, Lawful]) -> None:
         self.forces, self.called_laws = forces, laws
         self.labels = tuple(label_of(force) for force in (*forces, *between))
-        self.leading_out = [label_of(x) for x in forces if not isinstance(x, FollowerForce)] + [
-            label_of(x) for x in between if isinstance(x, ForceElement)]
+        own = [label_of(x) for x in forces if not isinstance(x, FollowerForce)]
+        # whose laws may lead out of a plane, and of which two times tell no path
+        self.leading_out = own + [label_of(x) for x in between if isinstance(x, ForceElement)]
+        self.pathless = own + [label_of(x) for x in between]
 
     def link_in_plane(self, table: Any, plane: Any) -> Any:
         """Loads that turn with nodes, along u and J u of each."""

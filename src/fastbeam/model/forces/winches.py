@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.forces.winch import GAUSS, Winches, motion_of_ropes, weight_of_ropes
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, Lack, always, unknown_to_methods, without_adjoint
@@ -29,8 +28,6 @@ class Ropes:
 
     def __init__(self, scene: Any, nodes: Any) -> None:
         self.winches = scene.winches
-        if self.winches and scene.gravity_time is not None:
-            raise SceneError(f"{self.winches[0].label}: ropes know constant gravity alone; leave gravity_time out")
         self.gravity = np.array(scene.gravity, float)
         found, of = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
         for k, winch in enumerate(self.winches):
@@ -84,6 +81,8 @@ class Hoists(Feature):
              always("winches")),
         Lack((Analysis.INNER,), "ropes", "observe: 'inner' does not know the ropes of winches", "leave it out",
              always("winches")),
+        Lack((Analysis.GRAVITY_IN_TIME,), "ropes", "{name}: ropes know constant gravity alone", "leave gravity_time out",
+             lambda hoists, asked: [winch.label for winch in hoists.winches]),
         Lack((Analysis.STEADY,), "ropes", "{who}: ropes of winches are not known in a steady motion",
              "put a Spring of the same length and stiffness, and a mass, in their place", always("winches")),
         without_adjoint("winches"))

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.moving_mesh import momentum_sums, motion_of
 from fastbeam.kernels.joints.coordinates import LOSS, VALUE, WORK
 from fastbeam.kernels.joints.friction import AGAINST
@@ -133,17 +132,3 @@ def place_rows(model: Model) -> Array:
     """Rows of the places of contacts, and of the begin of their line, which are no positions in space."""
     moving = model.moving
     return model.pattern.row_of[np.zeros(0, np.int64) if moving is None else np.concatenate((moving.line, moving.places))]
-
-
-def refuse_point(model: Model, name: str, owner: Any) -> None:
-    """Refuse a material point of a beam whose elements move.
-
-    Raises
-    ------
-    SceneError
-        Names the point.
-    """
-    for table in () if model.moving is None else model.moving.tables:
-        if model.numbers.first.get(owner) == int(table.place[1]):
-            raise SceneError(f"point {name!r}: the elements of {owner.label} move, and no node stays at a material point inside; "
-                             "observe its start or end, or what slides on it")
