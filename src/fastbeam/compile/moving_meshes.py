@@ -12,6 +12,7 @@ from fastbeam.compile.numbered import Numbered, number
 from fastbeam.compile.unpack import unpack
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.moving_beam import MovingBeam
+from fastbeam.kernels.contact.moving_mesh import momentum_sums, motion_of
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
 from fastbeam.model.contact.moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
@@ -125,6 +126,13 @@ class Moving(Feature):
         other = self.names[first + gap - 1]
         return {"slider": name, "end": other, "s": s, "text": f"sliders {other!r} and {name!r} met, between which elements of "
                 "their moving mesh vanish"}
+
+    def add_motion(self, model: Any, state: State, out: Array) -> None:
+        """Kinetic energy and momenta of all moving beams."""
+        p = np.zeros_like(state.q)
+        for table in self.tables:
+            out[0] += motion_of(table, state.q, state.history, p)
+        momentum_sums(state.q, p, out)
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
         """The table of a beam with work arrays of the run."""

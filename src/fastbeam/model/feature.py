@@ -2,7 +2,7 @@
 questions and know none of them by name."""
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum, auto
 from functools import cached_property
@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Lack
 
 Array = np.ndarray
@@ -167,6 +168,31 @@ class Feature:
         """What its terms are given in the steps of a span, in the order of these terms."""
         return ()
 
+    # --- rows ---------------------------------------------------------------------------------------------------------
+    def series(self, kinds: Collection[str], model: Any) -> Mapping[str, tuple[int, ...]]:
+        """Shapes of its series in rows of these kinds (`simulate(observe=...)`)."""
+        return {}
+
+    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> Mapping[str, Array]:
+        """Its series in the row of a state at time t, but for forces that are unknowns."""
+        return {}
+
+    def add_motion(self, model: Any, state: State, out: Array) -> None:
+        """Add its kinetic energy and momenta to those of nodes, [9] as `energies.motion` puts them."""
+
+    def weight(self, model: Any, q: Array) -> float:
+        """Its energy in constant gravity at coordinates [12 N], J."""
+        return 0.0
+
+    def stored(self, state: State) -> float:
+        """What it stores that is no strain, J."""
+        return 0.0
+
+    def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
+        """What it took away less what it put in, numbers that the balance of a row adds, J, and sizes of these parts."""
+        return [], []
+
+    # --- in a plane, and at the start ---------------------------------------------------------------------------------
     def in_plane(self, plane: Any, model: Any, constraints: int) -> Self:
         """The same in the tables of a plane; model: in space; constraints: all that are left there but moments of sleeves."""
         return self

@@ -1,7 +1,7 @@
 """Friction, drives, stops and locks of sliders as tables, what drives are given in every step, and their forces at rows."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,9 +10,11 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.friction_fallback import no_doubt
-from fastbeam.kernels.contact.slider_forces import (AGAINST, ASKED, BY_RATE, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT,
-    LAW, LOCKED, MOST_KEPT, NO_DRIVE, OFF, OFFSET, POSITION, SIGN, STIFFNESS, TURNS, Along, DriveSchedule)
+from fastbeam.kernels.contact.slider_forces import (AGAINST, ASKED, BY_RATE, CAME_BY, CONTROL, DRIVE_WORK, FORCE, FRICTION_LOSS,
+    HELD, HISTORY, INCREMENT, LAW, LOCKED, LOCK_LOSS, MOST_KEPT, NO_DRIVE, OFF, OFFSET, POSITION, SIGN, STIFFNESS, STOP_LOSS,
+    TURNS, Along, DriveSchedule)
 from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.state import State
 from fastbeam.model.analyses import AT_REST, Analysis, Asked, Lack, dissipating, lacking, unknown_to_methods, without_adjoint
 from fastbeam.model.contact.drive_laws import (force_at, gains_of, given_over, given_to, kind_of, law_at, law_of, slope_at_rest,
     value_at)
@@ -25,6 +27,9 @@ Array = np.ndarray
 AT_START = 1e-9
 # the same of the state that a run starts from
 JUMP = 1e-6
+# series of energies, and what the history has of those that were taken away
+ENERGIES = "friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss"
+LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # what takes energy away, for messages
 DISSIPATION = "friction, damping, forces of (t, s, rate) and rigid stops of sliders"
 
@@ -387,6 +392,31 @@ class SliderForces(Feature):
         return stops.restitution or 0.0
 
     # --- rows ---------------------------------------------------------------------------------------------------------
+    def series(self, kinds: Collection[str], model: Any) -> dict[str, tuple[int, ...]]:
+        """Forces along the beam, and energies."""
+        along = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force")
+        return dict.fromkeys((*(along if "slider" in kinds else ()), *ENERGIES), (len(self.sliders),)) if {
+            "slider", "energy"} & set(kinds) else {}
+
+    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
+        """Energies."""
+        if not {"slider", "energy"} & set(kinds):
+            return {}
+        history = model.own(state.history, self.key).reshape(-1, HISTORY).copy()
+        found = (history[:, FRICTION_LOSS], history[:, DRIVE_WORK], self.stop_energy(state.s, state.history),
+                 history[:, STOP_LOSS], history[:, LOCK_LOSS])
+        return dict(zip(ENERGIES, found))
+
+    def stored(self, state: State) -> float:
+        """Energy of elastic stops."""
+        return float(np.sum(self.stop_energy(state.s, state.history)))
+
+    def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
+        """What friction, stops and locks took less what drives put in."""
+        history = model.own(state.history, self.key).reshape(-1, HISTORY)
+        return ([float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))],
+                np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist())
+
     def stop_energy(self, s: Array, history: Array) -> Array:
         """Energy that elastic stops store, J, [S]; history [S, 11], or flat."""
         stiff, (low, high) = self.tables.stops[:, STIFFNESS], self.elastic(s, history[:self.history_size].reshape(-1, HISTORY)).T

@@ -10,7 +10,6 @@ from fastbeam.kernels.forces.added_mass import AddedMass
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, Lack, unknown_to_methods, without_adjoint
 from fastbeam.model.feature import Feature, OfRun, Stand
-from fastbeam.model.model import Model
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import Elements, node_lengths
 from fastbeam.scene import Scene
@@ -101,8 +100,9 @@ class Added(Feature):
         off = (own - self.momenta(q.reshape(-1, 12), v.reshape(-1, 12)))[there] / self.along[there]
         return float(np.max(np.abs(off), initial=0.0))
 
-    def add_to(self, own: Array, state: State, out: Array) -> None:
-        """Kinetic energy and momenta to those of `energies.motion`; own: momenta in the history [A]."""
+    def add_motion(self, model: Any, state: State, out: Array) -> None:
+        """Kinetic energy and momenta of the fluid."""
+        own = model.own(state.history, self.key)
         q, v = (x.reshape(-1, 4, 3)[self.node] for x in (state.q, state.v))
         p = self.normal[:, None] * v[:, 0] + own[:, None] * q[:, 1]
         there = self.along != 0.0
@@ -137,9 +137,3 @@ def added_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Added |
     normal, tangential = (np.array([getattr(x, of) for x in given])[part] for of in ("normal", "tangential"))
     return Added(tuple(f"{x.label} on {x.on.label}" for x in given), every, part, size * normal,
                  size * (tangential - normal))
-
-
-def add_energies(model: Model, state: State, out: Array) -> None:
-    """Kinetic energy and momenta of all added mass, as `energies.motion` puts them."""
-    if model.added is not None:
-        model.added.add_to(model.own(state.history, "added"), state, out)

@@ -1,12 +1,13 @@
 """Features that are tables of links alone: springs and dampers, bushings, crossings, links of modules outside the package."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from fastbeam.kernels.forces.bushing import Bushings
+from fastbeam.kernels.state import State
 from fastbeam.model.analyses import dissipating, unknown_to_methods, without_adjoint
-from fastbeam.model.feature import Feature
+from fastbeam.model.feature import Array, Feature
 from fastbeam.model.forces.bushings import bushings_in_plane
 
 
@@ -30,6 +31,16 @@ class LinkForces(Feature):
 
     def __init__(self, losses: tuple[str, ...], find_rows: Callable[[tuple[Any, ...]], list[Any]], lines: Any) -> None:
         self.losses, self.find_rows, self.lines = losses, find_rows, lines
+
+    def series(self, kinds: Collection[str], model: Any) -> dict[str, tuple[int, ...]]:
+        """Elongations, forces and the like."""
+        rows = model.spring_rows if "spring" in kinds else []
+        return {name: shape for one in rows for name, shape in one.series().items()}
+
+    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
+        """The same."""
+        rows = model.spring_rows if "spring" in kinds else []
+        return {name: x for one in rows for name, x in one.row(state).items()}
 
 
 class BushingForces(Feature):

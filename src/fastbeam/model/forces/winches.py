@@ -94,6 +94,16 @@ class Hoists(Feature):
         """The table of ropes with the work array of the run."""
         return table._replace(work=run.law_work) if isinstance(table, Winches) else table
 
+    def add_motion(self, model: Any, state: State, out: Array) -> None:
+        """Kinetic energy and momenta of all ropes."""
+        motion_of_ropes(ropes_of(model), state.q, state.v, out)
+
+    def weight(self, model: Any, q: Array) -> float:
+        """Energy of all ropes in the gravity of the scene, J."""
+        out = np.zeros(1)
+        weight_of_ropes(ropes_of(model), q, out)
+        return float(out[0])
+
 
 class WinchRows:
     """What winches have at rows: free length, m, its rate, m/s, and the tension at the drum and at the load, N: at the ends of
@@ -178,21 +188,6 @@ def rope_masses(table: Winches, q: Array) -> Any:
     values, where = np.concatenate((*blocks, on)), np.concatenate((*places, at[k]))
     rows, columns = np.broadcast_arrays(where[:, :, None], where[:, None, :])
     return sparse.csr_matrix((values.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(q.size, q.size))
-
-
-def add_motion(model: Any, q: Array, v: Array, out: Array) -> None:
-    """Kinetic energy and momenta of all ropes, as `energies.motion` puts them."""
-    table = ropes_of(model)
-    if table is not None:
-        motion_of_ropes(table, q, v, out)
-
-
-def weight_energy(model: Any, q: Array) -> float:
-    """Of all ropes in the gravity of the scene, J."""
-    table, out = ropes_of(model), np.zeros(1)
-    if table is not None:
-        weight_of_ropes(table, q, out)
-    return float(out[0])
 
 
 def used_up(model: Any, state: State, h: float) -> str:

@@ -2,7 +2,7 @@
 values and energies at rows. What holds, stops and drives them: joints/drives.py."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -302,18 +302,35 @@ class Motions(Feature):
             before = self.own(state.history, place)[:, VALUE]
             self.holds.check_stays(who, t, self.values(state.q.reshape(-1, 4, 3), before))
 
-    def row(self, t: float, state: State, place: int) -> dict[str, Array]:
-        """Series of one row, at time t."""
-        q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
-        values, rates = self.own(state.history, place)[:, VALUE].copy(), self.rates(q, v)
-        drive = {"joint_drive": self.holds.drive_forces(t, values, rates)} if self.holds.driven.size else {}
-        return {"joint_value": values, "joint_rate": rates, **drive}
+    def series(self, kinds: Collection[str], model: Any) -> dict[str, tuple[int, ...]]:
+        """Coordinates with their forces, and what they exchange."""
+        holds, names = self.holds, []
+        if "joint" in kinds:
+            names += ["joint_value", "joint_rate"]
+            names += ["joint_drive"] * (holds.driven.size > 0) + ["joint_force"] * (holds.held.size > 0)
+        if "energy" in kinds:
+            names += ["joint_energy", "joint_loss", "joint_work", *["joint_friction"] * (holds.rubs.size > 0),
+                      *["joint_stop_loss"] * holds.has_rigid_stops]
+        return dict.fromkeys(names, (len(self.names),))
 
-    def exchanged(self, state: State, place: int) -> dict[str, Array]:
-        """Series of energies of one row."""
-        own = self.own(state.history, place)
-        return {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(),
-                **self.holds.exchanged(state.history)}
+    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
+        """Coordinates and what drives give, and energies."""
+        own, out = self.own(state.history, model.place(self.key)), {}
+        if "energy" in kinds:
+            out = {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(),
+                   **self.holds.exchanged(state.history)}
+        if "joint" in kinds:
+            q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+            out["joint_value"], out["joint_rate"] = own[:, VALUE].copy(), self.rates(q, v)
+            if self.holds.driven.size:
+                out["joint_drive"] = self.holds.drive_forces(t, out["joint_value"], out["joint_rate"])
+        return out
+
+    def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
+        """What dampers took less what motors put in, then friction and impacts."""
+        more = [name for name in ("joint_friction", "joint_stop_loss") if name in row]
+        parts = [float(np.sum(row["joint_loss"]) - np.sum(row["joint_work"])), *(float(np.sum(row[name])) for name in more)]
+        return parts, [float(np.sum(np.abs(row[name]))) for name in ("joint_loss", "joint_work", *more)]
 
 
 def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: Any) -> Motions | None:

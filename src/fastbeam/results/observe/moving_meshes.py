@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.kernels.contact.moving_mesh import momentum_sums, motion_of
 from fastbeam.kernels.joints.coordinates import LOSS, VALUE, WORK
 from fastbeam.kernels.joints.friction import AGAINST
 from fastbeam.kernels.state import State
@@ -102,16 +101,6 @@ class MeshRows:
         if not self.slider and not self.energy:
             return names
         return {**names, "sliders": list(self.moving.names), "moving_meshes": [1], "moving_moments": list(self.moving.moments)}
-
-
-def add_moving(model: Model, state: State, out: Array) -> None:
-    """Kinetic energy and momenta of all moving beams, as `energies.motion` puts them."""
-    if model.moving is None:
-        return
-    p = np.zeros_like(state.q)
-    for table in model.moving.tables:
-        out[0] += motion_of(table, state.q, state.history, p)
-    momentum_sums(state.q, p, out)
 
 
 def moving_weight(model: Model, q: Array) -> float:
