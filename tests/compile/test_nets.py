@@ -10,6 +10,7 @@ import pytest
 
 import fastbeam as fb
 from counted import calls
+from fastbeam.model.feature import OfRun
 from fastbeam.model.workspace import work_of
 from fastbeam.stepping.stepper import Stepper
 
@@ -235,7 +236,7 @@ def test_statics_of_a_ball_net_holds_the_spin_that_nothing_holds() -> None:
     work = work_of(model, rates=True)
     kernels.external_forces(model.loads, np.ones(1), work.f_ext)
     work.u[:] = 0.0
-    kernels.assemble_all(Record(terms_of(model, None)), Record(system_of(model, AtRest(), None, None, result.state, work)), 0.0)
+    kernels.assemble_all(Record(terms_of(OfRun(model))), Record(system_of(model, AtRest(), None, None, result.state, work)), 0.0)
     assert np.abs(work.r[:-8]).max() < 1e-9 * 20.0
     top = position(net, model, result.state)[0]
     assert np.linalg.norm(top - nodes[0]) > 1e-5

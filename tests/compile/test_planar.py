@@ -14,6 +14,7 @@ from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import Conserving, Equilibrium
+from fastbeam.model.feature import OfRun
 from fastbeam.model.model import Model
 from fastbeam.model.workspace import contact_of, work_of
 from fastbeam.stepping.stepper import Stepper
@@ -287,11 +288,11 @@ class Assembled:
     def step(self, h: float) -> None:
         m = self.model
         system = system_of(m, Conserving(), self.contact, m.pattern.plan, self.state, self.work)
-        kernels.assemble_all(Record(terms_of(m, None)), Record(system), h)
+        kernels.assemble_all(Record(terms_of(OfRun(m))), Record(system), h)
 
     def static(self) -> None:
         m = self.model
-        terms = Record(terms_of(m, None, static=True))
+        terms = Record(terms_of(OfRun(m, static=True)))
         system = Record(system_of(m, Equilibrium(), None, None, self.state, self.work))
         kernels.begin(terms, system, 0.0)
         kernels.assemble_all(terms, system, 0.0)

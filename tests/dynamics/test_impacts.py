@@ -241,7 +241,7 @@ def test_the_impulse_of_a_drive_that_prescribes_a_motion_counts_as_its_work(rest
     blow = (after.v - before.v).reshape(-1, 4, 3)
     tangent = np.array([1.0, 0.0, 0.2]) / np.sqrt(1.04)
     push = [mass.mass * float(blow[model.numbers.start(mass), 0] @ tangent) for mass in (hits, driven)]
-    own = after.history[:model.work_place].reshape(-1, HISTORY)
+    own = model.own(after.history, "slider_forces").reshape(-1, HISTORY)
     loss, work = -push[0] * 0.5 * (1.0 - restitution) * rates[0], push[1] * rates[1]
     assert own[0, STOP_LOSS] == pytest.approx(loss, abs=1e-13) and own[1, DRIVE_WORK] == pytest.approx(work, rel=1e-9)
     assert abs(work) > 1e-3 and loss >= 0.0
@@ -265,7 +265,7 @@ def test_a_blow_on_what_hardly_moves_gives_no_energy(restitution: float) -> None
         across = np.linalg.svd(tangent[None])[2][1:]
         state.v.reshape(-1, 4, 3)[nodes, 0] = 1e-4 * tangent + 1e-2 * rng.standard_normal(2) @ across
         after = strike(model, state, 0, True, restitution)
-        losses.append(after.history[:model.work_place].reshape(-1, HISTORY)[0, STOP_LOSS])
+        losses.append(model.own(after.history, "slider_forces").reshape(-1, HISTORY)[0, STOP_LOSS])
         before = 0.5 * state.v @ (energy @ state.v)
         assert losses[-1] == pytest.approx(before - 0.5 * after.v @ (energy @ after.v), abs=3e-15 * before)  # a dozen roundings
         assert losses[-1] > -2e-15 * before

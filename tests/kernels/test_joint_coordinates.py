@@ -46,7 +46,7 @@ class Forces:
         a, b = (fb.RigidBody(x, mass=1.0, inertia=(1, 1, 1), position=(0.3, 0.1, 0)) for x in "ab")
         self.model = fb.compile_scene(fb.Scene(a, b, JOINTS[name](a, b)), planar=False)
         self.work, self.state, self.static = work_of(self.model), self.model.state(), static
-        self.tables = self.model.motions.work(self.model)
+        self.tables = self.model.motions.work(self.model, None, False)
         self.n = self.model.n_nodes
         q = self.model.q0.reshape(-1, 4, 3).copy()
         for k in range(self.n):
@@ -54,7 +54,7 @@ class Forces:
             q[k, 1:] = turned(q[k, 1:], scale * rng.standard_normal(3))
         self.q0 = q
         self.value = self.model.motions.values(q, np.zeros(len(self.model.motions.names)))
-        self.model.motions.own(self.state.history, self.model.motion_place)[:, VALUE] = self.value
+        self.model.motions.own(self.state.history, self.model.place("motions"))[:, VALUE] = self.value
         self.move = scale * rng.standard_normal((self.n, 2, 3))
         self.h = 0.1
 

@@ -20,6 +20,7 @@ from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.contact.slider import predict_sliders
 from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.terms import Conserving, Equilibrium
+from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.loads import load_factors
 from fastbeam.model.model import Model
 from fastbeam.model.workspace import contact_of, work_of
@@ -234,7 +235,7 @@ class Kernels:
         """Terms and the record of what they share."""
         m, static = self.model, isinstance(method, Equilibrium)
         contact, solver = (None, m.pattern.plan) if static else (self.contact, self.solver)
-        return Record(terms_of(m, None, static)), Record(system_of(m, method, contact, solver, self.state, self.work))
+        return Record(terms_of(OfRun(m, static))), Record(system_of(m, method, contact, solver, self.state, self.work))
 
     def load(self) -> None:
         """Loads at factor 1."""

@@ -197,7 +197,8 @@ def test_errors_say_what_to_do(text: str) -> None:
 
 @pytest.mark.parametrize(("options", "joint", "text"), [
     ({"order": 4}, {"friction": 1.0}, "order=4 has a step backward in time"),
-    ({"method": "generalized_alpha"}, {"stiffness": 1.0}, "no springs, dampers, motors, drives, friction and stops in joints")])
+    ({"method": "generalized_alpha"}, {"stiffness": 1.0},
+     "does not know springs, dampers, motors, drives, friction and stops of joints")])
 def test_what_forces_in_joints_do_not_go_together_with(options: dict[str, Any], joint: dict[str, Any], text: str) -> None:
     arm = body("arm", (0.5, 0, 0))
     pivot = fb.RevoluteJoint(fb.GROUND, arm.point((-0.5, 0, 0)), "pivot", axis=(0, 1, 0), **joint)

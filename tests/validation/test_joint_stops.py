@@ -192,7 +192,7 @@ def test_a_motor_beside_a_stop_does_the_work_of_its_impulse(restitution: float) 
     loss = 0.5 * mass[1, 1] * rate**2 * (1.0 - restitution**2)
     work = 0.5 * (rates[1] @ mass @ rates[1] - rates[0] @ mass @ rates[0]) + loss
     assert work > 0.02
-    assert motions.own(after.history, model.motion_place)[:, WORK] == pytest.approx([work, 0.0], rel=1e-10, abs=1e-15)
+    assert motions.own(after.history, model.place("motions"))[:, WORK] == pytest.approx([work, 0.0], rel=1e-10, abs=1e-15)
     assert motions.holds.numbers(after.history)[0, STOP_LOSS] == pytest.approx(loss, rel=1e-10, abs=1e-14)
 
 

@@ -14,6 +14,7 @@ from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.forces.spring_laws import SpringLaws, damping_force, mean_force
 from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.terms import Conserving
+from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.spring_laws import laws_of
 from fastbeam.model.workspace import work_of
 from fastbeam.stepping.terms import system_of, terms_of
@@ -133,7 +134,7 @@ def trial(model: Any, dphi: Array, theta: Array, h: float) -> tuple[Array, Array
     work = work_of(model)
     work.dphi[:], work.theta[:] = dphi.reshape(-1), theta.reshape(-1)
     system = system_of(model, Conserving(), None, None, model.state(), work)
-    terms = tuple(t for t in terms_of(model, None) if any(t is x for x in model.links))
+    terms = tuple(t for t in terms_of(OfRun(model)) if any(t is x for x in model.links))
     kernels.assemble_all(Record(terms), Record(system), h)
     return work.r.copy(), work.blocks.copy()
 
@@ -243,7 +244,7 @@ def test_books_close_and_read_out_adds_up(run: tuple[Any, fb.Result]) -> None:
 def test_forces_and_moments_of_the_read_out_are_derivatives_of_the_energy(run: tuple[Any, fb.Result]) -> None:
     """By moving the last state: along and about the axes of the bushing to the ground, at rest."""
     model, result = run
-    rows = model.find_springs(model.links)[1]
+    rows = model.spring_rows[1]
     state = result.state._replace(v=np.zeros_like(result.state.v))
     at, node = rows.names.index("foot"), rows._table.node[rows.names.index("foot"), 1]
     found, d = rows.row(state), 1e-6

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.compile.condense import Condensed, condense as choose
+from fastbeam.compile.condense import Condensed
+from fastbeam.compile.condense import condense as choose
 from fastbeam.compile.links import Links
-from fastbeam.compile.moving_meshes import initial, rewrite, with_tables
+from fastbeam.compile.moving_meshes import IN_SPACE, initial, rewrite, with_tables
 from fastbeam.compile.numbered import number
 from fastbeam.compile.order import Blocks, Ordered, order
 from fastbeam.compile.planar import find_plane, pack_plane
@@ -34,34 +35,31 @@ from fastbeam.kernels.beams.nodes import Bodies, Held
 from fastbeam.kernels.beams.nodes_without_mass import Knots
 from fastbeam.kernels.beams.ties import TARGET, Ties
 from fastbeam.kernels.contact.slider import Sliders
-from fastbeam.kernels.forces.bushing import Bushings
 from fastbeam.kernels.forces.drag import Wind
-from fastbeam.kernels.forces.force_element import ForceElements
-from fastbeam.kernels.forces.line_force import LineForces
-from fastbeam.kernels.forces.user_force import UserForces
-from fastbeam.kernels.forces.winch import Winches
 from fastbeam.kernels.layout import POSITION
 from fastbeam.kernels.terms import NoTies
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.connections import Connections
-from fastbeam.model.contact.sleeves import rubbing_sleeves, sleeves_of, with_twist
+from fastbeam.model.contact.sleeves import SleeveContact, sleeves_of, twist_friction_of, with_twist
 from fastbeam.model.contact.slider_forces import slider_forces_of
-from fastbeam.model.forces.added_mass import with_added
-from fastbeam.model.forces.bushings import BushingRows
-from fastbeam.model.forces.damping_and_drag import damped_of, with_drag
+from fastbeam.model.contact.sliders import SlidingContact
+from fastbeam.model.controllers import Controllers
+from fastbeam.model.forces.added_mass import Added
+from fastbeam.model.forces.damping_and_drag import Dragged, damped_of
 from fastbeam.model.forces.failed_laws import Lawful
-from fastbeam.model.forces.spring_laws import SpringRows
+from fastbeam.model.forces.link_forces import CarriedSliders, Crossings, LinkForces
+from fastbeam.model.forces.loads import LoadAccount
 from fastbeam.model.forces.user_forces import asked_of
-from fastbeam.model.forces.winches import WinchRows
 from fastbeam.model.holding import Holding, trees
 from fastbeam.model.joints.motion import motions_of
+from fastbeam.model.loading import Loading, Remarks
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import released_of
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.supports import waiting
 from fastbeam.model.tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
-from fastbeam.scene import Beam, Bushing, Damper, ForceElement, LineForce, Path, RigidBody, Scene, Sleeve, Spring, Switch
+from fastbeam.scene import Beam, Bushing, ForceElement, Path, RigidBody, Scene, Sleeve, Switch
 from fastbeam.scene.crossings import Knot
-from fastbeam.scene.links import label_of
 from fastbeam.scene.winch import Coil, RopePoint
 
 Array = np.ndarray
@@ -69,8 +67,6 @@ SOLVERS = ("auto", "chain", "sparse")
 CHOICE = Flag(("auto",))
 # mass of a point without mass in the tangent, as a share of that of an element beside it (nodes_without_mass.py)
 KNOT_SHARE = 1e-6
-# why scenes with moving meshes have no tables of a plane
-IN_SPACE = "moving meshes run in space"
 
 
 @checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
@@ -131,12 +127,12 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     as_compiled, numbered_as = copy(as_given), copy(scene)
     as_compiled.parts, numbered_as.parts = list(as_given.parts), list(scene.parts)
     model = replace(
-        model, plane=plane, not_planar=not_planar, asked_for_plane=planar is True,
+        model, plane=plane,
         find_holding=partial(_holding, numbered_as, numbered.nodes, numbered.joints),
-        massless=tuple(beam.label for beam in scene.beams if _is_massless(scene, beam)),
         uneliminated=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False),
         uncondensed=Variant(as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False, condense=False))
-    return replace(model, text=describe(scene, model))
+    model = model.with_remarks(not_planar=not_planar, asked_for_plane=planar is True)
+    return model.with_remarks(text=describe(scene, model))
 
 
 def _out_of_plane(scene: Scene, reason: str) -> SceneError:
@@ -187,56 +183,68 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
                                        ordered.n_panel)
     ties = _ties(joints.without_welds(), blocks)
     held = _held(joints.held, blocks)
-    curves, sliders, corners, curve_s = _sliders(scene, nodes, joints)
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of, links)
     state, length = unpacked.state, unpacked.numbered.length
-    slider_forces, laws = slider_forces_of(scene.sliders), links.loaded.forces
-    accounts = any(t is not None for t in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]) or laws)
-    loads_at, damped = 0 if slider_forces is None else slider_forces.size, damped_of(scene, nodes)
-    losses_at = loads_at + accounts + (0 if damped is None else len(damped.labels))
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
-        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at, losses_at),
+        links=(),
         kept=unpacked.kept, kept_softness=softness_of(unpacked.kept, joints, nodes.rank), ties=ties,
         held=held, static_held=_held(joints.held | idle, blocks) if idle.any() else held,
-        curves=curves, sliders=sliders, curve_s=curve_s,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
-        spin_root=joints.spin_root, loads=loads, load_times=unpacked.loads.times, gravity=unpacked.gravity,
-        gravity_time=scene.gravity_time, gravity_weight=unpacked.loads.weight, constant_load=unpacked.loads.constant,
+        spin_root=joints.spin_root, loading=Loading(
+            loads, unpacked.loads.times, unpacked.loads.names, {load.name: load for load in [*scene.loads, *scene.distributed]},
+            unpacked.gravity, scene.gravity_time, unpacked.loads.weight, unpacked.loads.constant),
         q0=state.q, v0=state.v, s0=state.s,
-        slider_lengths=np.array([s.beam.length for s in scene.sliders]), spans=_spans(scene), corners=corners,
         length=length,
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, notes=unpacked.notes,
-        joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
-        load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
-        slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), twisting=rubbing_sleeves(scene),
-        accounts_loads=accounts,
-        damped=damped, dampers=links.losses, find_springs=partial(_springs, links), lines=links.lines, dragged=unpacked.dragged,
-        prescribed=unpacked.prescribed,
-        released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
-        user_forces=tuple(label_of(force) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
-        laws=_laws(scene, nodes, links, unpacked.dragged),
-        needs_forward_steps=tuple(label_of(force) for force in laws if force.dissipates), controllers=tuple(scene.controllers))
-    if model.catches:
+        names=_names(scene, nodes), numbers=nodes, remarks=Remarks(
+            notes=unpacked.notes, joints=_joint_names(scene, nodes),
+            massless=tuple(beam.label for beam in scene.beams if _is_massless(scene, beam))))
+    return _with_features(model, scene, unpacked, blocks)
+
+
+def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Blocks) -> Model:
+    """The model with its features, and the tables that need to know where their numbers stand in the history."""
+    nodes, joints, links, row_of = unpacked.nodes, unpacked.joints, unpacked.numbered.links, blocks.pattern.row_of
+    released = released_of(scene, nodes, joints, row_of, unpacked.numbered.always)
+    dragged, added = unpacked.dragged, unpacked.added
+    model = model.with_features(
+        _sliding(scene, nodes, joints, len(unpacked.kept)), slider_forces_of(scene.sliders),
+        SleeveContact(scene.sleeves) if scene.sleeves else None, twist_friction_of(scene),
+        LoadAccount() if _accounts_loads(unpacked) else None, damped_of(scene, nodes), *links.features(),
+        unpacked.prescribed, released,
+        Crossings() if scene.knots else None, Controllers(tuple(scene.controllers)) if scene.controllers else None,
+        CarriedSliders() if model.carriers is not None else None)
+    if scene.gravity_time is not None:
+        require(Analysis.GRAVITY_IN_TIME, model)
+    ties = NoTies() if model.ties is None else model.ties
+    model = replace(model, links=links.tables(blocks, row_of, len(scene.sliders), ties, model.place_for(LoadAccount),
+                                              model.losses_for(LinkForces)))
+    if dragged is not None:
+        dragged = dragged.with_table(row_of, blocks.diagonal(dragged.node), model.losses_for(Dragged))
+        model = model.with_features(replace(dragged, called_laws=_laws_of_wind(scene, nodes, dragged) if dragged.windy else {}))
+    if released is not None and released.losses:
         model = replace(model, **waiting(model))
-    model = with_drag(model, blocks.diagonal)
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
-    model = replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
-    return with_added(replace(model, sleeves=with_twist(scene, model)), unpacked.added, blocks.diagonal)
+    model = model.with_features(motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
+    if scene.sleeves:
+        model = replace(model, features=tuple(replace(x, sleeves=with_twist(scene, model)) if isinstance(x, SlidingContact) else x
+                                              for x in model.features))
+    if added is not None:
+        model = model.with_features(added.with_table(row_of, blocks.diagonal(added.node), model.place_for(Added)))
+        if model.has_blows:
+            require(Analysis.BLOWS, model)
+    return model
 
 
-def _springs(links: Links, tables: tuple[Any, ...]) -> list[Any]:
-    """What springs and dampers, and what bushings have at rows; tables: of the links."""
-    parts, node = links.of(Spring, Damper)
-    out: list[Any] = []
-    if parts:
-        out.append(SpringRows(parts, node, np.linalg.norm(np.diff(links.nodes.phi[node], axis=1)[:, 0], axis=1)))
-    out += [WinchRows([winch.name for winch in links.ropes.winches], table) for table in tables if isinstance(table, Winches)]
-    return out + [BushingRows(links.of(Bushing)[0], table) for table in tables if isinstance(table, Bushings)]
+def _accounts_loads(unpacked: Unpacked) -> bool:
+    """Whether loads have no potential."""
+    loads = unpacked.loads
+    return any(t is not None for t in loads.times) or bool(np.any(loads.vectors[:, :, 3:])
+                                                           or unpacked.numbered.links.loaded.forces)
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:
@@ -331,27 +339,15 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
     return out
 
 
-def _both(nodes: NodeList, at: Array, k: int) -> str:
-    return " and ".join(nodes.labels[i] for i in at[k].tolist())
+def _laws_of_wind(scene: Scene, nodes: NodeList, dragged: Dragged) -> dict[type, Lawful]:
+    """Whose laws the rows of the table of drag call, and where."""
+    return {Wind: Lawful(scene.drags, dragged.part, lambda k: nodes.labels[dragged.node[k]], asked_of)}
 
 
-def _laws(scene: Scene, nodes: NodeList, links: Links, dragged: Any) -> dict[type, Lawful]:
-    """Whose laws the rows of tables call, and where."""
-    loaded = links.loaded
-    out = {UserForces: Lawful(loaded.forces, loaded.of, lambda k: nodes.labels[loaded.node[k]], asked_of)}
-    for noun, table in ((LineForce, LineForces), (ForceElement, ForceElements)):
-        parts, at = links.of(noun)
-        out[table] = Lawful(parts, np.arange(len(parts)), partial(_both, nodes, at), asked_of)
-    if dragged is not None:
-        out[Wind] = Lawful(scene.drags, dragged.part, lambda k: nodes.labels[dragged.node[k]], asked_of)
-    return out
-
-
-def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None, dict[Any, tuple[int, bool]],
-                                                                          tuple[Array, ...]]:
-    """Curves, sliders, which curves lead over the corners of switches, and arc lengths of the nodes of every curve."""
+def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> SlidingContact | None:
+    """Sliders and sleeves, behind so many joints with multipliers; None where there are none."""
     if not scene.sliders:
-        return None, None, {}, ()
+        return None
     tracks = [track_of(scene, nodes, slider) for slider in scene.sliders]
     index = {track: k for k, track in enumerate(dict.fromkeys(tracks))}
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
@@ -362,12 +358,10 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
         for place, (track, is_sharp) in corners_of(scene, nodes, slider).items():
             corners[c, *place] = -1 if track is None else len(every), is_sharp
             every += [] if track is None else [track]
-    return pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64)), corners, tuple(track.node_s for track in every)
-
-
-def _spans(scene: Scene) -> dict[int, Array]:
-    """Of sliders on switches where their tracks begin and end."""
-    return {k: slider.beam.spans for k, slider in enumerate(scene.sliders) if isinstance(slider.beam, Switch)}
+    spans = {k: slider.beam.spans for k, slider in enumerate(scene.sliders) if isinstance(slider.beam, Switch)}
+    return SlidingContact(scene.sliders, pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64)),
+                          sleeves_of(scene, nodes, kept), np.array([slider.beam.length for slider in scene.sliders]), spans,
+                          corners, tuple(track.node_s for track in every))
 
 
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:

@@ -14,14 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.compile.unpack import points_of
-from fastbeam.interface.errors import SceneError
 from fastbeam.model.tables import strain_gradient, strains_of
-from fastbeam.scene import (Beam, Crossing, DistributedLoad, Drag, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Slider,
-    Switch, UserForce)
+from fastbeam.scene import Beam, Crossing, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Slider
 from fastbeam.scene.beams import NodeRef
-from fastbeam.scene.crossings import Knot
 from fastbeam.scene.interpolation.basis import Basis, build_basis
-from fastbeam.scene.nets import NetBeam
 
 Array = np.ndarray
 # contacts nearer than this share of the beam to each other, or to an end that stays, stand at the same place
@@ -63,36 +59,6 @@ def place_of(slider: Any, s: float) -> Place:
         return Place(slider.beam, float(np.clip(s, 0.0, slider.beam.length)), 1)
     k, local = slider.beam.places(s)
     return Place(slider.beam.beams[int(k[0])], float(local[0]), slider.beam.directions[int(k[0])])
-
-
-def refuse(scene: Scene) -> None:
-    """Refuse scenes whose contacts cannot be element ends.
-
-    Raises
-    ------
-    SceneError
-        Names the slider and what it would need.
-    """
-    for slider in scene.sliders:
-        who = f"solve_static: contacts='exact': {slider.kind} {slider.name!r}"
-        if isinstance(slider.point.owner, Knot) or isinstance(slider.beam, Switch):
-            raise SceneError(f"{who} belongs to a {'crossing' if isinstance(slider.point.owner, Knot) else 'switch'}, which only "
-                             "contacts='mesh' knows; leave contacts= out")
-        for beam in slider.beams:
-            if isinstance(beam, NetBeam):
-                raise SceneError(f"{who} is on {beam.label}, whose elements are equal; make it a Beam of its own, or leave "
-                                 "contact= out")
-            if beam.interpolation != "lagrange":
-                raise SceneError(f"{who} is on {beam.label} with interpolation 'bspline', whose curve has no kink at a contact; "
-                                 "use interpolation='lagrange', or leave contacts= out")
-            for part in scene.parts:
-                loaded = (isinstance(part, UserForce) and part.at is beam
-                          or isinstance(part, DistributedLoad) and part.beam is beam
-                          and (part.moment is not None or part.follower)
-                          or isinstance(part, Drag) and part.on is beam and part.blows)
-                if loaded:
-                    raise SceneError(f"{who} is on {beam.label}, along which {part.kind} {part.name!r} acts, whose work by the "
-                                     "place of an element end is not known; put it on nodes, or leave contacts= out")
 
 
 def _kept(scene: Scene, beam: Beam) -> Array:

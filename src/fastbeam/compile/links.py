@@ -7,21 +7,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.forces.bushing import Bushings
+from fastbeam.kernels.forces.force_element import ForceElements
+from fastbeam.kernels.forces.line_force import LineForces
 from fastbeam.kernels.forces.spring import Springs
+from fastbeam.kernels.forces.user_force import UserForces
+from fastbeam.kernels.forces.winch import Winches
 from fastbeam.kernels.jit.sources import is_outside
 from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
 from fastbeam.kernels.terms import assemble
 from fastbeam.model.connections import Connections
-from fastbeam.model.forces.bushings import bushings
-from fastbeam.model.forces.spring_laws import spring_laws
-from fastbeam.model.forces.user_forces import Loaded, force_elements, line_forces
-from fastbeam.model.forces.winches import Ropes
+from fastbeam.model.feature import Feature
+from fastbeam.model.forces.bushings import BushingRows, bushings
+from fastbeam.model.forces.failed_laws import Lawful
+from fastbeam.model.forces.link_forces import BushingForces, LinkForces, OutsideLinks
+from fastbeam.model.forces.spring_laws import SpringRows, spring_laws
+from fastbeam.model.forces.user_forces import Loaded, UserLaws, asked_of, force_elements, line_forces
+from fastbeam.model.forces.winches import Hoists, Ropes, WinchRows
 from fastbeam.model.joints.constraints import Distance, KeptLink, Law, Together
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.joints.tables import bearing_nodes, conditions_of, frames_of, joint_conditions
@@ -386,6 +395,25 @@ class Links:
         found = [(part, node) for group in self.groups for part, node in zip(group.parts, group.node) if type(part) in nouns]
         return [part for part, _ in found], np.array([node for _, node in found], np.int64).reshape(-1, 2)
 
+    def features(self) -> list[Feature]:
+        """What links, ropes and laws between two points are among the features of a model."""
+        lines = self.lines
+        springs = self.of(Spring, Damper, Bushing)[0]
+        outside = [type(part).__name__ for group in self.groups for part in group.parts[:1] if is_outside(group.entry.noun)]
+        return [*([LinkForces(self.losses, partial(_rows_of, self), lines)] if springs or lines or self.ropes.winches else []),
+                *([Hoists(self.ropes.winches)] if self.ropes.winches else []),
+                *([BushingForces()] if self.of(Bushing)[0] else []), *([OutsideLinks(outside)] if outside else []),
+                *self._laws()]
+
+    def _laws(self) -> list[UserLaws]:
+        """Forces by laws of the user's own, whose laws the rows of tables call, and where."""
+        loaded, between, nodes = self.loaded, self.of(LineForce, ForceElement)[0], self.nodes
+        out: dict[type, Lawful] = {UserForces: Lawful(loaded.forces, loaded.of, lambda k: nodes.labels[loaded.node[k]], asked_of)}
+        for noun, table in ((LineForce, LineForces), (ForceElement, ForceElements)):
+            parts, at = self.of(noun)
+            out[table] = Lawful(parts, np.arange(len(parts)), partial(_both, nodes, at), asked_of)
+        return [UserLaws(loaded.forces, between, out)] if loaded.forces or between else []
+
     @property
     def lines(self) -> Lines | None:
         """What may pass through a length of 0; a plain spring without length pulls there as everywhere."""
@@ -418,6 +446,20 @@ class Links:
         if self.ropes.winches:
             out.append(self.ropes.table(row_of, blocks, self.nodes.phi))
         return tuple(out)
+
+
+def _both(nodes: NodeList, at: Array, k: int) -> str:
+    return " and ".join(nodes.labels[i] for i in at[k].tolist())
+
+
+def _rows_of(links: Links, tables: tuple[Any, ...]) -> list[Any]:
+    """What springs and dampers, winches and bushings have at rows; tables: of the links."""
+    parts, node = links.of(Spring, Damper)
+    out: list[Any] = []
+    if parts:
+        out.append(SpringRows(parts, node, np.linalg.norm(np.diff(links.nodes.phi[node], axis=1)[:, 0], axis=1)))
+    out += [WinchRows([winch.name for winch in links.ropes.winches], table) for table in tables if isinstance(table, Winches)]
+    return out + [BushingRows(links.of(Bushing)[0], table) for table in tables if isinstance(table, Bushings)]
 
 
 def _are_of_angles(laws: list[Any]) -> Array:

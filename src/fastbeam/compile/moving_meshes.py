@@ -1,8 +1,8 @@
 """Scenes with beams whose elements move with contacts, as the compiler takes them (theory.md 5.12)."""
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,13 @@ from fastbeam.compile.moving_contacts import along_of, joints_of, moment_of
 from fastbeam.compile.numbered import Numbered, number
 from fastbeam.compile.unpack import unpack
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.contact.moving_beam import MovingBeam
+from fastbeam.kernels.contact.moving_mesh import momentum_sums, motion_of
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
 from fastbeam.model.contact.moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
+from fastbeam.model.feature import Feature, OfRun
+from fastbeam.model.workspace import moving_of_run
 from fastbeam.scene import (BallJoint, Beam, Bushing, Clamp, CylindricalJoint, Damper, DistanceJoint, InitialVelocity, Load,
     MovingMesh, Pin, PlanarJoint, PointMass, PrismaticJoint, RevoluteJoint, RigidBody, RigidConnection, RigidMotion, Scene,
     Sleeve, Slider, SphericalJoint, Spring, UniversalJoint)
@@ -23,8 +28,12 @@ JOINTS = (RevoluteJoint, PrismaticJoint, CylindricalJoint, PlanarJoint, Universa
 TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, DistanceJoint, *JOINTS, Clamp, Pin, Load, Slider, Spring, Damper,
          Bushing, InitialVelocity, RigidMotion, MovingMesh)
 
+# why scenes with moving meshes have no tables of a plane
+IN_SPACE = "moving meshes run in space"
 
-class Moving(NamedTuple):
+
+@dataclass(frozen=True)
+class Moving(Feature):
     """What a model knows of its moving meshes.
 
     Attributes
@@ -41,6 +50,27 @@ class Moving(NamedTuple):
         The point where the line of places begins, where something acts along a beam.
     """
 
+    key: ClassVar[str] = "moving"
+    title: ClassVar[str] = "elements that move (MovingMesh)"
+    order: ClassVar[int] = 100
+    is_told_first: ClassVar[bool] = True
+    lacks: ClassVar[tuple[Lack, ...]] = (
+        Lack((Analysis.PLANAR,), "elements that move", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
+        Lack((Analysis.COMPARED,), "elements that move", "moving mesh with slider {name!r}: {who} knows no elements that move",
+             "compile the scene without MovingMesh", lambda moving, asked: moving.names),
+        Lack((*AT_REST, Analysis.TRAVEL), "elements that move",
+             "moving mesh with slider {name!r}: equilibria and modes know no elements that move",
+             "compile the scene without MovingMesh, contacts='exact' of solve_static has no mesh either",
+             lambda moving, asked: moving.names),
+        Lack((Analysis.FILTERED,), "elements that move",
+             "rho_inf: moving mesh with slider {name!r}: strains of elements that move are not filtered",
+             "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
+        Lack((Analysis.POINT_INSIDE,), "points inside",
+             "point {who!r}: the elements of {name} move, and no node stays at a material point inside",
+             "observe its start or end, or what slides on it",
+             lambda moving, asked: [asked.part.label] * moving.has(asked.model.numbers.first.get(asked.part))),
+        without_adjoint("elements that move"))
+
     tables: tuple[Any, ...]
     names: list[str]
     places: Array
@@ -51,7 +81,7 @@ class Moving(NamedTuple):
     line: Array
 
     @property
-    def size(self) -> int:
+    def history_size(self) -> int:
         """Numbers in the history: of every beam momenta, and the work of its weight."""
         return sum(_size(table) for table in self.tables)
 
@@ -59,6 +89,10 @@ class Moving(NamedTuple):
     def mass(self) -> float:
         """Of all beams, kg."""
         return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
+
+    def has(self, first: int | None) -> bool:
+        """Whether elements of the beam whose first node this is move."""
+        return any(first == int(table.place[1]) for table in self.tables)
 
     def table_of(self, k: int) -> Any:
         """The term of the beam of contact k."""
@@ -93,31 +127,39 @@ class Moving(NamedTuple):
         return {"slider": name, "end": other, "s": s, "text": f"sliders {other!r} and {name!r} met, between which elements of "
                 "their moving mesh vanish"}
 
-    def check(self, method: str | None, static: bool) -> None:
-        """Refuse what is no conserving step; method: one that it is compared with.
-
-        Raises
-        ------
-        SceneError
-        """
-        if static or method is not None:
-            what = "equilibria and modes know" if static else f"method {method!r} knows"
-            raise SceneError(f"moving mesh with slider {self.names[0]!r}: {what} no elements that move; compile the scene "
-                             "without MovingMesh" + (", contacts='exact' of solve_static has no mesh either" if static else ""))
-
-    def start_momenta(self, history: Array, q: Array, v: Array) -> None:
-        """Those of coordinates and rates [12 N] into a history."""
+    def add_motion(self, model: Any, state: State, out: Array) -> None:
+        """Kinetic energy and momenta of all moving beams."""
+        p = np.zeros_like(state.q)
         for table in self.tables:
-            first = int(table.place[0])
-            history[first:first + _size(table) - 1] = momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)).reshape(-1)
+            out[0] += motion_of(table, state.q, state.history, p)
+        momentum_sums(state.q, p, out)
 
-    def misfit(self, history: Array, q: Array, v: Array) -> float:
-        """The largest difference between velocities and those of the momenta in a history, of spins times the length of the beam,
-        m/s; q, v [12 N]."""
+    def link_of_run(self, table: Any, run: OfRun) -> Any:
+        """The table of a beam with work arrays of the run."""
+        return moving_of_run(table) if isinstance(table, MovingBeam) else table
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether friction or drives act along the beams."""
+        return any(self.along)
+
+    def start_momenta(self, own: Array, q: Array, v: Array) -> None:
+        """Those of coordinates and rates [12 N] into the numbers of the history."""
+        for table in self.tables:
+            first = self._first(table)
+            own[first:first + _size(table) - 1] = momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)).reshape(-1)
+
+    def _first(self, table: Any) -> int:
+        """Where the numbers of a beam begin among those of all."""
+        return int(table.place[0]) - int(self.tables[0].place[0])
+
+    def misfit(self, own: Array, q: Array, v: Array) -> float:
+        """The largest difference between velocities and those of the momenta in the history, of spins times the length of the
+        beam, m/s; q, v [12 N]."""
         q, v, worst = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3), 0.0
         for table in self.tables:
-            first, of_rates = int(table.place[0]), momenta(table, q, v)
-            off = history[first:first + of_rates.size].reshape(of_rates.shape) - of_rates
+            first, of_rates = self._first(table), momenta(table, q, v)
+            off = own[first:first + of_rates.size].reshape(of_rates.shape) - of_rates
             off[:, :, 1:] *= table.length[0]
             off /= element_lengths(table, q)[:, None, None, None]
             worst = max(worst, float(np.max(np.linalg.norm(off, axis=3))))
@@ -278,7 +320,7 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
     if rewritten is None:
         return model
     numbers, tables, names, places, contacts = model.numbers, [], [], [], []
-    at = model.moving_place
+    at = model.place_for(Moving)
     for mesh in rewritten.meshes:
         table = mesh.table(numbers, blocks, model.pattern.row_of, model.gravity)
         table.place[0], table.place[3] = at, len(names) + len(tables)
@@ -292,4 +334,4 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
     line = [node for (owner, _), node in numbers.arms.items() if isinstance(owner, LineOfPlaces)]
     moving = Moving(tuple(tables), names, np.array(places), np.array(contacts), np.array(points), moments, acting,
                     np.array(line, np.int64))
-    return replace(model, links=(*model.links, *tables), moving=moving)
+    return replace(model.with_features(moving), links=(*model.links, *tables))

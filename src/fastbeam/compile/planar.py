@@ -14,25 +14,20 @@ from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner, NoColumns, store_size
 from fastbeam.kernels.beams.nodes import Held
 from fastbeam.kernels.beams.planar_nodes import PlanarBodies, PlanarTies
-from fastbeam.kernels.forces.bushing import Bushings
-from fastbeam.kernels.forces.planar_follower import PlanarFollowers
-from fastbeam.kernels.forces.user_force import UserForces
 from fastbeam.kernels.joints.conditions import JointConditions
 from fastbeam.kernels.layout import CONSTANTS, FACTORS, NODES, POINTS, REFERENCE
 from fastbeam.kernels.linalg.substructures import place_stores
 from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import NoTies
+from fastbeam.model.analyses import Analysis, told
 from fastbeam.model.connections import TRIAD, held_axes, held_in_plane
 from fastbeam.model.contact.sleeves import sleeves_in_plane
-from fastbeam.model.forces.bushings import bushings_in_plane, check_plane
+from fastbeam.model.forces.bushings import check_plane
 from fastbeam.model.joints.coordinates import Coordinate
-from fastbeam.model.joints.motion import motions_in_plane
 from fastbeam.model.joints.tables import conditions_in_plane, kept_in_plane, left_in_plane
 from fastbeam.model.plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
 from fastbeam.model.tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
-from fastbeam.scene import Bushing, ForceElement
-from fastbeam.scene.follower import FollowerForce
-from fastbeam.scene.links import label_of
+from fastbeam.scene import Bushing
 
 if TYPE_CHECKING:
     from fastbeam.model.model import Model
@@ -67,13 +62,9 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
 
 
 def _plane_of(unpacked: Unpacked) -> Plane:
-    for force in unpacked.numbered.links.loaded.forces:
-        if not isinstance(force, FollowerForce):
-            raise NotPlanar(f"the law of {label_of(force)} may lead out of a plane")
-    for element in unpacked.numbered.links.of(ForceElement)[0]:
-        raise NotPlanar(f"the law of {element.label} may lead out of a plane")
-    for winch in unpacked.numbered.links.ropes.winches:
-        raise NotPlanar(f"{winch.label} runs in space")
+    features = [x for x in (*unpacked.numbered.links.features(), unpacked.dragged) if x is not None]
+    for lack, names in told(Analysis.PLANAR, features):
+        raise NotPlanar(lack.text.format(name=names[0]))
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
     length = unpacked.numbered.length
     rows = unpacked.loads.vectors[:, unpacked.joints.row_root]
@@ -83,8 +74,6 @@ def _plane_of(unpacked: Unpacked) -> Plane:
               *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
     turning: list[tuple[Array, str]] = []
     # round-off of spins and moments has no axis
-    if unpacked.dragged is not None and unpacked.dragged.windy:
-        raise NotPlanar("wind= of a drag may lead out of a plane")
     # nodes of rows that are not those of all nodes
     places: dict[int, Array] = {}
     if unpacked.dragged is not None:
@@ -152,17 +141,6 @@ def _following(loaded: Any, q: Array) -> tuple[list[Array], list[Array]]:
             size = float(np.max(np.abs(force.parameters), initial=0.0))
             out.append(x if out is forces else _without_noise(x, size))
     return forces, moments
-
-
-def _follower(table: UserForces, plane: Plane) -> PlanarFollowers:
-    """Loads that turn with nodes, along u and J u of each."""
-    own = table.parameters[table.first[:, None] + np.arange(6)]
-    along = np.sum(own[:, :3] * plane.factor[table.node], axis=1)
-    about = np.sum(own[:, 3:] * plane.normal[table.node], axis=1)
-    zero = np.zeros_like(about)
-    parameters = np.stack((along.real, along.imag, zero, zero, zero, about), axis=1)
-    return PlanarFollowers(*table[:6], 6 * np.arange(len(own)), parameters.reshape(-1), table.place, table.laws,
-                           table.work)
 
 
 def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
@@ -331,18 +309,16 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     left = {(link.name, link.node) for link in kept}
     softness = model.kept_softness[[(link.name, link.node) in left for link in model.kept]]
     links = [_link(table, model, plane, ties) for table in model.links]
-    sleeves, moments = sleeves_in_plane(model, plane)
-    if sleeves is not None:
-        sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     flat = replace(
-        model, sleeves=sleeves, kept=kept, kept_softness=softness,
-        motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane, model.n_sliders + len(kept)),
+        model.with_loading(loads=loads), kept=kept, kept_softness=softness,
+        features=tuple(feature.in_plane(plane, model, model.n_sliders + len(kept)) for feature in model.features),
         simo=simo, green=green,
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
-        released=None if model.released is None else model.released.in_plane(axes), held=_held(model.held, axes),
-        static_held=_held(model.static_held, axes), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE)
-    return replace(plane, moments=moments, model=replace(flat, inner=_inner(model.inner, [simo, green], flat.n_bordered > 0)))
+        bodies=bodies, links=tuple(table for table in links if table is not None), ties=ties,
+        held=_held(model.held, axes),
+        static_held=_held(model.static_held, axes), q0=found.state.q, v0=found.state.v, dofs=PLANE)
+    flat = replace(flat, inner=_inner(model.inner, [simo, green], flat.n_bordered > 0))
+    return replace(plane, moments=sleeves_in_plane(model, plane)[1], model=flat)
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
@@ -410,18 +386,11 @@ def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> An
     nothing is left of them in the plane."""
     if isinstance(table, JointConditions):
         table = conditions_in_plane(table, model.kept, plane)
-    if isinstance(table, UserForces):
-        return _follower(table, plane)
-    if isinstance(table, Bushings):
-        table = bushings_in_plane(table, plane)
+    for feature in model.features:
+        table = feature.link_in_plane(table, plane)
     if table is None or "ties" not in table._fields:
         return table
     return table._replace(ties=NoTies() if ties is None else ties)
-
-
-def _drag(drag: Any, axes: Array) -> Any:
-    """Drag has the same tables, but for the velocity of the air."""
-    return None if drag is None else drag._replace(air=(drag.air.reshape(-1, 3) @ axes[:2].T).reshape(-1))
 
 
 def _held(held: Held | None, axes: Array) -> Held | None:

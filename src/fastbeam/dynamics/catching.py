@@ -32,7 +32,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     of = model.released
     node, motion = int(of.node[k]), int(of.motion[k])
     caught = State(state.q, state.v, state.s, state.force, state.history.copy())
-    caught.history[model.release_place + k] += 1.0
+    caught.history[model.place("released") + k] += 1.0
     bits = int(model.held_in(caught)[node] & ~model.held_in(state)[node])
     new = np.flatnonzero(bits >> np.arange(6) & 1)
     target = np.zeros(6)
@@ -41,7 +41,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     rows = _motion_of(state.q, node)[new]
     begin, before = settled(model, state, None)
     after, lost = jump(model, begin, None, rows, target[new] - rows @ begin.v)
-    after.history[model.release_place + k] += 1.0
+    after.history[model.place("released") + k] += 1.0
     # what rests does so to the last bit
     mine = np.flatnonzero(model.pattern.row_of == model.pattern.row_of[node])
     v = after.v.reshape(-1, 4, 3)
@@ -51,10 +51,10 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     if motion >= 0:
         by = after.v - begin.v
         loss = 0.5 * float(by @ (mass_map(model) @ by))
-        after.history[model.drive_place + motion] += loss - lost
+        after.history[model.works_place + motion] += loss - lost
         lost = loss
     lost += before
-    after.history[model.catch_place + int(np.sum(of.waits[:k]))] += lost
+    after.history[model.losses_for(type(of)) + int(np.sum(of.waits[:k]))] += lost
     return after, lost
 
 

@@ -14,6 +14,7 @@ from fastbeam.interface.errors import ConvergenceError, Interrupted, ResultFileE
 from fastbeam.interface.paths import check_new
 from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FRICTION_LOSS, HISTORY, LOCK_LOSS, STOP_LOSS
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, lacking
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
 from fastbeam.results.result import Result
@@ -30,18 +31,8 @@ WHICH = "order=4 with what dissipates, or with 'reaction' observed, extrapolates
 def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
     """Whether order 4 takes two runs: something dissipates, or reactions are recorded, which are means over whole steps; and
     nothing that has a kink in time is there."""
-    sliders, motions = model.slider_forces, model.motions
-    smooth = bool(model.losses or model.needs_forward_steps) or "reaction" in observed
-    # on switches arc lengths jump where a slider goes on to another track
-    rough = model.released is not None or bool(model.spans)
-    if sliders is not None:
-        smooth |= sliders.dissipates
-        rough |= sliders.lets_go or bool(np.any(sliders.tables.friction > 0.0))
-        rough |= any(x.stops is not None and x.stops.is_rigid for x in sliders.sliders)
-    if motions is not None:
-        smooth |= bool(motions.damped) or bool(np.any(motions.holds.heeds_rates))
-        rough |= bool(motions.holds.rubs.size) or motions.holds.is_bounded
-    return smooth and not rough
+    dissipates = any(lacking(Analysis.COMPOSED, model)) or "reaction" in observed
+    return dissipates and not any(lacking(Analysis.ORDER_4, model))
 
 
 def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any, max_step: Any) -> None:
@@ -90,8 +81,7 @@ def state_between(model: Model, coarse: State, fine: State, step: float) -> Stat
     history = between(coarse.history, fine.history)
     # of sliders there are flags beside energies
     flags = np.setdiff1d(np.arange(HISTORY), (FRICTION_LOSS, DRIVE_WORK, STOP_LOSS, LOCK_LOSS))
-    own, known = (x[:model.work_place].reshape(-1, HISTORY) if model.slider_forces is not None else np.zeros((0, HISTORY))
-                  for x in (history, fine.history))
+    own, known = (model.own(x, "slider_forces").reshape(-1, HISTORY) for x in (history, fine.history))
     own[:, flags] = known[:, flags]
     state = State(q.reshape(-1), v.reshape(-1), between(coarse.s, fine.s), fine.force.copy(), history)
     try:

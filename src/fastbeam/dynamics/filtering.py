@@ -14,6 +14,7 @@ from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
 from fastbeam.kernels.loop import SLIDER_END
 from fastbeam.kernels.state import State, aligned
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
@@ -39,12 +40,7 @@ def check_filtered(order: int, model: Model, observe: Any) -> None:
     if order != 2:
         raise SceneError("rho_inf: what is dissipated in a step goes with odd powers of it, so that the order is 2; use order=2, "
                          "or leave rho_inf out")
-    if model.damped is not None:
-        raise SceneError(f"rho_inf: {model.damped.labels[0]} has damping of its own, which grows with the frequency; leave "
-                         "rho_inf out, or the damping of sections")
-    if model.moving is not None:
-        raise SceneError(f"rho_inf: moving mesh with slider {model.moving.names[0]!r}: strains of elements that move are not "
-                         "filtered; leave rho_inf out, or compile the scene without MovingMesh")
+    require(Analysis.FILTERED, model)
     if model.simo is None and model.green is None:
         raise SceneError("rho_inf: the scene has no beams, whose strains it is that are filtered; leave it out")
     if "reaction" in observe:

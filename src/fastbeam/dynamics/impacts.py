@@ -165,7 +165,7 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
 
     begin, after, loss = blow(model, state, k, np.eye(3), change)
     rate = along(model, begin, k)[1]
-    own = after.history[:model.work_place].reshape(-1, HISTORY)
+    own = model.own(after.history, "slider_forces").reshape(-1, HISTORY)
     own[k, STOP_LOSS] += loss
     own[k, SIGN] = -np.sign(rate)
     if rate != 0.0:

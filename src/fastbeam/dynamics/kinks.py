@@ -209,7 +209,7 @@ class Kinks:
 
 
 def _springs(model: Model) -> list[Scalars]:
-    rows = [] if model.find_springs is None else [x for x in model.find_springs(model.links) if isinstance(x, SpringRows)]
+    rows = [x for x in model.spring_rows if isinstance(x, SpringRows)]
     out = []
     for springs in rows:
         parts = [Quantity(f"{label} passes a kink of its law, at the elongation", "m", borders)
@@ -251,7 +251,7 @@ def _joint_stops(model: Model) -> list[Scalars]:
              for k, stop in zip(chosen, motions.holds.stops)]
 
     def values(state: State) -> tuple[Array, Array]:
-        own, q, v = motions.own(state.history, model.motion_place), state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+        own, q, v = motions.own(state.history, model.place("motions")), state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
         return motions.values(q, own[:, VALUE])[chosen], motions.rates(q, v)[chosen]
 
     return [Scalars(parts, values, model.length)]

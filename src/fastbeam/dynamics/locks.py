@@ -86,11 +86,11 @@ class Locking:
         out = []
         if self.model.released is not None:
             of = self.model.released
-            held = state.history[self.model.release_place:self.model.motion_place] + ~of.waits
+            held = self.model.own(state.history, "released") + ~of.waits
             # what is handed over from one support to another is not held by both
             out = [Awaited(k, LET_GO, of.until[k]) for k in np.flatnonzero(held == 1.0).tolist() if of.until[k] is not None]
             out += [Awaited(k, CATCH, of.since[k]) for k in np.flatnonzero(held == 0.0).tolist()]
-        own = state.history[:self.model.work_place].reshape(-1, HISTORY)
+        own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
         for k, slider in enumerate(self.sliders):
             if own[k, HELD] == OFF:
                 out += [Awaited(k, LAND, None)] if slider.one_sided is not None else []
@@ -338,7 +338,7 @@ class Locking:
         state = State(*(x.copy() for x in state))
         if awaited.action == LOCK:
             _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -np.multiply(*along(self.model, x, k)))
-        own = state.history[:self.model.work_place].reshape(-1, HISTORY)
+        own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0
         if awaited.action == LOCK:
             own[k, HELD], own[k, LOCK_LOSS] = LOCKED, own[k, LOCK_LOSS] + loss
@@ -359,12 +359,12 @@ class Locking:
     def _changed(self, k: int, state: State, t: float) -> tuple[State, dict[str, Any]]:
         """The state behind support k, which lets go or takes hold."""
         name, of = self.model.released.names[k], self.model.released
-        if of.off(state.history[self.model.release_place:self.model.motion_place])[k]:
+        if of.off(self.model.own(state.history, "released"))[k]:
             state, loss = catch(self.model, state, k, t)
             return state, {"kind": "caught", "time": t, "support": name, "loss": loss,
                            "text": f"{name} takes hold at t = {t:.6g} s, {loss:.3g} J are lost"}
         state = State(*(x.copy() for x in state))
-        state.history[self.model.release_place + k] += 1.0
+        state.history[self.model.place("released") + k] += 1.0
         return state, {"kind": "let go", "time": t, "support": name, "text": f"{name} lets go at t = {t:.6g} s"}
 
     def _let_go_of_stop(self, state: State, k: int) -> float:

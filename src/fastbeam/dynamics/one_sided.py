@@ -80,7 +80,7 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
         return -rates if stays else -(1.0 + restitution) * np.minimum(rates, 0.0)
 
     _, state, loss = blow(model, state, k, lead, change)
-    own = state.history[:model.work_place].reshape(-1, HISTORY)
+    own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
     own[k, STOP_LOSS] += loss
     if stays:
         own[k, HELD], own[k, STICKS] = FREE, 0.0
@@ -94,7 +94,7 @@ def _driven(model: Model, state: State, k: int, speed: float) -> State:
     """The state behind the blow of a drive that gives slider k its velocity along the beam, whose work counts as the drive's."""
     _, tangent, relative = contact(model, k, float(state.s[k]), *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
     state, loss = jump(model, state, k, np.eye(3), speed * tangent - relative)
-    own = state.history[:model.work_place].reshape(-1, HISTORY)
+    own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
     own[k, DRIVE_WORK] -= loss
     own[k, SIGN] = np.sign(speed)
     return state

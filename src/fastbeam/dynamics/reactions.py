@@ -19,6 +19,9 @@ from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model.connections import held_axes
 from fastbeam.model.contact.sleeve_twist import with_known_twist
+from fastbeam.model.feature import OfRun
+from fastbeam.model.forces.damping_and_drag import COEFFICIENTS
+from fastbeam.model.forces.user_forces import ON_NODES
 from fastbeam.model.forces.loads import load_factors
 from fastbeam.model.joints.constraints import Distance, KeptLink
 from fastbeam.model.released_supports import OwnSupports
@@ -26,7 +29,7 @@ from fastbeam.results.observe.resultants import Sections
 from fastbeam.results.observe.section_balance import FreeBodies
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
-from fastbeam.stepping.terms import DRAG, LAWS, system_of, terms_of
+from fastbeam.stepping.terms import system_of, terms_of
 
 Array = np.ndarray
 
@@ -53,7 +56,9 @@ class Reactions:
         self.holding = holding = stepper.model.holding
         held = core.static_held if static else core.held
         of = self.own if static else stepper
-        terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
+        # supports that move are not among them: what they do is what is looked for
+        arrays = {"slider_forces": of.along, "motions": self.own.motion}
+        terms = terms_of(OfRun(core, static, None, arrays, of.law_work, known=True))
         running = {type(term): term for term in of.terms}
         known = with_known_twist(tuple(_as_running(term, running.get(type(term))) for term in terms), of.terms)
         known = tuple(term for term in known if term is not core.ties and term is not held)
@@ -232,11 +237,11 @@ def _as_running(term: Any, run: Any) -> Any:
     """A term with the air, the curves of sliders, or the shares of loads by laws, of the run. Rows and blocks stay its own: those
     of the run are others where it eliminates inner nodes."""
     if isinstance(term, Drag):
-        return term._replace(**{name: getattr(run, name) for name in (*DRAG, "air", "wind")})
+        return term._replace(**{name: getattr(run, name) for name in (*COEFFICIENTS, "air", "wind")})
     if isinstance(term, Sliding):
         # over corners of switches sliders have other curves
         return term._replace(sliders=term.sliders._replace(curve=run.sliders.curve), limits=run.limits)
-    return term._replace(share=run.share, work=run.work) if isinstance(term, LAWS) else term
+    return term._replace(share=run.share, work=run.work) if isinstance(term, ON_NODES) else term
 
 
 class ReactingStepper(Stepper):

@@ -10,6 +10,7 @@ from fastbeam.interface.arguments import Number, take
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.synonyms import known
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import Observer
 
@@ -95,11 +96,11 @@ class Sampling:
 
     def __init__(self, model: Model, t: float, step: float, controlled: bool, state: State) -> None:
         self.controllers = model.controllers
-        self._place = model.history_size - sum(one.size for one in self.controllers)
         if not self.controllers:
             return
         if controlled:
-            raise SceneError(f"{self.controllers[0].label}: step control does not know its times; leave tolerance out")
+            require(Analysis.STEP_CONTROL, model)
+        self._place = model.place("control")
         for one in self.controllers:
             ratio = one.period / step
             if abs(ratio - round(ratio)) > NOW * ratio or round(ratio) < 1:

@@ -58,7 +58,7 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     found = _with_stops(model, state, history, bounces, rest or {}, equations.least)
     v = state.v + found.by
     if model.slider_forces is not None:
-        own = history[:model.work_place].reshape(-1, HISTORY)
+        own = model.own(history, "slider_forces").reshape(-1, HISTORY)
         after = equations.along_beams(v)
         moves = ~equations.given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(v)))
         if k is not None and k >= 0:
@@ -164,7 +164,7 @@ def values_of(model: Model, state: State) -> Array:
     motions = model.motions
     if motions is None:
         return np.zeros(0)
-    return motions.own(state.history, model.motion_place)[motions.holds.rubs, VALUE]
+    return motions.own(state.history, model.place("motions"))[motions.holds.rubs, VALUE]
 
 
 def row_of_joint(model: Model, state: State, i: int) -> Any:
@@ -202,7 +202,7 @@ class Equations:
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
         from scipy import sparse
         self.model, self.state = model, state
-        own = state.history[:model.work_place].reshape(-1, HISTORY)
+        own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
         self._matrix, self._tangents, _ = gap_rates(model, state)
         self.given = driven = np.zeros(len(self._tangents), bool)
         if model.slider_forces is not None:
@@ -274,7 +274,7 @@ class Equations:
     def _add_works(self, found: Least, history: Array) -> float:
         """Work of drives and motors that prescribe a motion and of supports that move in a jump, J, which is added to theirs."""
         model, state, impulses = self.model, self.state, found.impulses
-        own = history[:model.work_place].reshape(-1, HISTORY)
+        own = model.own(history, "slider_forces").reshape(-1, HISTORY)
         total = 0.0
         for j, at in self._drives.items():
             tangent = self._tangents[j]
@@ -285,7 +285,7 @@ class Equations:
             given = model.motions.holds.given
             at = self._behind_joints - given.size + np.arange(given.size)
             works = impulses[at] * (found.rows[at] @ state.v)
-            model.motions.own(history, model.motion_place)[given, WORK] += works
+            model.motions.own(history, model.place("motions"))[given, WORK] += works
             total += float(np.sum(works))
         supports = active_motions(model, state)
         if supports:
@@ -295,7 +295,7 @@ class Equations:
             for k, motion, node in supports:
                 held = (motion.mask >> np.arange(6) & 1).astype(bool)
                 work = float(force[node, held] @ velocities_and_spins(q[node], v[node])[held])
-                history[model.drive_place + k] += work
+                history[model.works_place + k] += work
                 total += work
         return total
 

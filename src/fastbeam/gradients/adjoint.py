@@ -18,23 +18,17 @@ from fastbeam.interface.result_warnings import Doubts, warns
 from fastbeam.interface.synonyms import known
 from fastbeam.kernels.contact.friction_fallback import MOST_FLIPS
 from fastbeam.kernels.empty_arrays import empty
-from fastbeam.kernels.forces.bushing import Bushings
-from fastbeam.kernels.forces.spring import Springs
-from fastbeam.kernels.forces.spring_laws import SpringLaws
-from fastbeam.kernels.joints.ball_joint import BallJoints
-from fastbeam.kernels.joints.conditions import JointConditions
 from fastbeam.kernels.joints.coordinates import VALUE
-from fastbeam.kernels.joints.distance_joint import DistanceJoints
 from fastbeam.kernels.loop import OK
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.plane import TOLERANCE
 from fastbeam.model.start import check_start
 from fastbeam.results.observe.observer import POINTS, Observer
 from fastbeam.results.observe.resolution import mesh_events
 from fastbeam.scene.checks import Place
-from fastbeam.scene.switches import Switch
 from fastbeam.statics.static_analysis import START
 from fastbeam.stepping.stepper import Stepper
 
@@ -44,11 +38,6 @@ if TYPE_CHECKING:
 Array = np.ndarray
 # bytes that the steps of a run may take
 MOST = 4e9
-# links whose forces are symmetric in time, with exact derivatives
-SYMMETRIC = Springs, SpringLaws, Bushings, BallJoints, DistanceJoints, JointConditions
-# what others are called; laws and added mass are named one by one
-TABLES = {"Knots": "crossings of beams", "Winches": "winches", "MovingBeam": "elements that move", "UserForces": "",
-          "LineForces": "", "ForceElements": "", "AddedMass": ""}
 
 
 class RunSectionGradient(NamedTuple):
@@ -423,9 +412,7 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     """
     check_model("adjoint_run", model)
     check_backend(backend)
-    unknown = _without_adjoint(model)
-    if unknown:
-        raise SceneError(f"adjoint_run: steps with {', '.join(unknown)} have no adjoint here; use differences of runs")
+    require(Analysis.ADJOINT, model)
     n = round(t_end / step)
     if n < 1 or abs(n * step - t_end) > 1e-9 * t_end:
         raise SceneError(f"adjoint_run: t_end={t_end:g} s is no whole number of steps of {step:g} s")
@@ -444,29 +431,3 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
                      start is None)
     run.events = [{"kind": kind, "time": 0.0, "text": text} for kind, text in notes] + mesh_events(model, run.state)
     return run
-
-
-def _without_adjoint(model: Model) -> list[str]:
-    """What a model has whose steps have no adjoint, with names."""
-    out = []
-    if model.slider_forces is not None:
-        for slider in model.slider_forces.sliders:
-            for what, there in (("locks", slider.lock is not None), ("releases", slider.release is not None),
-                                ("one-sided contact", slider.one_sided is not None),
-                                ("tracks of a switch", isinstance(slider.beam, Switch)),
-                                ("rigid stops (elastic ones, stiffness=, have one)",
-                                 slider.stops is not None and slider.stops.is_rigid)):
-                if there:
-                    out.append(f"{what} of slider {slider.name!r}")
-    out += [f"friction of the beam that turns in sleeve {model.names['sliders'][model.sleeve_pairs[k, 0]]!r} (radius=)"
-            for k in model.twisting]
-    if model.motions is not None:
-        out += [f"friction or rigid stops of {model.motions.labels[k]}" for k in model.motions.holds.rubs]
-    out += model.user_forces
-    out += sorted({name for name in (TABLES.get(type(x).__name__, f"links of kind {type(x).__name__}") for x in model.links
-                                     if not isinstance(x, SYMMETRIC)) if name})
-    return out + [name for name, there in (
-        ("sliders on nets of condensed beams", model.carriers is not None),
-        ("supports that let go or take hold", model.released is not None),
-        ("added mass", model.added is not None), ("controllers", model.controllers),
-        ("air that changes in time", model.dragged is not None and (model.dragged.timed or model.dragged.windy))) if there]

@@ -22,12 +22,12 @@ from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.layout import LIST
 from fastbeam.kernels.state import aligned
 from fastbeam.kernels.terms import Loads, NoTies
+from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.forces.loads import load_factors, mean_factors
 from fastbeam.model.maps import vector_masses
 from fastbeam.model.model import Model
 from fastbeam.model.workspace import contact_of, entries_of
 from fastbeam.stepping.stepper import AUGMENTATION, Stepper
-from fastbeam.stepping.terms import strain_sets
 
 Array = np.ndarray
 # s; compiled calls last about as long, so that Ctrl-C is seen between them

@@ -12,6 +12,7 @@ from fastbeam.interface.arguments import Names, Number, Word, checked
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels.state import State
 from fastbeam.linalg.saddle import Saddle
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
@@ -175,8 +176,8 @@ def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: St
     family, stays = family_of("critical_sensitivity", build, values, scale, held, backend)
     model = family.model
     state, _ = check_start(model, state, 1.0, at_rest=True)
-    if model.slider_forces is not None:
-        model.slider_forces.check_times("critical_sensitivity", ~stays, at_time)
+    if at_time is None:
+        require(Analysis.TIMELESS_SHAPES, model, "critical_sensitivity", stays)
 
     def factors(of: Model, factor: float = load_factor) -> Array:
         return factor * load_factors_at("critical_sensitivity", of, at_time)

@@ -16,9 +16,8 @@ from fastbeam.interface.result_warnings import Doubts, warns
 from fastbeam.interface.synonyms import known
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import factor_at, load_factors_at
-from fastbeam.model.forces.winches import refuse_winches
-from fastbeam.model.joints.motion import check_at_rest
 from fastbeam.model.model import Model
 from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports
@@ -28,7 +27,7 @@ from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
 from fastbeam.statics.linear_response import OutOfPlane, Response, Solver, at_shape, place_events
 from fastbeam.statics.reactions import reactions_of
-from fastbeam.statics.static_analysis import START, check_slider_forces, held_sliders, solve_static, which_sliders
+from fastbeam.statics.static_analysis import START, held_sliders, solve_static, which_sliders
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -333,18 +332,7 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     check_backend(backend)
     family = Family(build, *given)
     model, stays = family.model, held_sliders(family.model, held)
-    check_slider_forces(who, model, stays, smooth=True)
-    if model.prescribed is not None:
-        raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "
-                         "there, at a place that build computes")
-    refuse_winches(who, model)
-    if model.user_forces:
-        raise SceneError(f"{who}: derivatives with {model.user_forces[0]} are not known; use loads that keep their direction, or "
-                         "differences of equilibria")
-    check_at_rest(who, model)
-    if model.motions is not None and model.motions.holds.given.size:
-        raise SceneError(f"{who}: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on them, "
-                         "which is not known; use differences of equilibria")
+    require(Analysis.SENSITIVITY, model, who, stays)
     return family, stays
 
 
@@ -405,8 +393,8 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
         state = result.state
     else:
         state, _ = check_start(model, state, 1.0, at_rest=True)
-        if model.slider_forces is not None:
-            model.slider_forces.check_times("sensitivity", ~stays, at_time)
+        if at_time is None:
+            require(Analysis.TIMELESS_SHAPES, model, "sensitivity", stays)
 
     def factors(of: Model) -> Array:
         return load_factor * load_factors_at("sensitivity", of, at_time)

@@ -163,7 +163,7 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
     if model.slider_forces is not None:
         locks, theirs = names.get("locks", []), names.get("sliders", [])
         history = state.history[:HISTORY * len(locks)].reshape(-1, HISTORY)
-        every = fresh.history[:model.work_place].reshape(-1, HISTORY)
+        every = model.own(fresh.history, "slider_forces").reshape(-1, HISTORY)
         for k, (own, slider) in enumerate(zip(every, model.slider_forces.sliders)):
             if slider.name not in theirs:
                 continue
@@ -183,7 +183,7 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
         theirs = list(zip(names["until"], names.get("since", [False] * len(names["until"]))))
         for k, named in enumerate(zip(model.released.names, model.released.waits.tolist())):
             if named in theirs:
-                fresh.history[model.release_place + k] = state.history[place + theirs.index(named)]
+                fresh.history[model.place("released") + k] = state.history[place + theirs.index(named)]
     _carry_turns(model, names, state.history, fresh.history)
 
 
@@ -200,7 +200,7 @@ def _carry_turns(model: Model, names: Mapping[str, list[Any]], history: Array, f
         theirs = _numbered(zip(names.get("joints", []), names.get("coordinates", [])))
         values = history[of_joints:][:MOTION * len(theirs)].reshape(-1, MOTION)[:, VALUE]
         mine = _numbered(zip(model.motions.names, model.motions.what))
-        for own, named in zip(model.motions.own(fresh, model.motion_place), mine):
+        for own, named in zip(model.motions.own(fresh, model.place("motions")), mine):
             if named in theirs:
                 own[VALUE] = values[theirs.index(named)]
 

@@ -12,7 +12,8 @@ from fastbeam.kernels.contact import curves as kernels
 from fastbeam.kernels.contact.curves import ELEMENTS, FIRSTS, NODES_OF_CURVE
 from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.state import State
-from fastbeam.model.forces.winches import refuse_winches, rope_masses, ropes_of
+from fastbeam.model.analyses import Analysis, require
+from fastbeam.model.forces.winches import rope_masses, ropes_of
 from fastbeam.model.joints.constraints import gap_matrix
 from fastbeam.model.mapping import nodes_of_curve, within_round
 from fastbeam.model.model import Model
@@ -121,7 +122,7 @@ def vector_masses(model: Model, without_ropes: bool = False) -> Any:
     from scipy import sparse
     # the inertia of a rope couples its nodes with its length
     if not without_ropes:
-        refuse_winches("what works with the masses of nodes alone (blows, mend_start)", model)
+        require(Analysis.MASSES, model, "what works with the masses of nodes alone (blows, mend_start)")
     n, vectors = model.n_nodes, 4 if model.dofs == SPACE else 2
     rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
 

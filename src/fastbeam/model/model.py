@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -14,22 +14,22 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
-from fastbeam.kernels.beams.loads import LoadWork
 from fastbeam.kernels.beams.nodes import Bodies, Held
 from fastbeam.kernels.beams.planar_nodes import PlanarBodies, PlanarTies
 from fastbeam.kernels.beams.ties import Ties
-from fastbeam.kernels.contact.curves import Curves, Paths
-from fastbeam.kernels.contact.sleeve import Sleeves
-from fastbeam.kernels.contact.slider import END_SLACK, Sliders
+from fastbeam.kernels.contact.curves import Paths
+from fastbeam.kernels.contact.slider import END_SLACK
 from fastbeam.kernels.contact.slider_forces import HISTORY
 from fastbeam.kernels.linalg.carriers import Carriers
 from fastbeam.kernels.linalg.substructures import ELEMENTS, Substructures
 from fastbeam.kernels.state import State
 from fastbeam.linalg.pattern import Pattern
+from fastbeam.model.feature import Feature
+from fastbeam.model.features import WithFeatures
 from fastbeam.model.fingerprint import fingerprint_of
-from fastbeam.model.history import HistoryLayout
 from fastbeam.model.holding import Holding
 from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.loading import Loading, Remarks
 from fastbeam.model.mapping import state_for
 
 Array = np.ndarray
@@ -38,14 +38,14 @@ TRACK_SLACK = 4.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
-class Model(HistoryLayout):
+class Model(WithFeatures):
     """Everything a run needs and nothing it changes; made by `compile_scene`, printed by `print(model)`.
 
     Attributes
     ----------
     simo, green : ElementTables or None
         Elements with strain set (2.2), (2.1).
-    inner, substructures, carriers, bodies, ties, held, curves, sliders : tables or None
+    inner, substructures, carriers, bodies, ties, held : tables or None
         None where the scene has none; then no code is compiled for them.
     links : tuple
         Tables of springs and other links between two points, one of each kind.
@@ -55,17 +55,14 @@ class Model(HistoryLayout):
         Of each of them the share of 1/a of theory.md (5.5) that its equations have.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
-    spans, corners : dict
-        Of sliders on switches where their tracks begin and end, m; by (curve of the switch, track, whether by its end, next
-        track) the number of the curve over a corner, -1 where there is none, and whether it is sharp.
     pattern : Pattern
         Order, blocks and elimination plan.
     spinless : int8 [N]
         1 where a triad does not turn.
     spin_root : int64 [N]
         The node whose spin a node shares.
-    loads : float64 [K, 8 (N + 1)]
-        Load vectors in row layout; `load_times[k]` their factor (None: constant).
+    loading : Loading
+        Loads and gravity, whose attributes are attributes of the model, too.
     q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
     length : float
         Size of the scene, m.
@@ -79,54 +76,14 @@ class Model(HistoryLayout):
         Of as many numbers as a node has unknowns: 6, in the tables of a planar scene 3.
     plane : planar.Plane or None
         Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
-    not_planar : str
-        Why there is no plane.
-    asked_for_plane : bool
-        Whether it was compiled with planar=True: nothing but the plane is of interest.
+    remarks : Remarks
+        What is said of it, whose attributes are attributes of the model, too.
     uneliminated : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
     uncondensed : callable
         Makes the model of the same scene in space, whose beams are not condensed.
-    massless : tuple of str
-        Beams without rotary inertia whose triads nothing holds.
-    notes : tuple of (str, str)
-        Kinds and texts of events of a run that begins with the initial velocities.
-    joints : dict
-        Names of the joints at a node.
-    load_names : list of str
-        What each time function belongs to.
-    curve_s : tuple of float64 [n]
-        Arc lengths of the nodes of every curve of sliders, m.
-    load_parts : dict
-        Loads of the scene by their names.
-    slider_forces : slider_forces.SliderForces or None
-        Friction, drives, stops, locks and releases of sliders.
-    sleeves : Sleeves or None
-        The sliders that are sleeves; `twisting` numbers of those that rub on beams that turn in them, int64 [R].
-    damped : damping_and_drag.Damped or None
-        Beams and nets whose sections have damping.
-    dampers, find_springs, lines
-        Springs, dampers and bushings that take energy away; makes what these have at rows from the tables of the links; springs,
-        dampers and line forces whose ends may pass each other (links.Lines).
-    dragged : damping_and_drag.Dragged or None
-        Nodes with drag; `drag` its tables.
-    added : added_mass.Added or None
-        Nodes with added mass; `added_tables` its tables.
-    prescribed : moving_supports.PrescribedMotions or None
-        Supports that move.
-    released : released_supports.Released or None
-        Supports that let go.
-    motions : motion.Motions or None
-        What joints with axes leave free.
-    accounts_loads : bool
-        Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because states
-        of both hold the same numbers of the steps before.
-    laws : dict of type -> failed_laws.Lawful
-        By the kinds of tables that call them.
-    user_forces, needs_forward_steps, controllers : tuple
-        Labels of the forces by laws of the user's own, and of those among them that dissipate; controllers.
-    moving : moving_meshes.Moving or None
-        Beams whose elements move with contacts.
+    features : tuple of Feature
+        What the scene has besides, in the order of their numbers in the history.
     find_holding : callable that makes `holding` when it is first asked for
     """
 
@@ -144,69 +101,36 @@ class Model(HistoryLayout):
     ties: Ties | PlanarTies | None
     held: Held | None
     static_held: Held | None
-    curves: Curves | Paths | None
-    sliders: Sliders | None
     pattern: Pattern
     spinless: Array
     spin_root: Array
-    loads: Array
-    load_times: list[Callable[[float], float] | None]
-    gravity: Array
-    gravity_time: Callable[[float], float] | None
-    gravity_weight: Array
-    constant_load: Array
     q0: Array
     v0: Array
     s0: Array
-    slider_lengths: Array
-    spans: dict[int, Array]
-    corners: dict[tuple[int, int, bool, int], tuple[int, bool]]
     length: float
     softest: float
     n_blocks: int
     names: dict[str, list[Any]]
-    labels: list[str]
     numbers: Any
-    text: str = ""
+    loading: Loading
     dofs: tuple[int, ...] = SPACE
     plane: Any = None
-    not_planar: str = ""
-    asked_for_plane: bool = False
     uneliminated: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
-    massless: tuple[str, ...] = ()
-    notes: tuple[tuple[str, str], ...] = ()
-    joints: dict[int, list[str]] = field(default_factory=dict)
-    load_names: list[str] = field(default_factory=list)
-    load_parts: dict[str, Any] = field(default_factory=dict)
-    curve_s: tuple[Array, ...] = ()
-    slider_forces: Any = None
-    sleeves: Sleeves | None = None
-    twisting: Array = field(default_factory=lambda: np.zeros(0, np.int64))
-    damped: Any = None
-    dampers: tuple[str, ...] = ()
-    find_springs: Callable[[tuple[Any, ...]], list[Any]] | None = None
-    lines: Any = None
-    dragged: Any = None
-    drag: Any = None
-    added: Any = None
-    added_tables: Any = None
-    prescribed: Any = None
-    released: Any = None
-    accounts_loads: bool = False
-    user_forces: tuple[str, ...] = ()
-    laws: Mapping[type, Any] = field(default_factory=dict)
-    needs_forward_steps: tuple[str, ...] = ()
-    controllers: tuple[Any, ...] = ()
-    moving: Any = None
+    features: tuple[Feature, ...] = ()
+    remarks: Remarks = Remarks()
     find_holding: Callable[[], Holding] | None = None
+
+    @property
+    def labels(self) -> list[str]:
+        """Beam and node, body or mass of every node."""
+        return self.numbers.labels  # type: ignore[no-any-return]
 
     @cached_property
     def holding(self) -> Holding:
         """Supports, and joints that are eliminated."""
         assert self.find_holding is not None
         return self.find_holding()
-    motions: Any = None
 
     @property
     def held_mask(self) -> Array:
@@ -219,13 +143,21 @@ class Model(HistoryLayout):
         if self.held is not None:
             of_row[self.held.row] = self.held.mask
         if self.released is not None and state is not None:
-            self.released.put(self.released.off(state.history[self.release_place:self.motion_place]), of_row)
+            self.released.put(self.released.off(self.own(state.history, "released")), of_row)
         return of_row[self.pattern.row_of]
 
     @property
     def blows(self) -> bool:
         """Whether moving air has a force at rest."""
         return self.dragged is not None and bool(self.dragged.blows)
+
+    @property
+    def has_blows(self) -> bool:
+        """Whether sliders, joints or supports may change velocities at once."""
+        forces, motions = self.slider_forces, self.motions
+        return bool(forces is not None and (forces.lets_go or np.any(forces.restitutions >= 0.0))
+                    or self.released is not None and self.released.losses
+                    or motions is not None and motions.holds.has_rigid_stops)
 
     @property
     def reaction_names(self) -> list[str]:
@@ -387,12 +319,7 @@ class Model(HistoryLayout):
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        history = np.zeros(self.history_size)
-        if self.slider_forces is not None:
-            history[:self.work_place] = self.slider_forces.initial_history
-        self.start_momenta(history, self.q0, self.v0)
-        own = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
-        history[history.size - len(own):] = own
+        history = self.start_history(self.q0, self.v0)
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     def ends_at(self, s: Array) -> Array:
@@ -426,7 +353,7 @@ class Model(HistoryLayout):
 
     def along_of(self, history: Array | None) -> Array:
         """What the history of a state, or of the start, has of forces along beams, float64 [S, 11]: a view."""
-        own = self.slider_forces.initial_history if history is None else history[:self.work_place]
+        own = self.slider_forces.initial_history if history is None else self.own(history, "slider_forces")
         return np.asarray(own.reshape(-1, HISTORY))
 
     @property
@@ -441,14 +368,6 @@ class Model(HistoryLayout):
         if isinstance(self.curves, Paths) and self.sliders is not None:
             ends[self.curves.period[self.sliders.curve] > 0.0] = -np.inf, np.inf
         return ends
-
-    def load_work(self) -> LoadWork | None:
-        """The term that keeps account of the work of loads."""
-        if not self.accounts_loads:
-            return None
-        node = np.zeros(self.n_rows, np.int64)
-        node[self.pattern.row_of] = np.arange(self.n_nodes)
-        return LoadWork(node, np.array([self.work_place]))
 
     def state_for(self, names: Mapping[str, list[object]], state: State) -> State:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""

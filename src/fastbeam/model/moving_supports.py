@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.beams.moving_supports import Prescribed
+from fastbeam.kernels.beams.moving_supports import MovedRows, Prescribed, PrescribedSchedule
 from fastbeam.kernels.empty_arrays import empty
+from fastbeam.model.analyses import Analysis, Lack, always, unknown_to_methods
 from fastbeam.model.connections import Connections, held_axes, held_in_plane
+from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.released_supports import Released
@@ -23,7 +25,7 @@ OUT_OF_PLANE = 1e-12
 LOOKS = np.concatenate(([0.0], np.geomspace(1e-4, 1e3, 71)))
 
 
-class PrescribedMotions:
+class PrescribedMotions(Feature):
     """All prescribed motions of a scene, of which there is one at least.
 
     Parameters
@@ -37,6 +39,16 @@ class PrescribedMotions:
     SceneError
         A node follows another, moves twice, or begins elsewhere.
     """
+
+    key, title, order = "prescribed", "supports that move", 60
+    lacks = (
+        unknown_to_methods("supports that move"),
+        Lack((Analysis.AT_TIME,), "supports that take hold (since=)", "{who}(at_time=): {name} takes hold in a run (since=)",
+             "leave since out, or the motion",
+             lambda of, asked: [motion.label for motion in of.motions if motion.since is not None]),
+        Lack((Analysis.SENSITIVITY,), "supports that move",
+             "{who}: supports that move have places of their own, whose derivatives are unknown",
+             "put a Clamp or Pin there, at a place that build computes", always("supports that move")))
 
     def __init__(self, motions: list[PrescribedMotion], nodes: NodeList, joints: Connections) -> None:
         self.motions = motions
@@ -57,7 +69,7 @@ class PrescribedMotions:
         self.turning = [k for k, motion in enumerate(motions) if motion.rotation is not None]
 
     @property
-    def labels(self) -> tuple[str, ...]:
+    def works(self) -> tuple[str, ...]:
         """Names in the balance."""
         return tuple(f"motion of {motion.at.label} ({motion.name!r})" for motion in self.motions)
 
@@ -66,14 +78,28 @@ class PrescribedMotions:
         """What they hold of the six unknowns of a node, bit by bit, int64 [M]."""
         return np.array([motion.mask for motion in self.motions], np.int64)
 
-    def tables(self, row_of: Array, place: int, plane: Any) -> Prescribed:
-        """Tables with the arrays of a run; place: of the first work in the history; plane: that of the scene, or None."""
+    def work(self, model: Any, plane: Any, static: bool) -> Prescribed | None:
+        """Tables with the arrays of a run in time."""
+        if static:
+            return None
+        row_of, place = model.pattern.row_of, model.works_place
         m, size = len(self.motions), 6 if plane is None else 3
         # those with since= wait
         masks = np.where([motion.since is None for motion in self.motions], self.masks, 0)
         masks = masks if plane is None else held_in_plane(masks, plane.axes)
         return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
                           empty((m, size)), empty((m, size)), np.zeros(1, np.int64), empty(4))
+
+    def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
+        """Supports that move, and what holds them."""
+        own = run.own.get(self.key)
+        return [] if own is None else [(Stand.SUPPORTS, own), (Stand.REACTIONS, MovedRows(own))]
+
+    def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
+        """Increments of supports."""
+        # a substep ends, to the last bit, where the next begins
+        times, own = np.append(span.starts, span.end), span.own[self.key]
+        return [(Stand.SUPPORTS, PrescribedSchedule(own, self.schedule(times, own, span.plane)))]
 
     def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
         """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; tables:
@@ -103,10 +129,10 @@ class PrescribedMotions:
     @property
     def turning_labels(self) -> list[str]:
         """Those of motions that turn."""
-        return [self.labels[k] for k in self.turning]
+        return [self.works[k] for k in self.turning]
 
     @property
-    def turns_size(self) -> int:
+    def history_size(self) -> int:
         """Numbers of `State.history`: a rotation vector of each motion that turns."""
         return 3 * len(self.turning)
 

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,15 +10,17 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.nodes import Held
 from fastbeam.kernels.state import State
 from fastbeam.linalg.pattern import Pattern
+from fastbeam.model.analyses import Analysis, Lack, always, unknown_to_methods, without_adjoint
 from fastbeam.model.connections import held_in_plane
+from fastbeam.model.feature import Feature
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Released:
-    """Supports with `until` or `since`, R of them. Their numbers in `State.history`, how often each has changed, begin at
-    `Model.release_place`: one with `since` takes hold first, and one with `until` lets go.
+class Released(Feature):
+    """Supports with `until` or `since`, R of them. Their numbers in `State.history` are how often each has changed: one with
+    `since` takes hold first, and one with `until` lets go.
 
     Attributes
     ----------
@@ -38,6 +40,19 @@ class Released:
         Bits of the spins.
     """
 
+    key: ClassVar[str] = "released"
+    title: ClassVar[str] = "supports that let go or take hold"
+    order: ClassVar[int] = 70
+    lacks: ClassVar[tuple[Lack, ...]] = (
+        unknown_to_methods("supports that let go or take hold"),
+        Lack((Analysis.ORDER_4,), "supports that let go or take hold",
+             "order=4: where a support lets go or takes hold, velocities are of second order, and so is what follows",
+             "use order=2", always("supports")),
+        Lack((Analysis.RELAX,), "supports that let go or take hold",
+             "relax: a support lets go or takes hold (until=, since=)",
+             "leave that out for the equilibrium, or run in time", always("supports")),
+        without_adjoint("supports that let go or take hold"))
+
     names: tuple[str, ...]
     until: tuple[Any, ...]
     since: tuple[Any, ...]
@@ -50,7 +65,7 @@ class Released:
     spin: int = 56
 
     @property
-    def size(self) -> int:
+    def history_size(self) -> int:
         """Numbers of `State.history`."""
         return len(self.names)
 
@@ -79,7 +94,7 @@ class Released:
         if held is None or not self.waits.any():
             return held
         found = held._replace(mask=held.mask.copy(), row_mask=held.row_mask.copy(), column_mask=held.column_mask.copy())
-        everything = self.masks(np.zeros(self.size, bool))[1]
+        everything = self.masks(np.zeros(len(self.names), bool))[1]
         for (row, mask), every in zip(zip(*self.masks(self.waits)), everything):
             found.mask[held.row == row] &= ~(every & ~mask)
             found.row_mask[pattern.rows[held.block] == row] &= ~(every & ~mask)
@@ -91,9 +106,10 @@ class Released:
         rows, found = self.masks(off)
         masks[rows] = found
 
-    def in_plane(self, axes: Array) -> Released:
+    def in_plane(self, plane: Any, model: Any, constraints: int) -> Released:
         """For the unknowns in a plane."""
-        return replace(self, mask=held_in_plane(self.mask, axes), always=held_in_plane(self.always, axes), spin=4)
+        mask, always = (held_in_plane(x, plane.axes) for x in (self.mask, self.always))
+        return replace(self, mask=mask, always=always, spin=4)
 
     def masks(self, off: Array) -> tuple[Array, Array]:
         """Rows [n] and what is held there where some do not hold, off [R]: int64 [n]."""
@@ -114,7 +130,7 @@ class OwnSupports:
 
     def __init__(self, core: Any) -> None:
         held = core.held
-        self.of, self.place = core.released, core.release_place
+        self.of = core.released
         self.core = replace(core, spinless=core.spinless.copy(), held=held._replace(
             mask=held.mask.copy(), row_mask=held.row_mask.copy(), column_mask=held.column_mask.copy()))
         pattern = core.pattern
@@ -123,7 +139,7 @@ class OwnSupports:
 
     def off(self, state: State) -> Array:
         """Which supports do not hold in a state, bool [R]."""
-        return self.of.off(state.history[self.place:self.place + self.of.size])
+        return self.of.off(self.core.own(state.history, "released"))
 
     def follow(self, stepper: Any) -> None:
         """Bring all tables of a run up to its state."""
@@ -164,7 +180,7 @@ def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupport
     if core.released is None:
         return core, StandingSupports()
     own = OwnSupports(core)
-    changed = state.history[own.place:own.place + own.of.size] != 0.0
+    changed = core.own(state.history, "released") != 0.0
     if static and changed.any():
         k = int(np.argmax(changed))
         what, change = ("let go", "leave it out of the scene") if own.off(state)[k] else ("taken hold", "leave out its since=")

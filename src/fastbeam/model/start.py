@@ -266,7 +266,7 @@ def off_beam(model: Model, state: State) -> Array:
     """Whether sliders have left their beams, bool [S]."""
     if model.slider_forces is None:
         return np.zeros(model.n_sliders, bool)
-    return np.asarray(state.history[:model.work_place].reshape(-1, HISTORY)[:, HELD] == OFF)
+    return np.asarray(model.own(state.history, "slider_forces").reshape(-1, HISTORY)[:, HELD] == OFF)
 
 
 def _at_start(model: Model, link: KeptLink) -> Array:
@@ -310,7 +310,7 @@ def active_motions(model: Model, state: State) -> list[tuple[int, Any, int]]:
         return []
     gone: set[int] = set()
     if model.released is not None:
-        off = model.released.off(state.history[model.release_place:model.motion_place])
+        off = model.released.off(model.own(state.history, "released"))
         gone = set(model.released.motion[off].tolist())
     pairs = zip(model.prescribed.motions, model.prescribed.own.tolist())
     return [(k, *pair) for k, pair in enumerate(pairs) if k not in gone]
@@ -520,13 +520,13 @@ def _at_rest_where_the_scene_moves(model: Model, state: State) -> list[tuple[str
 
 def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
     """Springs that only push, have no force, and lie the other way round than in the scene, are worth a word."""
-    if model.lines is None or model.find_springs is None:
+    if model.lines is None:
         return []
     a, b = model.lines.node.T
     x, y = (q.reshape(-1, 12)[:, :3] for q in (model.q0, state.q))
     around = np.einsum("lc,lc->l", x[b] - x[a], y[b] - y[a]) < 0.0
     names = {model.lines.names[k] for k in np.flatnonzero(around & model.lines.acts)}
-    slack = [name for springs in model.find_springs(model.links) if hasattr(springs, "slack") for name in springs.slack(state)]
+    slack = [name for springs in model.spring_rows if hasattr(springs, "slack") for name in springs.slack(state)]
     return [("start", f"spring {name!r} has no force at the start and lies the other way round than in the scene: its ends have "
                       "passed each other, and it will not push them back; start from a shape on the other side")
             for name in slack if f"spring {name!r}" in names]

@@ -11,8 +11,8 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.inner_nodes import ROWS
 from fastbeam.kernels.layout import LIST
 from fastbeam.kernels.linalg.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.connections import held_axes
-from fastbeam.model.forces.winches import refuse_winches
 from fastbeam.model.mapping import curve_at
 from fastbeam.model.model import Model
 from fastbeam.scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
@@ -215,7 +215,7 @@ def waiting(model: Model) -> dict[str, Any]:
         A part whose masses the impact does not know.
     """
     of, pattern, spinless = model.released, model.pattern, model.spinless.copy()
-    refuse_winches(f"{of.names[int(np.argmax(of.waits))]}: since, whose impact", model)
+    require(Analysis.CATCHING, model, f"{of.names[int(np.argmax(of.waits))]}: since, whose impact")
     for row, mask in zip(*of.masks(of.waits)):
         spinless[pattern.row_of == row] = mask & of.spin == of.spin
     held = of.at_start(model.held, pattern)

@@ -34,7 +34,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     q = model.q0.size
     # what is not a beam takes the coordinates from these
     moved = q * (rates or bool(model.links) or any(
-        x is not None for x in (model.sliders, model.ties, model.bodies, model.drag, model.added, model.motions)))
+        x is not None for x in (model.sliders, model.ties, model.bodies, model.dragged, model.added, model.motions)))
     second = model.bodies is not None or model.moving is not None
     border = model.border * model.n_bordered
     # what only a dense border needs

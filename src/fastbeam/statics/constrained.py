@@ -84,7 +84,7 @@ class SaddleSolver(StaticSolver):
         # what joints are given at the start and at the end of the load
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
-            self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
+            self.given = core.motions.given_between(self.stepper.core_state.history, core.place("motions"), at_time)
         # how much of that way they had gone at the last equilibrium
         self._reached = 0.0
         # those that friction or rigid stops may hold, and where those of joints are

@@ -18,9 +18,8 @@ from fastbeam.interface.result_warnings import warns
 from fastbeam.kernels.loop import OK, SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
-from fastbeam.model.forces.winches import refuse_winches
-from fastbeam.model.joints.motion import check_at_rest
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.start import check_start
@@ -35,7 +34,7 @@ from fastbeam.statics.linear_response import place_events
 from fastbeam.statics.load_steps import stability
 from fastbeam.statics.moving_supports import StaticMotion
 from fastbeam.statics.sliding import SlidingSolver
-from fastbeam.statics.static_analysis import START, check_slider_forces
+from fastbeam.statics.static_analysis import START
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
@@ -114,19 +113,10 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
         By Ctrl-C; carries the same.
     """
     check_model("relax", model)
-    check_slider_forces("relax", model, np.zeros(model.n_sliders, bool), smooth=True)
-    if model.slider_forces is not None:
-        model.slider_forces.check_times("relax", np.ones(model.n_sliders, bool), at_time)
-    refuse_winches("relax", model)
+    require(Analysis.RELAX, model)
+    if at_time is None:
+        require(Analysis.TIMELESS_SHAPES, model, "relax")
     check_backend(backend)
-    check_at_rest("relax", model)
-    if model.released is not None:
-        raise SceneError("relax: a support lets go or takes hold (until=, since=); leave that out for the equilibrium, or run in "
-                         "time")
-    if model.motions is not None and model.motions.holds.given.size:
-        holds = model.motions.holds
-        raise SceneError(f"relax: {holds.parts[holds.given[0]].label} is given as a function of time; hold it by a stiff spring "
-                         "with rest=, or use solve_static")
     if "reaction" in observe:
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
                          "observe=('reaction',))")
@@ -180,8 +170,8 @@ def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
     """The model with loads that are constant and supports that go their way, or stand still."""
     def constant(one: Model) -> Model:
         loads = one.loads * factors[:, None] if one.loads.size else one.loads
-        return replace(one, loads=loads, load_times=[None] * len(factors),
-                       prescribed=None if one.prescribed is None else _Still(one.prescribed, way))
+        features = tuple(_Still(x, way) if isinstance(x, PrescribedMotions) else x for x in one.features)
+        return replace(one.with_loading(loads=loads, load_times=[None] * len(factors)), features=features)
 
     plane, uneliminated, uncondensed = model.plane, model.uneliminated, model.uncondensed
     if plane is not None:
@@ -223,14 +213,12 @@ class _Way:
         return self.share == 1.0
 
 
-class _Still:
+class _Still(PrescribedMotions):
     """Supports that could move and go their way in the motion, or stand still."""
 
     def __init__(self, of: PrescribedMotions, way: _Way | None) -> None:
+        vars(self).update(vars(of))
         self._of, self._way = of, way
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._of, name)
 
     def schedule(self, times: Array, tables: Any, plane: Any = None) -> Array:
         """Increments of a step, as `PrescribedMotions.schedule`."""
@@ -240,7 +228,7 @@ class _Still:
 
     def vectors(self, t: float) -> Array:
         """Rotation vectors [3 K] of supports where they are on their way, less those at t = 0; zeros where they stand still."""
-        return np.zeros(self._of.turns_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
+        return np.zeros(self._of.history_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
 
 
 class _Motion:
@@ -280,7 +268,7 @@ class _Motion:
         self.model.keep_turns(history, now.history)
         self.model.stop(found)
         if self.model.motions is not None:
-            self.model.motions.settle(found, found, self.model.motion_place, None)
+            self.model.motions.settle(found, found, self.model.place("motions"), None)
         return found
 
     def record(self, iterations: int, size: float) -> None:

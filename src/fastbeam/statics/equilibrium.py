@@ -88,7 +88,7 @@ class StaticSolver:
             self.motion.count_turns(self.core.turns_of(self.stepper.core_state.history))
         motions = self.core.motions
         if motions is not None:
-            motions.settle(self.stepper.core_state, self.state, self.core.motion_place, None)
+            motions.settle(self.stepper.core_state, self.state, self.core.place("motions"), None)
 
     def has_potential(self, in_plane: bool) -> bool:
         """Whether all loads have one: moments that are fixed in space do in a plane only, loads by laws nowhere."""

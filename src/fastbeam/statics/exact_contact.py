@@ -12,15 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.compile.compile import Variant, compile_scene
-from fastbeam.compile.cut_beams import Acting, Along, Cut, energy_along, refuse
-from fastbeam.interface.errors import SceneError
+from fastbeam.compile.cut_beams import Acting, Along, Cut, energy_along
 from fastbeam.kernels.contact.slider_forces import INCREMENT, POSITION
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.model.mapping import follow
 from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import Observer
-from fastbeam.scene import Sleeve
 from fastbeam.statics.constrained import Increment
 from fastbeam.statics.contact_equations import ALONG_ONLY, Border, reduced
 from fastbeam.statics.equilibrium import Counts
@@ -78,13 +76,6 @@ class ExactSolver(SlidingSolver):
         self.scene, self.backend, self.at_time = model.uneliminated.scene, backend, at_time
         self.found: Found | None = None
         self.why_stuck = ""
-        refuse(self.scene)
-        if self.along is not None:
-            for k in np.flatnonzero(self.along.rubs).tolist():
-                if isinstance(self.scene.sliders[k], Sleeve):
-                    name = model.names["sliders"][k]
-                    raise SceneError(f"solve_static: contacts='exact': sleeve {name!r} has friction, which only contacts='mesh' "
-                                     f"knows; hold it where it stands with held=({name!r},), or leave contacts= out")
 
     # --- the equilibrium ----------------------------------------------------------------------------------------------
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:

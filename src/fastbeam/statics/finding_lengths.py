@@ -14,9 +14,8 @@ from fastbeam.interface.synonyms import known
 from fastbeam.kernels.loop import OK, SINGULAR
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
-from fastbeam.model.forces.winches import refuse_winches
-from fastbeam.model.joints.motion import check_at_rest
 from fastbeam.model.model import Model, check_model
 from fastbeam.results.observe.observer import OBSERVED, POINTS
 from fastbeam.results.progress import Progress
@@ -26,7 +25,7 @@ from fastbeam.scene.checks import Place
 from fastbeam.statics.load_steps import KEPT, LONG, LoadSteps, StaticTask
 from fastbeam.statics.path_stops import wanted_of
 from fastbeam.statics.prestrains import check_beam
-from fastbeam.statics.static_analysis import SHARE, START, check_slider_forces, held_sliders, solve_static, which_sliders
+from fastbeam.statics.static_analysis import SHARE, START, held_sliders, solve_static, which_sliders
 from fastbeam.statics.unknown_lengths import DEPENDENT, UNMOVED, Condition, LengthSolver, LengthTables, conditions_of
 
 Array = np.ndarray
@@ -219,9 +218,7 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
     """
     check_model("find_lengths", model)
     stays = held_sliders(model, held)
-    check_slider_forces("find_lengths", model, stays)
-    refuse_winches("find_lengths", model)
-    check_at_rest("find_lengths", model)
+    require(Analysis.LENGTHS, model, held=stays)
     check_backend(backend)
     step = min(step, largest_step)
     if not smallest_step <= step:

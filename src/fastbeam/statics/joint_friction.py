@@ -55,7 +55,7 @@ class JointCoordinates:
         self.holds = holds = self.motions.holds
         state = solver.stepper.core_state
         self.stops, self.scales = holds.ends, holds.scales
-        self.values = self.motions.own(state.history, solver.core.motion_place)[holds.rubs, VALUE]
+        self.values = self.motions.own(state.history, solver.core.place("motions"))[holds.rubs, VALUE]
         self.values = np.clip(self.values, *self.stops.T)
         self.has_friction = np.array([holds.parts[k].has_friction for k in holds.rubs], bool)
         self.labels = [holds.parts[k].label for k in holds.rubs]
@@ -94,7 +94,7 @@ class JointCoordinates:
         own = self.holds.numbers(state.history)
         own[:, SIGN], own[:, AGAINST] = 0.0, at_stop
         own[:, STICKS] = self.has_friction & (at_stop == 0)
-        self.motions.own(state.history, self.solver.core.motion_place)[self.holds.rubs, VALUE] = values
+        self.motions.own(state.history, self.solver.core.place("motions"))[self.holds.rubs, VALUE] = values
 
 
 class SectionAngles:

@@ -6,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import factor_at
 from fastbeam.model.model import Model
 from fastbeam.scene import Beam, UserForce
-from fastbeam.scene.follower import FollowerForce
-from fastbeam.scene.links import label_of
 
 Array = np.ndarray
 # places between two times, where functions of time may vanish, at which laws are evaluated instead; and what counts as nothing
@@ -59,11 +58,7 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
         return LawPath(at_time or 0.0, 0.0 if grow else 1.0, 1.0 if grow else 0.0)
     if not model.user_forces:
         return LawPath(0.0, 1.0, 0.0)
-    followers = {label_of(x) for x in forces if isinstance(x, FollowerForce)}
-    other = [label for label in model.user_forces if label not in followers]
-    if other:
-        raise SceneError(f"{who}: {other[0]} has a law of its own, of which two times of at_time= tell no path; give one time, "
-                         "or write it as a load with follower=True")
+    require(Analysis.TWO_TIMES, model, who)
 
     def values(t: float) -> Array:
         return np.array([1.0 if x.time is None else factor_at(x.time, t, f"of {x.kind} {x.name!r}") for x in forces])

@@ -15,9 +15,8 @@ from fastbeam.dynamics.interrupt import Interrupts
 from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
 from fastbeam.kernels.state import State
-from fastbeam.model.contact.sleeve_twist import check_twist
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.spring_laws import SpringRows
-from fastbeam.model.joints.motion import check_at_rest
 from fastbeam.model.model import Model
 from fastbeam.model.supports import check_supports
 from fastbeam.results.observe.observer import Observer
@@ -109,8 +108,7 @@ class StaticTask:
         if self.contacts == "exact" and model.n_sliders:
             if self.steady is not None:
                 raise SceneError("solve_static: contacts='exact' knows no steady motion; leave contacts out, or steady")
-            check_at_rest("solve_static(contacts='exact')", model, drives=True)
-            check_twist("solve_static(contacts='exact')", model)
+            require(Analysis.EXACT, model, held=self.stays)
             out = ExactSolver(model, self.start, self.max_iterations, self.stays, self.backend, t)
         elif model.n_constraints or self.steady is not None:
             out = sliding = SlidingSolver(model, self.start, self.max_iterations, self.stays,
@@ -362,7 +360,7 @@ def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[
 
 def _slack(model: Model, state: State) -> str:
     """Which springs are slack, for the message of a failed load step."""
-    rows = [] if model.find_springs is None else model.find_springs(model.links)
+    rows = model.spring_rows
     names = [name for springs in rows if isinstance(springs, SpringRows) for name in springs.slack(state)]
     if not names:
         return ""

@@ -11,6 +11,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.connections import held_axes
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.model import Model
@@ -80,9 +81,7 @@ class StaticMotion(_Moving):
     def __init__(self, model: Model, state: State, from_start: bool, at_time: float | tuple[float, float],
                  who: str = "solve_static") -> None:
         self.of = model.prescribed
-        for motion in self.of.motions:
-            if motion.since is not None:
-                raise SceneError(f"{who}(at_time=): {motion.label} takes hold in a run (since=); leave since out, or the motion")
+        require(Analysis.AT_TIME, model, who)
         self.own = self.of.own
         self._along, self._turns = held_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
         between = isinstance(at_time, tuple)

@@ -13,7 +13,7 @@ from fastbeam.interface.result_warnings import warns
 from fastbeam.interface.synonyms import its_sliders
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
-from fastbeam.model.contact.sleeve_twist import check_twist
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start
@@ -141,7 +141,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     """
     check_model("solve_static", model)
     stays = held_sliders(model, held)
-    check_slider_forces("solve_static", model, stays, rubbing=True)
+    require(Analysis.STATIC, model, held=stays)
     asked = _rubbing(model, named_sliders(model, "rest_intervals", rest_intervals), stays, rest_intervals)
     check_backend(backend)
     load_step = min(load_step, largest_load_step)
@@ -150,11 +150,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     stops = [*([] if levels is None else levels), 1.0]
     if levels is not None and not (len(levels) and levels[0] > 0.0 and levels[-1] <= 1.0 and np.all(np.diff(levels) > 0.0)):
         raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
-    if model.slider_forces is not None:
-        model.slider_forces.check_times("solve_static", ~stays, at_time)
-    if at_time is None and model.motions is not None and model.motions.holds.has_functions:
-        raise SceneError("solve_static: motors, drives or given motions of joints are functions of time; say with at_time=... "
-                         "where to evaluate them")
+    if at_time is None:
+        require(Analysis.TIMELESS, model, "solve_static", stays)
     factors = load_factors_at("solve_static", model, at_time)
     if steady is not None:
         check_steady("solve_static", model, steady, factors)
@@ -197,34 +194,6 @@ def _more_stable(task: StaticTask, found: Result, load_step: float, largest: flo
     # moments may leave it undecided in space; fewer in the plane says nothing about space
     fewer = count is not None and count < found.info["unstable_directions"] and where in ("space", found.info["counted_in"])
     return again if fewer else found
-
-
-def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = False, smooth: bool = False) -> None:
-    """Refuse sliders that are free and have what an analysis does not know along their beam; rubbing: whether it knows friction,
-    drives and stops; smooth: those alone whose forces are smooth functions of places.
-
-    Raises
-    ------
-    SceneError
-        Names the slider and the function that was called.
-    """
-    forces = model.slider_forces
-    if not rubbing:
-        check_twist(who, model)
-    if forces is None:
-        return
-    off = np.flatnonzero(forces.off_at_start)
-    if off.size:
-        raise SceneError(f"{who}: slider {model.names['sliders'][off[0]]!r} begins away from its beam, where nothing rests; let "
-                         "it begin on the beam, or run until it rests")
-    refused = np.flatnonzero((forces.lets_go_of if rubbing else forces.is_rough if smooth else forces.acts_on) & ~stays)
-    if refused.size:
-        name = model.names["sliders"][refused[0]]
-        what = ("a lock or may leave its beam" if rubbing else
-                "Coulomb friction, a prescribed motion, rigid stops, a lock, a switch, or may leave its beam" if smooth else
-                "friction, a drive, stops, a lock or may leave its beam")
-        raise SceneError(f"{who}: slider {name!r} has {what}, which equilibria do not know; hold it where it stands with "
-                         f"held=({name!r},), leave that out for the equilibrium, or run until it rests")
 
 
 def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:

@@ -16,8 +16,7 @@ from fastbeam.interface.arguments import LARGEST, Anything, Number, Vector, chec
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.layout import layout_of
-from fastbeam.model.forces.added_mass import refuse_added
-from fastbeam.model.forces.winches import ropes_of
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.maps import mass_map, velocity_map
 from fastbeam.model.model import Model
 from fastbeam.scene import Beam
@@ -127,15 +126,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
     ------
     SceneError
     """
-    if model.dragged is not None:
-        raise SceneError(f"{who}: drag of {model.dragged.labels[0]} resists the steady motion itself, which would not go on; "
-                         "leave it out")
-    refuse_added(who, model, "the fluid does not take part in a steady motion; leave it out")
-    if ropes_of(model) is not None:
-        raise SceneError(f"{who}: ropes of winches are not known in a steady motion; put a Spring of the same length and "
-                         "stiffness, and a mass, in their place")
-    if model.user_forces:
-        raise SceneError(f"{who}: {model.user_forces[0]} is not known in a steady motion; leave it out")
+    require(Analysis.STEADY, model, who)
     if isinstance(motion, Spin):
         for k, load in enumerate(model.loads):
             of_row = load.reshape(-1, 8)

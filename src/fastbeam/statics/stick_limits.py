@@ -13,6 +13,7 @@ from fastbeam.interface.synonyms import its_sliders
 from fastbeam.kernels.loop import OK
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.contact.sleeve_twist import twist_label
 from fastbeam.model.forces.loads import load_path, which_times
 from fastbeam.model.model import Model, check_model
@@ -20,7 +21,7 @@ from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports
 from fastbeam.statics.moving_supports import StaticMotion, coordinates_of
 from fastbeam.statics.sliding import SlidingSolver
-from fastbeam.statics.static_analysis import START, check_slider_forces, held_sliders, which_sliders
+from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
 
 Array = np.ndarray
 # first increment of a load factor, with 1 added to its size, and the smallest
@@ -85,7 +86,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     """
     check_model("stick_interval", model)
     stays = held_sliders(model, held)
-    check_slider_forces("stick_interval", model, stays, rubbing=True)
+    require(Analysis.STICK, model, held=stays)
     kind, k = _number_of(model, slider, stays)
     # nothing twists in a plane
     flat = False if kind is _HeldJoint and slider in _twists(model) else None
@@ -95,10 +96,8 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     if not within[0] <= load_factor <= within[1]:
         raise SceneError(f"within: {shown(within)} must enclose load_factor={load_factor:.6g}")
     base, change = load_path("stick_interval", model, at_time)
-    if at_time is None and (model.slider_forces is not None and model.slider_forces.has_functions(~stays)
-                            or model.motions is not None and model.motions.holds.has_functions):
-        raise SceneError("stick_interval: drives, or what joints are given, are functions of time; say with at_time=... where to "
-                         "evaluate them")
+    if at_time is None:
+        require(Analysis.TIMELESS, model, "stick_interval", stays)
     if start is not None:
         start, _ = check_start(model, start, 1.0, at_rest=True)
     t = at_time[1] if isinstance(at_time, tuple) else at_time or 0.0

@@ -3,7 +3,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,7 +72,7 @@ class LengthTables(StrainPath):
         row_of = model.pattern.row_of
         self._weights.append((rows, rows.copy(), [(row_of[at], share[:, None] * pull) for at, share in self._shares]))
         self._weights.append((weight, weight.copy(), self._shares))
-        return replace(own, loads=loads, gravity_weight=weight)
+        return own.with_loading(loads=loads, gravity_weight=weight)
 
     def put(self, factor: float | Array) -> None:
         super().put(factor)

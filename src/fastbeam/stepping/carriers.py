@@ -22,10 +22,10 @@ from fastbeam.kernels.linalg.carriers import GroupRows
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.terms import Equilibrium, NoTies, System
 from fastbeam.linalg.pattern import Pattern, ascending
+from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.model import Model
 from fastbeam.stepping.constraint_rows import couplings_of, with_capacity
 from fastbeam.stepping.iteration import Owner
-from fastbeam.stepping.terms import strain_sets
 
 Array = np.ndarray
 # fields of `Along` that the start of a step and the end of an iteration set, and those that an iteration sets, besides its doubts

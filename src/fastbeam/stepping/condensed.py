@@ -31,10 +31,10 @@ from fastbeam.kernels.linalg import substructures as beams
 from fastbeam.kernels.linalg.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
 from fastbeam.kernels.state import follow_increment, start_increment
 from fastbeam.kernels.terms import Equilibrium, advance_nodes, apply_ties, assemble, predict_nodes
+from fastbeam.model.forces.damping_and_drag import strain_sets
 from fastbeam.model.workspace import condensed_of, scratch_of
 from fastbeam.stepping.carriers import Group, Shared, Workspace
 from fastbeam.stepping.iteration import Iteration, Owner
-from fastbeam.stepping.terms import strain_sets
 
 Array = np.ndarray
 Chunk = tuple[int, int]

@@ -10,11 +10,9 @@ from fastbeam.interface.arguments import number
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels.beams import generalized_alpha as kernels
 from fastbeam.kernels.beams.generalized_alpha import Alpha
-from fastbeam.kernels.beams.nodes_without_mass import Knots
 from fastbeam.kernels.empty_arrays import empty
-from fastbeam.kernels.forces.bushing import Bushings
-from fastbeam.kernels.forces.winch import Winches
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.maps import free_unknowns, gap_rates, mass_map, share_map, spin_map, tie_map, velocity_map
 from fastbeam.model.model import Model
 
@@ -75,12 +73,8 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
     rho = RHO_INF if rho_inf is None else number("rho_inf", rho_inf)
     if not 0.0 <= rho <= 1.0:
         raise SceneError(f"rho_inf: must lie in [0, 1] (1 damps nothing, 0 annihilates high frequencies), got {rho:g}")
-    if model.sleeves is not None and name != "energy_momentum":
-        raise SceneError(f"method={name!r}: sleeves are held by conserving steps alone; leave method out")
-    if any(isinstance(table, Knots) for table in model.links) and name != "energy_momentum":
-        raise SceneError(f"method={name!r}: crossings, which have no mass, are known to conserving steps alone; leave method out")
-    if any(isinstance(table, Winches) for table in model.links) and name != "energy_momentum":
-        raise SceneError(f"method={name!r}: winches are known to conserving steps alone; leave method out")
+    if name != "energy_momentum":
+        require(Analysis.COMPARED, model, f"method {name!r}")
     if name in ("energy_momentum", "midpoint"):
         # 1 dissipates nothing: the step as it is
         return Method(name, 1 if name == "midpoint" else None, None, rho_inf if rho_inf is None or rho < 1.0 else None)
@@ -95,46 +89,6 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 + af - am
     return Method(name, None, np.array([am, af, 0.25 * (gamma + 0.5)**2, gamma]), rho)
-
-
-def check_forces(method: Method, composed: bool, model: Model, core: Model) -> None:
-    """Refuse what forces along beams on sliders, damping, supports that move and user forces do not go together with.
-
-    Parameters
-    ----------
-    composed : bool
-        Whether steps are composed of substeps, some of them backward.
-    model, core : Model
-        And the tables that a run goes on.
-
-    Raises
-    ------
-    SceneError
-    """
-    compared = method.middle is not None or method.parameters is not None
-    absent = [*(["supports that move"] if core.prescribed is not None else []),
-              *(["supports that let go or take hold"] if core.released is not None else []), *model.user_forces, *core.losses,
-              *(["added mass"] if core.added is not None else []),
-              *(["bushings"] if any(isinstance(table, Bushings) for table in core.links) else []),
-              *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
-    if compared and absent:
-        raise SceneError(f"method {method.name!r} does not know {', '.join(absent[:3])}; use the default method")
-    backward = [*core.losses, *model.needs_forward_steps]
-    if core.slider_forces is not None and core.slider_forces.dissipates:
-        backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
-    if composed and core.released is not None:
-        raise SceneError("order=4: where a support lets go or takes hold, velocities are of second order, and so is what "
-                         "follows; use order=2")
-    if composed and core.added is not None and core.added.turns:
-        raise SceneError(f"order=4: {core.added.labels[0]}: where the mass along d1 is not that across it, velocities are of "
-                         "second order, and so is what follows; use order=2")
-    if composed and core.slider_forces is not None and core.slider_forces.lets_go:
-        raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
-                         "follows; use order=2")
-    if composed and backward:
-        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in, and "
-                         "what rubs, hits or is locked has kinks in time, over which two runs cannot be extrapolated either; use "
-                         "order=2")
 
 
 def empty_rates(method: Method, n_nodes: int) -> Alpha | None:

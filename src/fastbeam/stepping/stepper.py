@@ -10,8 +10,7 @@ import numpy as np
 from fastbeam.interface.arguments import count, number
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.beams.moving_supports import PrescribedSchedule
-from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS, DriveSchedule
+from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.energies import slider_motion
 from fastbeam.kernels.entries.dense import Contact
@@ -24,10 +23,11 @@ from fastbeam.kernels.loop import BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGE
 from fastbeam.kernels.state import MORE_ITERATIONS, State
 from fastbeam.kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
 from fastbeam.linalg.linear_system import LinearSystem, check_backend
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.contact.sleeve_twist import start_twisting
+from fastbeam.model.feature import OfRun, Span, Stand
 from fastbeam.model.forces.failed_laws import LET_IT, Failure, acting_at, failure_in, forget, has_failed
 from fastbeam.model.forces.loads import load_factors
-from fastbeam.model.joints.motion import check_motions
 from fastbeam.model.model import Model
 from fastbeam.model.released_supports import own_supports
 from fastbeam.model.start import own_state
@@ -36,7 +36,7 @@ from fastbeam.model.workspace import (Capacity, capacity_of, check_border, conta
 from fastbeam.stepping.condensed import CondensedIteration, thread_count
 from fastbeam.stepping.constraint_rows import constraints_of
 from fastbeam.stepping.iteration import LEFT, Iteration
-from fastbeam.stepping.methods import Method, check_forces, empty_rates, start_rates
+from fastbeam.stepping.methods import Method, empty_rates, start_rates
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.terms import Corner, Growing, put_limits, system_of, terms_of
 
@@ -136,23 +136,19 @@ class Stepper:
         self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.dofs), threads, reproducible=condensed,
                                    symmetric=symmetric)
         self.alpha, self._static = empty_rates(method, model.n_nodes), static
-        self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
-        self.prescribed = self.motion = None
         self._more_turns: Array | None = None
-        if core.prescribed is not None and not static:
-            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
-        if not static:
-            check_forces(method, self.weights.size > 1, model, core)
-        if model.moving is not None:
-            model.moving.check(method.name if compared else None, static)
-        check_motions(model.motions, method.name if compared else None, self.weights.size)
-        if core.motions is not None and core.motions.rows.size:
-            self.motion = core.motions.work(core)
-            if memory is None:
-                core.motions.settle(self.core_state, self.state, core.motion_place, None if static else t)
+        if compared:
+            require(Analysis.COMPARED, model, f"method {method.name!r}")
+        if self.weights.size > 1:
+            require(Analysis.ORDER_4, model)
+            require(Analysis.COMPOSED, model)
+        # arrays of this run, by the keys of features
+        self.own = {x.key: x.work(core, self.plane, static) for x in core.features}
+        if self.motion is not None and memory is None:
+            core.motions.settle(self.core_state, self.state, core.place("motions"), None if static else t)
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
-        self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
+        self.terms = terms_of(OfRun(core, static, self.inner, self.own, self.law_work))
         self.corner: Corner | None = None  # a slider on its way over a corner of a switch
         self.growing = Growing(core, self.terms) if static else None
         put_limits(core, self.core_state, None, self.terms)
@@ -182,6 +178,21 @@ class Stepper:
         elif self.along is not None:
             self._start_sliding()
 
+    @property
+    def along(self) -> Any:
+        """Forces along the beams of sliders with the arrays of this run, or None."""
+        return self.own.get("slider_forces")
+
+    @property
+    def prescribed(self) -> Any:
+        """Supports that move with the arrays of this run, or None."""
+        return self.own.get("prescribed")
+
+    @property
+    def motion(self) -> Any:
+        """Coordinates of joints with the arrays of this run, or None."""
+        return self.own.get("motions")
+
     def load_at(self, t: float, factor: float, shares: Array | None = None) -> None:
         """In statics: the time, s, and load factor of forces by laws, moving air and ropes; shares: as of `Growing.put`."""
         self.law_work[:2] = t, factor
@@ -195,7 +206,7 @@ class Stepper:
         rates, contact = empty(model.n_sliders), contact_of(model)
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, empty(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
-        own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
+        own = model.own(self.core_state.history, "slider_forces").reshape(-1, HISTORY)
         moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
         own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
         start_twisting(model, self.core_state.history, *(x.reshape(-1, 4, 3) for x in state[:2]), state.s)
@@ -262,7 +273,7 @@ class Stepper:
         model, work = self.model, self.work
         work.u[:] = u
         system = self.system._replace(method=AtRest())
-        whole = Record(terms_of(model, None)), Record(system)
+        whole = Record(terms_of(OfRun(model))), Record(system)
         kernels.begin(*whole, 0.0)
         kernels.assemble_all(*whole, 0.0)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
@@ -394,7 +405,7 @@ class Stepper:
         result = self._run(t, h, n, done)
         while result.status == OK and result.steps < n and not self.stop():
             result = self._run(t, h, n - result.steps, done + result.steps).after(result)
-        if self.prescribed is not None and self.core.prescribed.turns_size:
+        if self.prescribed is not None and self.core.prescribed.history_size:
             self._count_turns(t + h * done, t + h * (done + result.steps))
         return result
 
@@ -416,7 +427,8 @@ class Stepper:
         force = empty((2, self.core_state.force.size))
         loads, factors = None, self._factors
         if self._timed:
-            starts, lengths = self._substeps(t, h, n, done)
+            span = self._span(t, h, n, done)
+            starts, lengths = span.starts, span.lengths
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, load_factors(model, starts, lengths)
@@ -462,29 +474,15 @@ class Stepper:
         return pivoting.after(result)
 
     def _schedules(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
-        """What drives, motors, supports that move and user forces are given in n steps; empty where nothing depends on time."""
-        out: list[Any] = []
-        if self.along is not None and self.core.slider_forces.timed:
-            out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
-        if self.motion is not None:
-            end = t + h * (done + n)
-            out += self.core.motions.schedules(self.motion, *self._substeps(t, h, n, done), end)
-        if self.prescribed is not None:
-            # a substep ends, to the last bit, where the next begins
-            times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
-            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed, self.plane)))
-        if self.core.dragged is not None and self.core.dragged.timed:
-            out.append(self.core.dragged.schedule(self.core.drag.air, self.terms, *self._substeps(t, h, n, done)))
-        if self.model.user_forces or self.core.dragged is not None and self.core.dragged.windy:
-            starts, sizes = self._substeps(t, h, n, done)
-            out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))
-        return tuple(out)
+        """What terms are given in n steps; empty where nothing depends on time."""
+        span = self._span(t, h, n, done)
+        found = [part for feature in self.core.features for part in feature.schedules(span)]
+        if self.core.laws:
+            found.append((Stand.LINKS, UserForceTimes(self.law_work, span.starts + 0.5 * span.lengths)))
+        return tuple(schedule for _, schedule in sorted(found, key=lambda x: x[0]))
 
-    def _substeps(self, t: float, h: float, n: int, done: int) -> tuple[Array, Array]:
-        """Times at which the substeps of n steps begin, and their sizes."""
-        begins = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
-        starts = t + h * (np.arange(done, done + n)[:, None] + begins)
-        return starts.reshape(-1), np.tile(self.weights * h, n)
+    def _span(self, t: float, h: float, n: int, done: int) -> Span:
+        return Span(self.own, self.terms, self.plane, self.weights, t, h, n, done)
 
     def _loop(self, loads: Array | None, factors: Array, schedules: tuple[Any, ...], h: float, n: int, counts: Array,
               sizes: Array, force: Array) -> tuple[Any, ...]:

@@ -12,13 +12,13 @@ from fastbeam.interface.result_warnings import warns
 from fastbeam.kernels.state import State
 from fastbeam.linalg.eigen import Eigen, SingularError, lowest
 from fastbeam.linalg.linear_system import check_backend
-from fastbeam.model.contact.sleeve_twist import check_twist
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start
 from fastbeam.results.mode_shapes import DampedModes, Modes, SteadyModes
 from fastbeam.results.observe.resolution import mesh_events
-from fastbeam.statics.static_analysis import START, check_slider_forces, held_sliders, which_sliders
+from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
 from fastbeam.statics.steady_motion import Spin, Travel, check_steady, which_motion
 from fastbeam.vibration.damped_modes import MORE, Damped, damped_of
 from fastbeam.vibration.linearised import Linearisation
@@ -164,9 +164,10 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     if state is not None:
         state, _ = check_start(model, state, 1.0, at_rest=True)
     stays = stays | locked_sliders(model, state)
-    check_twist(who, model)
     # beside what travels along itself velocities along the beam are not zero
-    check_slider_forces(who, model, stays, rubbing=not isinstance(steady, Travel))
+    require(Analysis.TRAVEL if isinstance(steady, Travel) else Analysis.MODES, model, who, stays)
+    if at_time is None:
+        require(Analysis.TIMELESS_MODES, model, who, stays)
     if steady is not None:
         check_steady(who, model, steady, factors)
         if flat and isinstance(steady, Spin) and not np.allclose(np.abs(model.plane.axes[2] @ steady.axis), 1.0, atol=1e-12):
@@ -176,9 +177,6 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
                           resting=resting_sliders(who, model, state, stays, at_time, load_factor))
     about.stepper.load_at(at_time or 0.0, load_factor)
     if about.stepper.motion is not None:
-        if at_time is None and model.motions.holds.pushes_in_time:
-            raise SceneError(f"{who}: motors or drives of joints are functions of time; say with at_time=... "
-                             "where to evaluate them")
         about.core.motions.at_rest(about.stepper.motion, at_time or 0.0, load_factor)
     if not np.any(about.mass.diagonal() > 0.0):
         raise SceneError(f"{who}: nothing that may move has a mass; give sections rhoA, or bodies")

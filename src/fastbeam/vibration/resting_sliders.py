@@ -158,6 +158,4 @@ def resting_sliders(who: str, model: Model, state: State | None, stays: Array, a
     forces = model.slider_forces
     if forces is None:
         return None
-    free = ~stays & ~np.isin(forces.tables.drive, (POSITION, INCREMENT))
-    forces.check_times(who, free, at_time)
     return RestingSliders(model, model.state() if state is None else state, stays, at_time or 0.0, factor)

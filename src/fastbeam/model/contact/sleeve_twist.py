@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.sleeve import KnownTwist, Rubbing, Sleeves
 from fastbeam.kernels.contact.sleeve_twist import ANGLE, SIGN, STICKS, TWIST, Twist
 from fastbeam.kernels.contact.slider import Sliding
+from fastbeam.model.analyses import Analysis, Lack, without_adjoint
 from fastbeam.model.contact.sleeve_conditions import Section, sections
+from fastbeam.model.feature import Feature
 from fastbeam.model.mapping import contact
 from fastbeam.model.model import Model
 
@@ -45,19 +46,34 @@ def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[
                  for x in terms if not isinstance(x, Rubbing))
 
 
-def check_twist(who: str, model: Model) -> None:
-    """Refuse friction of twist in an analysis that does not know it.
+class TwistFriction(Feature):
+    """Friction of beams that turn in unkeyed sleeves.
 
-    Raises
-    ------
-    SceneError
-        Names the sleeve and the function that was called.
+    Parameters
+    ----------
+    of : int64 [R]
+        Numbers of the sleeves.
+    names : list of str
+        Theirs.
     """
-    if model.twisting.size:
-        name = model.names["sliders"][model.sleeve_pairs[model.twisting[0], 0]]
-        raise SceneError(f"{who}: sleeve {name!r} rubs on a beam that turns in it (radius=), which this analysis does not know; "
-                         "leave radius out, or hold the twist by keyed=True. Equilibria with it are found by solve_static, or by "
-                         "a run until it rests")
+
+    key, title, order, is_told_first = "twist", "friction of beams that turn in sleeves (radius=)", 90, True
+    lacks = (
+        Lack((Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.MODES, Analysis.TRAVEL,
+              Analysis.SENSITIVITY), "friction",
+             "{who}: sleeve {name!r} rubs on a beam that turns in it (radius=), which this analysis does not know",
+             "leave radius out, or hold the twist by keyed=True. Equilibria with it are found by solve_static, or by a run until "
+             "it rests", lambda twist, asked: twist.names),
+        without_adjoint("friction", lambda twist, asked: [f"friction of the beam that turns in sleeve {name!r} (radius=)"
+                                                          for name in twist.names]))
+
+    def __init__(self, of: Array, names: list[str]) -> None:
+        self.of, self.names = of, names
+
+    @property
+    def history_size(self) -> int:
+        """Numbers of `State.history`."""
+        return TWIST * int(self.of.size)
 
 
 def twist_label(slider: str) -> str:
@@ -67,7 +83,7 @@ def twist_label(slider: str) -> str:
 
 def numbers_of(model: Model, history: Array) -> Array:
     """Of every sleeve that rubs in a history, float64 [R, 4], see `kernels.twist`."""
-    return history[model.twist_place:][:TWIST * model.twisting.size].reshape(-1, TWIST)
+    return model.own(history, "twist").reshape(-1, TWIST)
 
 
 def _sine_and_cosine(axes: Array, d: Array) -> tuple[float, float]:

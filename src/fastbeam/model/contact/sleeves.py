@@ -10,8 +10,11 @@ from fastbeam.kernels.contact.friction_fallback import no_doubt
 from fastbeam.kernels.contact.sleeve import NoTwist, Sleeves
 from fastbeam.kernels.contact.sleeve_twist import TWIST, Twist
 from fastbeam.kernels.empty_arrays import empty
+from fastbeam.model.analyses import Analysis, Asked, Lack, unknown_to_methods
 from fastbeam.model.connections import Connections
 from fastbeam.model.contact.sleeve_conditions import Section
+from fastbeam.model.contact.sleeve_twist import TwistFriction
+from fastbeam.model.feature import Feature
 from fastbeam.model.mapping import nodes_of_curve
 from fastbeam.model.model import Model
 from fastbeam.model.numbering import NodeList
@@ -47,9 +50,35 @@ def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
                    edges.reshape(-1), NoTwist())
 
 
-def rubbing_sleeves(scene: Scene) -> Array:
-    """Numbers of the sleeves whose beams rub where they turn, int64 [R]."""
-    return np.flatnonzero([sleeve.radius is not None for sleeve in scene.sleeves]).astype(np.int64)
+class SleeveContact(Feature):
+    """Sleeves, which turn with the beam.
+
+    Parameters
+    ----------
+    sleeves : list of Sleeve
+    """
+
+    key, title, order = "sleeve_contact", "sleeves", 160
+    lacks = (unknown_to_methods("sleeves"),
+             Lack((Analysis.EXACT,), "friction",
+                  "{who}: sleeve {name!r} has friction, which only contacts='mesh' knows",
+                  "hold it where it stands with held=({name!r},), or leave contacts= out",
+                  lambda contact, asked: contact.rubbing(asked)))
+
+    def __init__(self, sleeves: list[Any]) -> None:
+        self.sleeves = sleeves
+
+    def rubbing(self, asked: Asked) -> list[str]:
+        """Names of the sleeves that friction may hold."""
+        forces = asked.model.slider_forces
+        free = np.zeros(asked.held.size, bool) if forces is None else forces.hold_by_friction & ~asked.held
+        return [forces.sliders[k].name for k in np.flatnonzero(free) if isinstance(forces.sliders[k], Sleeve)]
+
+
+def twist_friction_of(scene: Scene) -> TwistFriction | None:
+    """Friction of the sleeves whose beams rub where they turn; None where there are none."""
+    found = [k for k, sleeve in enumerate(scene.sleeves) if sleeve.radius is not None]
+    return TwistFriction(np.array(found, np.int64), [scene.sleeves[k].name for k in found]) if found else None
 
 
 def with_twist(scene: Scene, model: Model) -> Sleeves | None:
@@ -61,7 +90,7 @@ def with_twist(scene: Scene, model: Model) -> Sleeves | None:
     n = len(every)
     arm = np.array([x.friction.coefficient * x.radius if x.radius is not None else 0.0 for x in every])
     place = np.full(n, -1, np.int64)
-    place[model.twisting] = model.twist_place + TWIST * np.arange(model.twisting.size)
+    place[model.twisting] = model.place("twist") + TWIST * np.arange(model.twisting.size)
     work = *empty((5, n)), empty(2 * n), *np.zeros((3, n), np.int64), no_doubt(n), empty(1)
     return table._replace(twist=Twist(arm, place, table.axes.copy(), *work))
 

@@ -1,6 +1,7 @@
 """Friction, drives, stops and locks of sliders as tables, what drives are given in every step, and their forces at rows."""
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,11 +10,15 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.friction_fallback import no_doubt
-from fastbeam.kernels.contact.slider_forces import (AGAINST, ASKED, BY_RATE, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT,
-    LAW, LOCKED, MOST_KEPT, NO_DRIVE, OFF, OFFSET, POSITION, SIGN, STIFFNESS, TURNS, Along)
+from fastbeam.kernels.contact.slider_forces import (AGAINST, ASKED, BY_RATE, CAME_BY, CONTROL, DRIVE_WORK, FORCE, FRICTION_LOSS,
+    HELD, HISTORY, INCREMENT, LAW, LOCKED, LOCK_LOSS, MOST_KEPT, NO_DRIVE, OFF, OFFSET, POSITION, SIGN, STIFFNESS, STOP_LOSS,
+    TURNS, Along, DriveSchedule)
 from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.state import State
+from fastbeam.model.analyses import AT_REST, Analysis, Asked, Lack, dissipating, lacking, unknown_to_methods, without_adjoint
 from fastbeam.model.contact.drive_laws import (force_at, gains_of, given_over, given_to, kind_of, law_at, law_of, slope_at_rest,
     value_at)
+from fastbeam.model.feature import Feature, Span, Stand
 from fastbeam.scene import Drive, Path, Slider, Switch
 from fastbeam.scene.switches import AT_END, Arrival, span_of, stops_on
 
@@ -22,6 +27,11 @@ Array = np.ndarray
 AT_START = 1e-9
 # the same of the state that a run starts from
 JUMP = 1e-6
+# series of energies, and what the history has of those that were taken away
+ENERGIES = "friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss"
+LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
+# what takes energy away, for messages
+DISSIPATION = "friction, damping, forces of (t, s, rate) and rigid stops of sliders"
 
 
 @dataclass
@@ -35,7 +45,20 @@ class AtRow:
     lock: Array
 
 
-class SliderForces:
+def _not_at_rest(analyses: tuple[Analysis, ...], what: str, some: Callable[[SliderForces], Array]) -> Lack:
+    """Declare that equilibria do not know some sliders, unless they are held."""
+    def names(forces: SliderForces, asked: Asked) -> list[str]:
+        return [forces.sliders[k].name for k in np.flatnonzero(some(forces) & ~asked.held)]
+    return Lack(analyses, what, "{who}: slider {name!r} has " + what + ", which equilibria do not know",
+                "hold it where it stands with held=({name!r},), leave that out for the equilibrium, or run until it rests", names)
+
+
+def _without_adjoint(what: str, has: Callable[[Slider], bool]) -> Lack:
+    """Declare that steps with what some sliders have are without adjoint."""
+    return without_adjoint(what, lambda forces, asked: [f"{what} of slider {x.name!r}" for x in forces.sliders if has(x)])
+
+
+class SliderForces(Feature):
     """Forces along the beam on all sliders of a scene, of which one at least has some.
 
     Parameters
@@ -47,6 +70,40 @@ class SliderForces:
     SceneError
         A function of a drive cannot be compiled.
     """
+
+    key, title, order = "slider_forces", "friction, drives, stops, locks, releases of sliders", 10
+    lacks = (
+        unknown_to_methods("friction, drives, stops, locks and releases of sliders"),
+        Lack((Analysis.ORDER_4,), "locks, releases, one-sided contact",
+             "order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what follows",
+             "use order=2", lambda forces, asked: ["sliders"] * forces.lets_go),
+        dissipating("Coulomb friction, rigid stops", lambda forces, asked: [DISSIPATION] * forces.has_kinks, kinked=True),
+        dissipating("switches, where something dissipates", lambda forces, asked: ["sliders on switches"] * bool(
+            asked.model.spans and any(lacking(Analysis.COMPOSED, asked.model))), kinked=True),
+        dissipating("viscous friction, drives by velocity", lambda forces, asked: [DISSIPATION] * forces.dissipates),
+        Lack((*(x for x in AT_REST if x is not Analysis.EXACT), Analysis.TRAVEL), "a start away from the beam",
+             "{who}: slider {name!r} begins away from its beam, where nothing rests",
+             "let it begin on the beam, or run until it rests",
+             lambda forces, asked: [x.name for x in forces.sliders if x.starts_off]),
+        _not_at_rest((Analysis.STATIC, Analysis.STICK, Analysis.MODES), "a lock or may leave its beam",
+                     lambda forces: forces.lets_go_of),
+        _not_at_rest((Analysis.PATH, Analysis.RELAX, Analysis.SENSITIVITY),
+                     "Coulomb friction, a prescribed motion, rigid stops, a lock, a switch, or may leave its beam",
+                     lambda forces: forces.is_rough),
+        _not_at_rest((Analysis.LENGTHS, Analysis.TRAVEL), "friction, a drive, stops, a lock or may leave its beam",
+                     lambda forces: forces.acts_on),
+        Lack((Analysis.TIMELESS, Analysis.TIMELESS_SHAPES), "drives by functions of time", "{who}: drives have time functions",
+             "say with at_time=... where to evaluate them, at one time",
+             lambda forces, asked: ["drives"] * forces.has_functions(~asked.held)),
+        Lack((Analysis.TIMELESS_MODES,), "drives that push, by functions of time", "{who}: drives have time functions",
+             "say with at_time=... where to evaluate them, at one time",
+             lambda forces, asked: ["drives"] * forces.has_functions(~asked.held & ~forces.is_prescribed)),
+        _without_adjoint("locks", lambda slider: slider.lock is not None),
+        _without_adjoint("releases", lambda slider: slider.release is not None),
+        _without_adjoint("one-sided contact", lambda slider: slider.one_sided is not None),
+        _without_adjoint("tracks of a switch", lambda slider: isinstance(slider.beam, Switch)),
+        _without_adjoint("rigid stops (elastic ones, stiffness=, have one)",
+                         lambda slider: slider.stops is not None and slider.stops.is_rigid))
 
     def __init__(self, sliders: list[Slider]) -> None:
         self.sliders = sliders
@@ -100,28 +157,28 @@ class SliderForces:
         """Whether something may hold a slider, let it go or prescribe its motion, or it is on a switch, so that its place at rest
         is no smooth function of the loads, bool [S]."""
         rough = [isinstance(x.beam, Switch) or x.stops is not None and x.stops.is_rigid for x in self.sliders]
-        return self.lets_go_of | self.hold_by_friction | np.array(rough) | np.isin(self.tables.drive, (POSITION, INCREMENT))
+        return self.lets_go_of | self.hold_by_friction | np.array(rough) | self.is_prescribed
+
+    @property
+    def is_prescribed(self) -> Array:
+        """Whether a drive prescribes the motion of a slider, bool [S]."""
+        return np.isin(self.tables.drive, (POSITION, INCREMENT))
 
     @property
     def hold_by_friction(self) -> Array:
         """Which sliders Coulomb friction can hold at rest, bool [S]."""
         t = self.tables
-        return (t.friction > 0.0) & (t.smoothing == 0.0) & ~np.isin(t.drive, (POSITION, INCREMENT))
+        return (t.friction > 0.0) & (t.smoothing == 0.0) & ~self.is_prescribed
 
     def has_functions(self, of: Array) -> bool:
         """Whether drives of some sliders, bool [S], are functions of time alone that count when nothing moves."""
         return any(x is not None and not x.takes_state and (callable(x.position) or callable(x.force))
                    for x, mine in zip(self._drives, of) if mine)
 
-    def check_times(self, who: str, free: Array, at_time: Any, more: str = "") -> None:
-        """Refuse equilibria at no given time, s, where drives of the free sliders, bool [S], are functions of time.
-
-        Raises
-        ------
-        SceneError
-        """
-        if at_time is None and self.has_functions(free):
-            raise SceneError(f"{who}: drives have time functions; say with at_time=... where to evaluate them{more}")
+    @property
+    def has_kinks(self) -> bool:
+        """Whether Coulomb friction or rigid stops act, whose forces have kinks in time."""
+        return bool(np.any(self.tables.friction > 0.0)) or any(x.stops is not None and x.stops.is_rigid for x in self.sliders)
 
     @property
     def dissipates(self) -> bool:
@@ -186,13 +243,23 @@ class SliderForces:
         return repr([places, *(([track.name for track in x.tracks], "function" if callable(y) else y)
                                for x, y in zip(switches, chosen))])
 
+    opens = True
+
+    def start_history(self, own: Array, q: Array, v: Array) -> None:
+        """What stands in the numbers of the history at the start."""
+        own[:] = self.initial_history
+
     @property
-    def size(self) -> int:
+    def history_size(self) -> int:
         """Numbers of `State.history`."""
         return HISTORY * len(self.sliders)
 
-    def work(self, mass: float) -> Along:
-        """The tables with arrays of one run; mass: of the scene, kg."""
+    def work(self, model: Any, plane: Any, static: bool) -> Along | None:
+        """The tables with arrays of one run in time."""
+        if static:
+            return None
+        # of the scene, kg
+        mass = float(model.gravity_weight.sum())
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(doubt=no_doubt(len(self.sliders)), **{
             name: getattr(self.tables, name).copy() for name in (
@@ -242,6 +309,12 @@ class SliderForces:
         return self._value(k, "speed", t)
 
     # --- what drives are given ----------------------------------------------------------------------------------------
+    def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
+        """What drives are given."""
+        if not self.timed:
+            return []
+        return [(Stand.DRIVES, DriveSchedule(span.own[self.key], *self.schedule(span.starts, span.lengths)))]
+
     def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:
         """What every drive is given in substeps from times `starts` on, of these lengths [n]: (float64 [n, S, 2], times of their
         middle [n])."""
@@ -319,9 +392,34 @@ class SliderForces:
         return stops.restitution or 0.0
 
     # --- rows ---------------------------------------------------------------------------------------------------------
+    def series(self, kinds: Collection[str], model: Any) -> dict[str, tuple[int, ...]]:
+        """Forces along the beam, and energies."""
+        along = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force")
+        return dict.fromkeys((*(along if "slider" in kinds else ()), *ENERGIES), (len(self.sliders),)) if {
+            "slider", "energy"} & set(kinds) else {}
+
+    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
+        """Energies."""
+        if not {"slider", "energy"} & set(kinds):
+            return {}
+        history = model.own(state.history, self.key).reshape(-1, HISTORY).copy()
+        found = (history[:, FRICTION_LOSS], history[:, DRIVE_WORK], self.stop_energy(state.s, state.history),
+                 history[:, STOP_LOSS], history[:, LOCK_LOSS])
+        return dict(zip(ENERGIES, found))
+
+    def stored(self, state: State) -> float:
+        """Energy of elastic stops."""
+        return float(np.sum(self.stop_energy(state.s, state.history)))
+
+    def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
+        """What friction, stops and locks took less what drives put in."""
+        history = model.own(state.history, self.key).reshape(-1, HISTORY)
+        return ([float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))],
+                np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist())
+
     def stop_energy(self, s: Array, history: Array) -> Array:
         """Energy that elastic stops store, J, [S]; history [S, 11], or flat."""
-        stiff, (low, high) = self.tables.stops[:, STIFFNESS], self.elastic(s, history[:self.size].reshape(-1, HISTORY)).T
+        stiff, (low, high) = self.tables.stops[:, STIFFNESS], self.elastic(s, history[:self.history_size].reshape(-1, HISTORY)).T
         beyond = np.maximum(low - s, 0.0)**2 + np.maximum(s - high, 0.0)**2
         return np.asarray(0.5 * stiff * np.where(stiff > 0.0, beyond, 0.0))
 

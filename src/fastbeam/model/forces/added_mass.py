@@ -1,16 +1,15 @@
 """Nodes with added mass (theory.md (4.34)): tables, the momenta that start in `State.history`, energy and momenta of rows."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.forces.added_mass import AddedMass
 from fastbeam.kernels.state import State
-from fastbeam.model.model import Model
+from fastbeam.model.analyses import Analysis, Lack, unknown_to_methods, without_adjoint
+from fastbeam.model.feature import Feature, OfRun, Stand
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import Elements, node_lengths
 from fastbeam.scene import Scene
@@ -20,7 +19,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Added:
+class Added(Feature):
     """Nodes with added mass.
 
     Attributes
@@ -31,16 +30,39 @@ class Added:
         Nodes, and to which added mass they belong.
     normal, along : float64 [A]
         Of whole nodes, kg: mass across d1, and what that along d1 is more.
+    table : AddedMass or None
+        The term.
+    in_space : bool
+        False of the tables of a plane.
     """
+
+    key: ClassVar[str] = "added"
+    title: ClassVar[str] = "added mass"
+    order: ClassVar[int] = 110
+    lacks: ClassVar[tuple[Lack, ...]] = (
+        unknown_to_methods("added mass"),
+        Lack((Analysis.ORDER_4,), "different masses along and across",
+             "order=4: {name}: where the mass along d1 is not that across it, velocities are of second order, and so is what "
+             "follows",
+             "use order=2", lambda added, asked: added.labels[:1] * added.turns),
+        Lack((Analysis.BLOWS,), "added mass",
+             "{name}: sliders or joints have rigid stops, locks, releases or one-sided contact, or supports take hold, whose "
+             "blows do not know the mass of the fluid", "leave these out, or use elastic stops",
+             lambda added, asked: added.labels),
+        Lack((Analysis.STEADY,), "added mass", "{who}: {name}: the fluid does not take part in a steady motion", "leave it out",
+             lambda added, asked: added.labels),
+        without_adjoint("added mass"))
 
     labels: tuple[str, ...]
     node: Array
     part: Array
     normal: Array
     along: Array
+    table: AddedMass | None = None
+    in_space: bool = True
 
     @property
-    def size(self) -> int:
+    def history_size(self) -> int:
         """Numbers in `State.history`."""
         return self.node.size
 
@@ -49,14 +71,28 @@ class Added:
         """Whether the masses turn with the sections."""
         return bool(np.any(self.along != 0.0))
 
-    def tables(self, row_of: Array, block: Array, first: int) -> AddedMass:
-        """Tables; block: diagonal blocks [A]; first: place of the first momentum in the history."""
-        return AddedMass(self.node, row_of[self.node], block, self.normal, self.along, first + np.arange(self.size))
+    def with_table(self, row_of: Array, block: Array, first: int) -> Added:
+        """With its table; block: diagonal blocks [A]; first: place of the first momentum in the history."""
+        return replace(self, table=AddedMass(self.node, row_of[self.node], block, self.normal, self.along,
+                                             first + np.arange(self.history_size)))
+
+    def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
+        """Its inertia."""
+        return [] if run.static else [(Stand.WATER, self.table)]
 
     def momenta(self, q: Array, v: Array) -> Array:
         """Along d1, of velocities: float64 [A]; q, v [N, 12], in a plane [N, 4]."""
         d = 3 if q.shape[1] == 12 else 2
         return np.asarray(self.along * np.einsum("ac,ac->a", q[self.node, d:2 * d], v[self.node, :d]))
+
+    def in_plane(self, plane: Any, model: Any, constraints: int) -> Added:
+        """The same table, of coordinates [4 N]."""
+        return replace(self, in_space=False)
+
+    def start_momenta(self, own: Array, q: Array, v: Array) -> None:
+        """Momenta along d1 at coordinates and rates [12 N], in a plane [4 N]."""
+        size = 12 if self.in_space else 4
+        own[:] = self.momenta(q.reshape(-1, size), v.reshape(-1, size))
 
     def misfit(self, own: Array, q: Array, v: Array) -> float:
         """The largest difference between velocities along d1 and those of momenta own [A], m/s; q, v [12 N]."""
@@ -64,8 +100,9 @@ class Added:
         off = (own - self.momenta(q.reshape(-1, 12), v.reshape(-1, 12)))[there] / self.along[there]
         return float(np.max(np.abs(off), initial=0.0))
 
-    def add_to(self, own: Array, state: State, out: Array) -> None:
-        """Kinetic energy and momenta to those of `energies.motion`; own: momenta in the history [A]."""
+    def add_motion(self, model: Any, state: State, out: Array) -> None:
+        """Kinetic energy and momenta of the fluid."""
+        own = model.own(state.history, self.key)
         q, v = (x.reshape(-1, 4, 3)[self.node] for x in (state.q, state.v))
         p = self.normal[:, None] * v[:, 0] + own[:, None] * q[:, 1]
         there = self.along != 0.0
@@ -100,41 +137,3 @@ def added_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Added |
     normal, tangential = (np.array([getattr(x, of) for x in given])[part] for of in ("normal", "tangential"))
     return Added(tuple(f"{x.label} on {x.on.label}" for x in given), every, part, size * normal,
                  size * (tangential - normal))
-
-
-def with_added(model: Model, added: Added | None, diagonal: Callable[[Array], Array]) -> Model:
-    """The model with the tables of its added mass; diagonal: blocks of the own terms of nodes.
-
-    Raises
-    ------
-    SceneError
-        The scene has blows, whose jumps of velocities do not know these masses.
-    """
-    if added is None:
-        return model
-    forces = model.slider_forces
-    blows = forces is not None and bool(forces.lets_go_of.any() or np.any(forces.restitutions >= 0.0))
-    if blows or model.catches or model.motions is not None and model.motions.holds.has_rigid_stops:
-        raise SceneError(f"{added.labels[0]}: sliders or joints have rigid stops, locks, releases or one-sided contact, or "
-                         "supports take hold, whose blows do not know the mass of the fluid; leave these out, or use elastic "
-                         "stops")
-    model = replace(model, added=added)
-    return replace(model, added_tables=added.tables(model.pattern.row_of, diagonal(added.node), model.added_place))
-
-
-def refuse_added(who: str, model: Model, why: str) -> None:
-    """Refuse added mass.
-
-    Raises
-    ------
-    SceneError
-        Names the first.
-    """
-    if model.added is not None:
-        raise SceneError(f"{who}: {model.added.labels[0]}: {why}")
-
-
-def add_energies(model: Model, state: State, out: Array) -> None:
-    """Kinetic energy and momenta of all added mass, as `energies.motion` puts them."""
-    if model.added is not None:
-        model.added.add_to(state.history[model.added_place:][:model.added.size], state, out)

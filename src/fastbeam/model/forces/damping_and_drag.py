@@ -1,28 +1,39 @@
 """What takes energy out of a scene besides its sliders, or puts it in: names, and places of their energies in `State.history`."""
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fastbeam.kernels.beams.damping import Dissipation
 from fastbeam.kernels.beams.element_loop import ElementTables
+from fastbeam.kernels.beams.section_laws import ELASTIC, KELVIN_VOIGT
+from fastbeam.kernels.beams.strain_measures import GreenLagrange, SimoReissner
 from fastbeam.kernels.forces.drag import AirSchedule, Drag, NoWind, Wind
 from fastbeam.kernels.layout import LIST
+from fastbeam.model.analyses import Analysis, Lack, dissipating, unknown_to_methods, without_adjoint
+from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.loads import factor_at, mean_factors
 from fastbeam.model.forces.user_forces import wind_of
-from fastbeam.model.model import Model
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import Elements, node_lengths
 from fastbeam.scene import Beam, Net, Scene
 
 Array = np.ndarray
+# coefficients of drag
+COEFFICIENTS = "normal", "tangential", "linear"
+
+
+def _air_moves(what: str, text: str, instead: str, moves: Callable[[Dragged], Array]) -> Lack:
+    """Declare that what drags with moving air, bool [D], add to the damping of small motions is not known."""
+    return Lack((Analysis.DAMPED,), what, text, instead,
+                lambda dragged, asked: [dragged.labels[k] for k in np.unique(dragged.part[moves(dragged)])])
 
 
 @dataclass(frozen=True)
-class Damped:
+class Damped(Feature):
     """Beams and nets with damping.
 
     Attributes
@@ -34,18 +45,46 @@ class Damped:
         Of every node which of them it belongs to, -1: none.
     """
 
+    key: ClassVar[str] = "damped"
+    title: ClassVar[str] = "damping of sections"
+    order: ClassVar[int] = 30
+    lacks: ClassVar[tuple[Lack, ...]] = (
+        unknown_to_methods("damping", lambda damped, asked: damped.losses),
+        dissipating("damping", lambda damped, asked: damped.losses),
+        Lack((Analysis.FILTERED,), "damping", "rho_inf: {name} has damping of its own, which grows with the frequency",
+             "leave rho_inf out, or the damping of sections", lambda damped, asked: damped.labels))
+
     labels: tuple[str, ...]
     strains: tuple[str, ...]
     part: Array
 
-    def term(self, strains: Any, tables: ElementTables, first: int) -> Dissipation:
-        """The term that books the energy of a strain set; first: place of the first part in the history."""
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """Names in the balance."""
+        return tuple(f"damping of {label}" for label in self.labels)
+
+    def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
+        """What books the energies, where elements dissipate."""
+        model = run.model
+        sets: tuple[Any, ...] = strain_sets(model, run.static)
+        return [(Stand.LOSSES, self._account(strains, tables, model.losses_for(Damped)))
+                for strains, tables in zip(sets, (model.simo, model.green))
+                if tables is not None and strains.law is KELVIN_VOIGT]
+
+    def _account(self, strains: Any, tables: ElementTables, first: int) -> Dissipation:
         meta = tables.meta
         lanes = meta[:, LIST, None] + np.arange(8)
         part = self.part[tables.nodes[lanes]]
         # idle lanes have the row behind the last
         live = tables.rows[lanes] < self.part.size
         return Dissipation(strains, tables, np.where((part >= 0) & live, first + part, -1).reshape(-1))
+
+
+def strain_sets(model: Any, static: bool = False) -> tuple[SimoReissner, GreenLagrange]:
+    """The strain sets with the laws of the sections of a model; at rest all are elastic."""
+    damped = () if static or model.damped is None else model.damped.strains
+    simo, green = (KELVIN_VOIGT if name in damped else ELASTIC for name in ("simo_reissner", "green_lagrange"))
+    return SimoReissner(simo), GreenLagrange(green)
 
 
 def damped_of(scene: Scene, nodes: NodeList) -> Damped | None:
@@ -61,7 +100,7 @@ def damped_of(scene: Scene, nodes: NodeList) -> Damped | None:
 
 
 @dataclass(frozen=True)
-class Dragged:
+class Dragged(Feature):
     """Nodes with drag.
 
     Attributes
@@ -80,7 +119,28 @@ class Dragged:
         Of every drag the factor of that as a function of time.
     wind : Wind or NoWind
         Velocities of the air by functions of the user's own.
+    table : Drag or None
+        The term.
+    called_laws : dict of type -> failed_laws.Lawful
+        Those of wind.
     """
+
+    key: ClassVar[str] = "dragged"
+    title: ClassVar[str] = "drag"
+    order: ClassVar[int] = 50
+    lacks: ClassVar[tuple[Lack, ...]] = (
+        Lack((Analysis.PLANAR,), "wind=", "wind= of a drag may lead out of a plane", "use planar='auto'",
+             lambda dragged, asked: dragged.labels[:dragged.windy]),
+        unknown_to_methods("drag", lambda dragged, asked: dragged.labels),
+        dissipating("drag", lambda dragged, asked: dragged.labels),
+        Lack((Analysis.STEADY,), "drag", "{who}: drag of {name} resists the steady motion itself, which would not go on",
+             "leave it out", lambda dragged, asked: dragged.labels),
+        _air_moves("wind=", "{name}: its air moves by wind=, and what it adds to the damping of small motions is not known",
+                   "leave wind= out, or run in time", lambda dragged: dragged.asks_wind),
+        _air_moves("air=", "{name}: its air moves, and what it adds to the damping of small motions is not known",
+                   "leave air= out, or run in time", lambda dragged: np.any(dragged.air != 0.0, axis=1)),
+        without_adjoint("air that changes in time",
+                        lambda dragged, asked: ["air that changes in time"] * (dragged.timed or dragged.windy)))
 
     labels: tuple[str, ...]
     node: Array
@@ -90,6 +150,18 @@ class Dragged:
     air: Array
     times: tuple[Any, ...] = ()
     wind: Wind | NoWind = NoWind()
+    table: Drag | None = None
+    called_laws: Mapping[type, Any] = field(default_factory=dict)
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """Names in the balance."""
+        return self.labels
+
+    @property
+    def asks_wind(self) -> Array:
+        """Nodes whose air is given by a function, bool [D]."""
+        return self.wind.laws.address != 0 if isinstance(self.wind, Wind) else np.zeros(self.node.size, bool)
 
     @property
     def timed(self) -> bool:
@@ -111,25 +183,47 @@ class Dragged:
         """Whether functions of place and time give the velocity of the air."""
         return isinstance(self.wind, Wind)
 
+    def in_plane(self, plane: Any, model: Any, constraints: int) -> Dragged:
+        """The same table, but for the velocity of the air."""
+        assert self.table is not None
+        return replace(self, table=self.table._replace(air=(self.table.air.reshape(-1, 3) @ plane.axes[:2].T).reshape(-1)))
+
     def factors_at(self, t: float) -> Array:
         """Of the air at a time, s, of every node, [D]."""
         return np.array([1.0 if time is None else factor_at(time, t, f"of {label}")
                          for time, label in zip(self.times, self.labels)])[self.part]
 
-    def schedule(self, given: Array, terms: tuple[Any, ...], times: Array, steps: Array) -> AirSchedule:
-        """The air in steps from these times on, of these sizes, s; given: float64 [*], the `air` of the tables of the model;
-        terms: those of the run."""
-        own = next(term for term in terms if isinstance(term, Drag))
-        factors = np.ones((len(times), len(self.times)))
+    def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
+        """Drag; at rest that of moving air."""
+        if self.table is None or run.static and not self.blows:
+            return []
+        term = self.table
+        if run.static:
+            # these and the air are those of a load factor and a time
+            term = term._replace(**{name: getattr(term, name).copy() for name in (*COEFFICIENTS, "air")})
+        elif self.timed:
+            # its air is that of a run
+            term = term._replace(air=term.air.copy())
+        if isinstance(term.wind, Wind) and run.law_work is not None:
+            term = term._replace(wind=term.wind._replace(work=run.law_work))
+        return [(Stand.AIR, term)]
+
+    def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
+        """The air, where it changes."""
+        if not self.timed:
+            return []
+        assert self.table is not None
+        own = next(term for term in span.terms if isinstance(term, Drag))
+        factors = np.ones((len(span.starts), len(self.times)))
         for k, time in enumerate(self.times):
             if time is not None:
-                factors[:, k] = mean_factors(time, times, steps, f"of {self.labels[k]}")
-        return AirSchedule(own.air, given, self.part, factors)
+                factors[:, k] = mean_factors(time, span.starts, span.lengths, f"of {self.labels[k]}")
+        return [(Stand.AIR, AirSchedule(own.air, self.table.air, self.part, factors))]
 
-    def tables(self, row_of: Array, block: Array, first: int) -> Drag:
-        """Tables; block: diagonal blocks [D]; first: place of the first drag in the history."""
-        return Drag(self.node, row_of[self.node], block, *np.ascontiguousarray(self.coefficient.T), self.slender,
-                    self.air.reshape(-1), first + self.part, self.wind)
+    def with_table(self, row_of: Array, block: Array, first: int) -> Dragged:
+        """With its table; block: diagonal blocks [D]; first: place of the first drag in the history."""
+        return replace(self, table=Drag(self.node, row_of[self.node], block, *np.ascontiguousarray(self.coefficient.T),
+                                        self.slender, self.air.reshape(-1), first + self.part, self.wind))
 
 
 def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragged | None:
@@ -148,11 +242,3 @@ def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragg
                    np.where(slender == 1, length[every], 1.0)[:, None] * given, slender,
                    np.array([drag.air for drag in scene.drags], dtype=float)[part], tuple(drag.time for drag in scene.drags),
                    wind_of(scene.drags, part, nodes.phi[every]))
-
-
-def with_drag(model: Model, diagonal: Callable[[Array], Array]) -> Model:
-    """The model with the tables of its drag; diagonal: blocks of the own terms of nodes."""
-    if model.dragged is None:
-        return model
-    first = model.catch_place - len(model.dragged.labels)
-    return replace(model, drag=model.dragged.tables(model.pattern.row_of, diagonal(model.dragged.node), first))

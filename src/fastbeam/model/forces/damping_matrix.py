@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.contact.slider_forces import CONTROL
 from fastbeam.kernels.forces.bushing import Bushings
@@ -16,6 +15,7 @@ from fastbeam.kernels.forces.line_force import LineForces
 from fastbeam.kernels.forces.spring_laws import SpringLaws
 from fastbeam.kernels.forces.user_force import UserForces
 from fastbeam.kernels.layout import VISCOSITY, layout_of
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.failed_laws import ask
 from fastbeam.model.model import Model
 from fastbeam.model.tables import strain_gradient
@@ -91,31 +91,12 @@ def _by_coordinates(name: str, x: Array, phi_s: Array, shape: Array, slope: Arra
     return lead.reshape(*lead.shape[:3], -1)
 
 
-def check_still_air(model: Model) -> None:
-    """Refuse drag in moving air.
-
-    Raises
-    ------
-    SceneError
-        It adds to the damping of small motions, and to stiffness that is not symmetric.
-    """
-    drag = model.dragged
-    if drag is not None and drag.windy:
-        asked = int(drag.part[np.argmax(drag.wind.laws.address != 0)])
-        raise SceneError(f"{drag.labels[asked]}: its air moves by wind=, and what it adds to the damping of small motions is not "
-                         "known; leave wind= out, or run in time")
-    if drag is not None and np.any(drag.air):
-        moves = int(drag.part[np.argmax(np.any(drag.air != 0.0, axis=1))])
-        raise SceneError(f"{drag.labels[moves]}: its air moves, and what it adds to the damping of small motions is not known; "
-                         "leave air= out, or run in time")
-
-
 def _of_drag(model: Model) -> Any:
     """Linear drag; that of the square of a velocity has no linear part at rest."""
     from scipy import sparse
     diagonal = np.zeros((model.n_nodes, 4, 3))
     drag = model.dragged
-    check_still_air(model)
+    require(Analysis.DAMPED, model)
     if drag is not None:
         np.add.at(diagonal[:, 0], drag.node, drag.coefficient[:, 2:])
     return sparse.diags(diagonal.reshape(-1), format="csr")

@@ -8,6 +8,8 @@ import numpy as np
 
 from fastbeam.interface.arguments import LARGEST, Number, Numbers, real, shown
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.loads import LoadWork
+from fastbeam.model.feature import Feature, OfRun, Stand
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -23,6 +25,26 @@ def load_factors(model: Model, times: Array, steps: Array) -> Array:
         if time is not None:
             out[:, k] = mean_factors(time, times, steps, f"of {model.load_names[k]}")
     return out
+
+
+class LoadAccount(Feature):
+    """Loads that have no potential, whose work is booked: they change in time, are moments, or follow laws."""
+
+    key, title, order, opens = "load_account", "loads that change in time, moments", 20, True
+
+    @property
+    def history_size(self) -> int:
+        """Their work."""
+        return 1
+
+    def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
+        """What books the work."""
+        if run.static:
+            return []
+        model = run.model
+        node = np.zeros(model.n_rows, np.int64)
+        node[model.pattern.row_of] = np.arange(model.n_nodes)
+        return [(Stand.LOADS, LoadWork(node, np.array([model.place(self.key)])))]
 
 
 def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:

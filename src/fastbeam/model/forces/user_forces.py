@@ -12,10 +12,13 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.forces.drag import NoWind, Wind
 from fastbeam.kernels.forces.force_element import ForceElements
 from fastbeam.kernels.forces.line_force import LineForces
+from fastbeam.kernels.forces.planar_follower import PlanarFollowers
 from fastbeam.kernels.forces.user_force import Laws, UserForces
+from fastbeam.model.analyses import Analysis, Lack, dissipating, unknown_to_methods, without_adjoint
+from fastbeam.model.feature import Feature, OfRun
 from fastbeam.model.forces.compiled_laws import (compiled_differences, compiled_force, compiled_slopes, compiled_tension,
     compiled_tension_slopes, compiled_wind, machine_code)
-from fastbeam.model.forces.failed_laws import Asked
+from fastbeam.model.forces.failed_laws import Asked, Lawful
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import node_lengths
 from fastbeam.model.workspace import law_work
@@ -25,6 +28,63 @@ from fastbeam.scene.links import label_of
 from fastbeam.scene.user_force import numbers_of_nodes
 
 Array = np.ndarray
+# tables of forces by laws of the triad
+ON_NODES = UserForces, PlanarFollowers
+
+
+class UserLaws(Feature):
+    """Forces by laws of the user's own, and loads that follow.
+
+    Parameters
+    ----------
+    forces : list of UserForce
+        On nodes.
+    between : list of LineForce or ForceElement
+        Between two points.
+    laws : dict of type -> failed_laws.Lawful
+        By the kinds of tables that call them, those of wind included.
+    """
+
+    key, title, order = "user_laws", "user forces, loads that follow, line forces and force elements", 120
+    lacks = (
+        Lack((Analysis.PLANAR,), "laws of the user's own but line forces", "the law of {name} may lead out of a plane",
+             "use planar='auto'", lambda laws, asked: laws.leading_out),
+        unknown_to_methods("user forces", lambda laws, asked: laws.labels),
+        dissipating("user forces with dissipates=True", lambda laws, asked: [
+            label_of(force) for force in laws.forces if force.dissipates]),
+        Lack((Analysis.TWO_TIMES,), "laws of the user's own",
+             "{who}: {name} has a law of its own, of which two times of at_time= tell no path",
+             "give one time, or write it as a load with follower=True", lambda laws, asked: laws.pathless),
+        Lack((Analysis.STEADY,), "user forces", "{who}: {name} is not known in a steady motion", "leave it out",
+             lambda laws, asked: laws.labels),
+        Lack((Analysis.SENSITIVITY,), "user forces", "{who}: derivatives with {name} are not known",
+             "use loads that keep their direction, or differences of equilibria", lambda laws, asked: laws.labels),
+        without_adjoint("user forces", lambda laws, asked: laws.labels))
+
+    def __init__(self, forces: list[Any], between: list[Any], laws: dict[type, Lawful]) -> None:
+        self.forces, self.called_laws = forces, laws
+        self.labels = tuple(label_of(force) for force in (*forces, *between))
+        own = [label_of(x) for x in forces if not isinstance(x, FollowerForce)]
+        # whose laws may lead out of a plane, and of which two times tell no path
+        self.leading_out = own + [label_of(x) for x in between if isinstance(x, ForceElement)]
+        self.pathless = own + [label_of(x) for x in between]
+
+    def link_in_plane(self, table: Any, plane: Any) -> Any:
+        """Loads that turn with nodes, along u and J u of each."""
+        if not isinstance(table, UserForces):
+            return table
+        own = table.parameters[table.first[:, None] + np.arange(6)]
+        along = np.sum(own[:, :3] * plane.factor[table.node], axis=1)
+        about = np.sum(own[:, 3:] * plane.normal[table.node], axis=1)
+        zero = np.zeros_like(about)
+        parameters = np.stack((along.real, along.imag, zero, zero, zero, about), axis=1)
+        return PlanarFollowers(*table[:6], 6 * np.arange(len(own)), parameters.reshape(-1), table.place, table.laws, table.work)
+
+    def link_of_run(self, table: Any, run: OfRun) -> Any:
+        """Tables of laws with the work array of the run; shares are those of a run, because paths change them."""
+        if isinstance(table, ON_NODES):
+            return table._replace(work=run.law_work, share=table.share.copy())
+        return table._replace(work=run.law_work) if isinstance(table, (ForceElements, LineForces)) else table
 
 
 class Loaded:

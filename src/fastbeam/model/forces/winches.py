@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.forces.winch import GAUSS, Winches, motion_of_ropes, weight_of_ropes
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, Lack, always, unknown_to_methods, without_adjoint
+from fastbeam.model.feature import Feature, OfRun
 from fastbeam.model.workspace import law_work
 
 Array = np.ndarray
@@ -27,8 +28,6 @@ class Ropes:
 
     def __init__(self, scene: Any, nodes: Any) -> None:
         self.winches = scene.winches
-        if self.winches and scene.gravity_time is not None:
-            raise SceneError(f"{self.winches[0].label}: ropes know constant gravity alone; leave gravity_time out")
         self.gravity = np.array(scene.gravity, float)
         found, of = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
         for k, winch in enumerate(self.winches):
@@ -59,6 +58,51 @@ class Ropes:
         return Winches(node, row_of[node], block, segments[of] - (np.arange(of.size) - first[of]), segments[of],
                        each("length")[of], q[node[:, 2], 0].copy(), each("stiffness")[of], mass[of], first, total,
                        np.where(has, mass, 0.0), each("inertia"), self.gravity, law_work())
+
+
+UNKNOWN = (Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.SENSITIVITY, Analysis.MASSES, Analysis.CATCHING)
+
+
+class Hoists(Feature):
+    """Winches of a scene, and their ropes.
+
+    Parameters
+    ----------
+    winches : list of Winch
+    """
+
+    key, title, order = "hoists", "winches", 105
+    lacks = (
+        Lack((Analysis.PLANAR,), "winches", "{name} runs in space", "use planar='auto'",
+             lambda hoists, asked: [winch.label for winch in hoists.winches]),
+        unknown_to_methods("winches"),
+        Lack(UNKNOWN, "winches", "{who} does not know winches",
+             "use simulate or solve_static, or a Spring of the same length and stiffness, and a mass, in its place",
+             always("winches")),
+        Lack((Analysis.INNER,), "ropes", "observe: 'inner' does not know the ropes of winches", "leave it out",
+             always("winches")),
+        Lack((Analysis.GRAVITY_IN_TIME,), "ropes", "{name}: ropes know constant gravity alone", "leave gravity_time out",
+             lambda hoists, asked: [winch.label for winch in hoists.winches]),
+        Lack((Analysis.STEADY,), "ropes", "{who}: ropes of winches are not known in a steady motion",
+             "put a Spring of the same length and stiffness, and a mass, in their place", always("winches")),
+        without_adjoint("winches"))
+
+    def __init__(self, winches: list[Any]) -> None:
+        self.winches = winches
+
+    def link_of_run(self, table: Any, run: OfRun) -> Any:
+        """The table of ropes with the work array of the run."""
+        return table._replace(work=run.law_work) if isinstance(table, Winches) else table
+
+    def add_motion(self, model: Any, state: State, out: Array) -> None:
+        """Kinetic energy and momenta of all ropes."""
+        motion_of_ropes(ropes_of(model), state.q, state.v, out)
+
+    def weight(self, model: Any, q: Array) -> float:
+        """Energy of all ropes in the gravity of the scene, J."""
+        out = np.zeros(1)
+        weight_of_ropes(ropes_of(model), q, out)
+        return float(out[0])
 
 
 class WinchRows:
@@ -146,21 +190,6 @@ def rope_masses(table: Winches, q: Array) -> Any:
     return sparse.csr_matrix((values.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(q.size, q.size))
 
 
-def add_motion(model: Any, q: Array, v: Array, out: Array) -> None:
-    """Kinetic energy and momenta of all ropes, as `energies.motion` puts them."""
-    table = ropes_of(model)
-    if table is not None:
-        motion_of_ropes(table, q, v, out)
-
-
-def weight_energy(model: Any, q: Array) -> float:
-    """Of all ropes in the gravity of the scene, J."""
-    table, out = ropes_of(model), np.zeros(1)
-    if table is not None:
-        weight_of_ropes(table, q, out)
-    return float(out[0])
-
-
 def used_up(model: Any, state: State, h: float) -> str:
     """What to say where a rope is all on its drum, or all of it is paid out, one step of size h on; empty where none is."""
     table = ropes_of(model)
@@ -175,15 +204,3 @@ def used_up(model: Any, state: State, h: float) -> str:
             what = "all rope is paid out" if ahead > 0.0 else "all rope is on it"
             return f"{what}, of {model.labels[drum]}: {length:.6g} m are free and change by {v[drum]:.6g} m/s"
     return ""
-
-
-def refuse_winches(who: str, model: Any) -> None:
-    """For what does not know them.
-
-    Raises
-    ------
-    SceneError
-    """
-    if ropes_of(model) is not None:
-        raise SceneError(f"{who} does not know winches; use simulate or solve_static, or a Spring of the same length and "
-                         "stiffness, and a mass, in its place")

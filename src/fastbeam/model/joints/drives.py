@@ -388,13 +388,15 @@ class Holds:
         return out
 
     @property
-    def backward(self) -> str | None:
-        """What does not go with steps backward in time, and of which joint."""
-        for k in self.rubs.tolist():
-            return f"{'friction' if self.parts[k].has_friction else 'impacts on rigid stops'} of {self.parts[k].label}"
-        for k in self.driven[self.heeds_rates].tolist():
-            return f"the drive of {self.parts[k].label}, which depends on its rate,"
-        return None
+    def kinks(self) -> list[str]:
+        """What has kinks in time, for messages."""
+        return [f"{'friction' if self.parts[k].has_friction else 'impacts on rigid stops'} of {self.parts[k].label}"
+                for k in self.rubs.tolist()]
+
+    @property
+    def heeding(self) -> list[str]:
+        """Drives that depend on rates, for messages."""
+        return [f"the drive of {self.parts[k].label}, which depends on its rate," for k in self.driven[self.heeds_rates].tolist()]
 
     @property
     def heeds_rates(self) -> Array:

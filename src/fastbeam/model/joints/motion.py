@@ -2,17 +2,19 @@
 values and energies at rows. What holds, stops and drives them: joints/drives.py."""
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.joints.coordinates import ANGLE, LINE, LOSS, MOTION, NO_SWING, SWING, VALUE, WORK, JointMotion
 from fastbeam.kernels.joints.forces import MotorSchedule
 from fastbeam.kernels.joints.friction import RUB
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, Lack, dissipating, lacking, unknown_to_methods, without_adjoint
+from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.loads import factor_at, mean_factors
 from fastbeam.model.joints.coordinates import KINDS, Coordinate
 from fastbeam.model.joints.drives import Holds, JointsOfRun, holds_of
@@ -24,8 +26,17 @@ Array = np.ndarray
 STALE = 1e-11
 
 
+def _unknown(analyses: tuple[Analysis, ...], what: str, text: str, instead: str, some: Callable[[Motions], list[int]]) -> Lack:
+    """Declare that analyses do not know some coordinates, which are named by their labels."""
+    return Lack(analyses, what, text, instead, lambda motions, asked: [motions.labels[k] for k in some(motions)])
+
+
+SMOOTH_AT_REST = Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.SENSITIVITY
+HOLD_IT = "hold the joint where it is to be by angle= or distance=, or run until it rests"
+
+
 @dataclass(frozen=True)
-class Motions:
+class Motions(Feature):
     """All free coordinates of the joints of a scene, C of them.
 
     Attributes
@@ -55,6 +66,40 @@ class Motions:
         What holds and stops them.
     """
 
+    key: ClassVar[str] = "motions"
+    title: ClassVar[str] = "springs, dampers, motors, drives, friction and stops of joints"
+    order: ClassVar[int] = 80
+    lacks: ClassVar[tuple[Lack, ...]] = (
+        unknown_to_methods("springs, dampers, motors, drives, friction and stops of joints",
+                           lambda motions, asked: [motions.title] * motions.has_forces),
+        dissipating("friction, rigid stops", lambda motions, asked: motions.holds.kinks, kinked=True),
+        dissipating("drives with a limit, where something dissipates", lambda motions, asked: (
+            motions.holds.heeding or ["drives with a limit"])
+            if motions.holds.is_bounded and any(lacking(Analysis.COMPOSED, asked.model)) else [], kinked=True),
+        dissipating("dampers, drives by velocity", lambda motions, asked: (
+            ["dampers of joints"] * motions.damped + motions.holds.heeding)),
+        _unknown(SMOOTH_AT_REST, "motors and drives", "{name}: {who} takes no motors and drives of joints",
+                 "leave it out, or hold the joint by a stiff spring with rest=", lambda motions: motions.pushed),
+        _unknown((*SMOOTH_AT_REST, Analysis.EXACT), "friction",
+                 "{name}: {who} knows no friction of joints, which leaves a range of them", f"leave it out, {HOLD_IT}",
+                 lambda motions: [k for k in motions.holds.rubs.tolist() if motions.holds.parts[k].has_friction]),
+        _unknown((*SMOOTH_AT_REST, Analysis.EXACT), "rigid stops", "{name}: {who} knows no rigid stops of joints",
+                 f"leave it out, give the stops a stiffness=, {HOLD_IT}",
+                 lambda motions: [k for k in motions.holds.rubs.tolist() if not motions.holds.parts[k].has_friction]),
+        _unknown((Analysis.RELAX,), "given values", "relax: {name} is given as a function of time",
+                 "hold it by a stiff spring with rest=, or use solve_static", lambda motions: motions.holds.given.tolist()),
+        _unknown((Analysis.SENSITIVITY,), "given values",
+                 "{who}: {name} is given a value that may depend on them, which is not known", "use differences of equilibria",
+                 lambda motions: motions.holds.given.tolist()),
+        Lack((Analysis.TIMELESS,), "motors, drives and given values by functions of time",
+             "{who}: motors, drives or given motions of joints are functions of time",
+             "say with at_time=... where to evaluate them", lambda motions, asked: ["joints"] * motions.holds.has_functions),
+        Lack((Analysis.TIMELESS_MODES,), "motors and drives by functions of time",
+             "{who}: motors or drives of joints are functions of time", "say with at_time=... where to evaluate them",
+             lambda motions, asked: ["joints"] * motions.holds.pushes_in_time),
+        without_adjoint("friction, rigid stops", lambda motions, asked: [
+            f"friction or rigid stops of {motions.labels[k]}" for k in motions.holds.rubs]))
+
     table: JointMotion
     rows: Array
     names: list[str]
@@ -70,7 +115,7 @@ class Motions:
     holds: Holds
 
     @property
-    def size(self) -> int:
+    def history_size(self) -> int:
         """Numbers of `State.history`."""
         return MOTION * len(self.names) + RUB * self.holds.rubs.size
 
@@ -78,6 +123,16 @@ class Motions:
     def driven(self) -> bool:
         """Whether there are motors or drives."""
         return any(motor is not None for motor in self.motors) or self.holds.driven.size > 0
+
+    @property
+    def pushed(self) -> list[int]:
+        """Coordinates with motors, then those with drives."""
+        return [k for k, motor in enumerate(self.motors) if motor is not None] + self.holds.driven.tolist()
+
+    @property
+    def has_forces(self) -> bool:
+        """Whether anything acts on the coordinates."""
+        return bool(self.acts or self.driven or self.holds.held.size or self.holds.stopped.size)
 
     @property
     def timed(self) -> bool:
@@ -94,22 +149,33 @@ class Motions:
         """Whether there are springs, dampers or motors."""
         return self.damped or any(motor is not None for motor in self.motors) or bool(np.any(self.spring[:, 0]))
 
-    def work(self, model: Any) -> JointsOfRun:
-        """The tables with arrays of one run of a model."""
+    def work(self, model: Any, plane: Any, static: bool) -> JointsOfRun | None:
+        """The tables with arrays of one run of a model; None where no coordinate is left in its plane."""
+        if not self.rows.size:
+            return None
         table = self.table._replace(given=self.table.given.copy(), hold=empty(64))
         return self.holds.tables(table, self.acts, model.ties, model.kept, model.n_sliders)
 
-    def schedules(self, tables: JointsOfRun, starts: Array, lengths: Array, end: float) -> list[Any]:
-        """What motors, given coordinates and drives have in substeps that begin at `starts`, of these lengths [n]; the last ends
-        at `end`."""
+    def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
+        """What acts on coordinates, and holds them."""
+        own: JointsOfRun | None = run.own.get(self.key)
+        if own is None:
+            return []
+        return [(Stand.JOINTS, x) for x in (own.static_terms if run.static else own.known if run.known else own.terms)]
+
+    def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
+        """What motors, given coordinates and drives have."""
+        own: JointsOfRun | None = span.own.get(self.key)
+        if own is None:
+            return []
         out: list[Any] = []
         if self.timed:
-            out.append(MotorSchedule(tables.motion, self.schedule(starts, lengths)))
-        if tables.drives is not None:
-            out.append(self.holds.schedule(tables.drives, starts, lengths, end))
-        if tables.control is not None:
-            out.append(self.holds.controls(tables.control, starts, lengths))
-        return out
+            out.append(MotorSchedule(own.motion, self.schedule(span.starts, span.lengths)))
+        if own.drives is not None:
+            out.append(self.holds.schedule(own.drives, span.starts, span.lengths, span.end))
+        if own.control is not None:
+            out.append(self.holds.controls(own.control, span.starts, span.lengths))
+        return [(Stand.MOTORS, x) for x in out]
 
     def schedule(self, starts: Array, lengths: Array) -> Array:
         """Mean forces of the motors in the table over substeps from times `starts` on, of these lengths [n]: [n, *]."""
@@ -129,6 +195,26 @@ class Motions:
                 tables.motion.given[column] = share * full
         if tables.control is not None:
             self.holds.at_rest(tables.control, t, share)
+
+    def in_plane(self, plane: Plane, model: Any, constraints: int) -> Motions:
+        """With the table of what is left in a plane."""
+        table = self.table
+        d = np.einsum("csik,cskx->csix", self.turn, model.q0.reshape(-1, 4, 3)[self.node, 1:])
+        up = np.abs(d @ plane.axes[2]) > 0.5
+        (i, j), of = table.pair[:, 1:].T, np.repeat(np.arange(len(self.names)), np.diff(table.start))
+        out = up[of, 0, i] | (j >= 0) & up[of, 1, j]
+        rows = np.flatnonzero(np.bincount(of, weights=out, minlength=len(self.names)) == 0)
+        mine = np.isin(of, rows)
+        start = np.concatenate(([0], np.cumsum(np.diff(table.start)[rows]))).astype(np.int64)
+        flat = np.einsum("csik,csk->csi", self.turn[rows], plane.factor[self.node[rows]])
+        size = np.abs(flat)
+        flat = np.where(size > 0.5, flat / np.where(size > 0.5, size, 1.0), 0.0)
+        some = {name: np.ascontiguousarray(getattr(table, name)[rows]) for name in
+                ("node", "row", "block", "kind", "spin_node", "value", "place", "stiffness", "damping", "rest", "given")}
+        first = constraints - int(np.sum(np.isin(self.holds.held, rows)))
+        return replace(self, table=table._replace(**some, start=start, pair=np.ascontiguousarray(table.pair[mine]),
+                                                     sign=table.sign[mine], axes=numbers_of(flat)),
+                       rows=rows, holds=self.holds.in_plane(rows, first))
 
     # --- at rows ------------------------------------------------------------------------------------------------------
     def _vectors(self, q: Array) -> tuple[Array, Array]:
@@ -216,23 +302,40 @@ class Motions:
             before = self.own(state.history, place)[:, VALUE]
             self.holds.check_stays(who, t, self.values(state.q.reshape(-1, 4, 3), before))
 
-    def row(self, t: float, state: State, place: int) -> dict[str, Array]:
-        """Series of one row, at time t."""
-        q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
-        values, rates = self.own(state.history, place)[:, VALUE].copy(), self.rates(q, v)
-        drive = {"joint_drive": self.holds.drive_forces(t, values, rates)} if self.holds.driven.size else {}
-        return {"joint_value": values, "joint_rate": rates, **drive}
+    def series(self, kinds: Collection[str], model: Any) -> dict[str, tuple[int, ...]]:
+        """Coordinates with their forces, and what they exchange."""
+        holds, names = self.holds, []
+        if "joint" in kinds:
+            names += ["joint_value", "joint_rate"]
+            names += ["joint_drive"] * (holds.driven.size > 0) + ["joint_force"] * (holds.held.size > 0)
+        if "energy" in kinds:
+            names += ["joint_energy", "joint_loss", "joint_work", *["joint_friction"] * (holds.rubs.size > 0),
+                      *["joint_stop_loss"] * holds.has_rigid_stops]
+        return dict.fromkeys(names, (len(self.names),))
 
-    def exchanged(self, state: State, place: int) -> dict[str, Array]:
-        """Series of energies of one row."""
-        own = self.own(state.history, place)
-        return {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(),
-                **self.holds.exchanged(state.history)}
+    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
+        """Coordinates and what drives give, and energies."""
+        own, out = self.own(state.history, model.place(self.key)), {}
+        if "energy" in kinds:
+            out = {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(),
+                   **self.holds.exchanged(state.history)}
+        if "joint" in kinds:
+            q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+            out["joint_value"], out["joint_rate"] = own[:, VALUE].copy(), self.rates(q, v)
+            if self.holds.driven.size:
+                out["joint_drive"] = self.holds.drive_forces(t, out["joint_value"], out["joint_rate"])
+        return out
+
+    def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
+        """What dampers took less what motors put in, then friction and impacts."""
+        more = [name for name in ("joint_friction", "joint_stop_loss") if name in row]
+        parts = [float(np.sum(row["joint_loss"]) - np.sum(row["joint_work"])), *(float(np.sum(row[name])) for name in more)]
+        return parts, [float(np.sum(np.abs(row[name]))) for name in ("joint_loss", "joint_work", *more)]
 
 
 def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: Any) -> Motions | None:
     """Of the joints of a scene; links: `links.Links`; model: the scene's, without them. None where there are none."""
-    parts, place = [x[0] for x in links.freedoms], model.motion_place
+    parts, place = [x[0] for x in links.freedoms], model.place_for(Motions)
     if not parts:
         return None
     node = np.array([x[1] for x in links.freedoms], np.int64).reshape(-1, 2)
@@ -256,74 +359,3 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: 
     holds = holds_of(parts, model.n_sliders + len(model.kept), place + MOTION * count, model.length)
     return Motions(table, np.arange(count), [x.name for x in parts], [x.label for x in parts], [x.shape.what for x in parts],
                     motors, turn, node, np.stack((stiffness, rest), axis=1), table, laws, bool(np.any(damping)), holds)
-
-
-def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane, constraints: int) -> Motions | None:
-    """With the table of what is left in a plane; reference: coordinates [N, 4, 3] in space; constraints: all that are left there
-    but moments of sleeves."""
-    if motions is None:
-        return None
-    table = motions.table
-    d = np.einsum("csik,cskx->csix", motions.turn, reference[motions.node, 1:])
-    up = np.abs(d @ plane.axes[2]) > 0.5
-    (i, j), of = table.pair[:, 1:].T, np.repeat(np.arange(len(motions.names)), np.diff(table.start))
-    out = up[of, 0, i] | (j >= 0) & up[of, 1, j]
-    rows = np.flatnonzero(np.bincount(of, weights=out, minlength=len(motions.names)) == 0)
-    mine = np.isin(of, rows)
-    start = np.concatenate(([0], np.cumsum(np.diff(table.start)[rows]))).astype(np.int64)
-    flat = np.einsum("csik,csk->csi", motions.turn[rows], plane.factor[motions.node[rows]])
-    size = np.abs(flat)
-    flat = np.where(size > 0.5, flat / np.where(size > 0.5, size, 1.0), 0.0)
-    some = {name: np.ascontiguousarray(getattr(table, name)[rows]) for name in
-            ("node", "row", "block", "kind", "spin_node", "value", "place", "stiffness", "damping", "rest", "given")}
-    first = constraints - int(np.sum(np.isin(motions.holds.held, rows)))
-    return replace(motions, table=table._replace(**some, start=start, pair=np.ascontiguousarray(table.pair[mine]),
-                                                 sign=table.sign[mine], axes=numbers_of(flat)),
-                   rows=rows, holds=motions.holds.in_plane(rows, first))
-
-
-def check_motions(motions: Motions | None, compared: str | None, substeps: int) -> None:
-    """Refuse what forces in joints do not go together with.
-
-    Raises
-    ------
-    SceneError
-    """
-    if motions is None:
-        return
-    holds = motions.holds
-    if not (motions.acts or motions.driven or holds.held.size or holds.stopped.size):
-        return
-    if compared is not None:
-        raise SceneError(f"method {compared!r} has no springs, dampers, motors, drives, friction and stops in joints; use the "
-                         "default method")
-    if substeps > 1 and motions.damped:
-        raise SceneError("order=4 has a step backward in time, in which dampers of joints would put energy in; use order=2")
-    if substeps > 1 and holds.backward:
-        raise SceneError(f"order=4 has a step backward in time, in which {holds.backward} would put energy in; use order=2")
-
-
-def check_at_rest(who: str, model: Any, drives: bool = False) -> None:
-    """Refuse motors, drives, friction and rigid stops of joints, which equilibria of `who` do not know, and elements that move;
-    drives: whether they know motors and drives.
-
-    Raises
-    ------
-    SceneError
-    """
-    if model.moving is not None:
-        model.moving.check(None, True)
-    motions = model.motions
-    if motions is None:
-        return
-    holds = motions.holds
-    if not drives and motions.driven:
-        driven = [k for k, motor in enumerate(motions.motors) if motor is not None] + holds.driven.tolist()
-        raise SceneError(f"{motions.labels[driven[0]]}: {who} takes no motors and drives of joints; leave it out, or hold the "
-                         "joint by a stiff spring with rest=")
-    if holds.rubs.size:
-        part = holds.parts[holds.rubs[0]]
-        what = "friction of joints, which leaves a range of them" if part.has_friction else "rigid stops of joints"
-        way = "" if part.has_friction else ", give the stops a stiffness="
-        raise SceneError(f"{part.label}: {who} knows no {what}; leave it out{way}, hold the joint where it is to be by angle= or "
-                         "distance=, or run until it rests")

@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.contact.moving_mesh import momentum_sums, motion_of
 from fastbeam.kernels.joints.coordinates import LOSS, VALUE, WORK
 from fastbeam.kernels.joints.friction import AGAINST
 from fastbeam.kernels.state import State
@@ -28,7 +26,7 @@ class MeshRows:
 
     def __init__(self, model: Model, slider: bool, energy: bool) -> None:
         self.moving, self.slider = model.moving, slider and model.moving is not None
-        self.motions, self.place = model.motions, model.motion_place
+        self.motions, self.place = model.motions, 0 if model.motions is None else model.place("motions")
         # of contacts on which something acts along the beam: their numbers, and those of their coordinates
         names = [] if model.moving is None else model.moving.along
         self.some = np.flatnonzero(np.array([name != "" for name in names], bool))
@@ -105,16 +103,6 @@ class MeshRows:
         return {**names, "sliders": list(self.moving.names), "moving_meshes": [1], "moving_moments": list(self.moving.moments)}
 
 
-def add_moving(model: Model, state: State, out: Array) -> None:
-    """Kinetic energy and momenta of all moving beams, as `energies.motion` puts them."""
-    if model.moving is None:
-        return
-    p = np.zeros_like(state.q)
-    for table in model.moving.tables:
-        out[0] += motion_of(table, state.q, state.history, p)
-    momentum_sums(state.q, p, out)
-
-
 def moving_weight(model: Model, q: Array) -> float:
     """Energy of all moving beams in the gravity of the scene, J."""
     total = 0.0
@@ -133,17 +121,3 @@ def place_rows(model: Model) -> Array:
     """Rows of the places of contacts, and of the begin of their line, which are no positions in space."""
     moving = model.moving
     return model.pattern.row_of[np.zeros(0, np.int64) if moving is None else np.concatenate((moving.line, moving.places))]
-
-
-def refuse_point(model: Model, name: str, owner: Any) -> None:
-    """Refuse a material point of a beam whose elements move.
-
-    Raises
-    ------
-    SceneError
-        Names the point.
-    """
-    for table in () if model.moving is None else model.moving.tables:
-        if model.numbers.first.get(owner) == int(table.place[1]):
-            raise SceneError(f"point {name!r}: the elements of {owner.label} move, and no node stays at a material point inside; "
-                             "observe its start or end, or what slides on it")

@@ -7,33 +7,32 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.arguments import Listing, Names, Word
-from fastbeam.interface.errors import SceneError
 from fastbeam.kernels import energies as kernels
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.strain_measures import GREEN_LAGRANGE, SIMO_REISSNER
-from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FRICTION_LOSS, HELD, HISTORY, LOCK_LOSS, OFF, STOP_LOSS
+from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.loop import energy_of
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.contact.sleeve_conditions import Section, sections
 from fastbeam.model.contact.sleeve_twist import angles, push_of_twist
-from fastbeam.model.forces.added_mass import add_energies
 from fastbeam.model.forces.loads import factor_at
-from fastbeam.model.forces.winches import add_motion, ropes_of, weight_energy
+from fastbeam.model.joints.motion import Motions
 from fastbeam.model.model import Model
+from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.start import own_state
 from fastbeam.model.workspace import contact_of
 from fastbeam.results.exchanged import AT_START
-from fastbeam.results.observe.moving_meshes import MeshRows, add_moving, moving_weight, place_rows
+from fastbeam.results.observe.moving_meshes import MeshRows, moving_weight, place_rows
 from fastbeam.results.observe.points import PointRows
-from fastbeam.results.readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
+from fastbeam.results.readings import TWISTING
 from fastbeam.results.result import ResultHeader
 from fastbeam.scene.checks import Place
 
 Array = np.ndarray
 KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "spin", "orientation", "acceleration", "section",
          "reaction")
-LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
 EPSILON = float(np.finfo(float).eps)
@@ -63,11 +62,11 @@ class Observer:
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointRows | None,
                  lost: Array | None = None) -> None:
-        self.model, self.lost = model, lost
+        self.model, self.lost, self.kinds = model, lost, frozenset(kinds)
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
-        if "inner" in kinds and ropes_of(model) is not None:
-            raise SceneError("observe: 'inner' does not know the ropes of winches; leave it out")
+        if "inner" in kinds:
+            require(Analysis.INNER, model)
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.meshes = MeshRows(model, "slider" in kinds, self.energy)
         self.points = points if isinstance(points, PointRows) else PointRows(model, kinds, points)
@@ -80,7 +79,7 @@ class Observer:
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
         self.joint = "joint" in kinds and model.motions is not None
-        self.springs = model.find_springs(model.links) if "spring" in kinds and model.find_springs is not None else []
+        self.springs = model.spring_rows if "spring" in kinds else []
         # whether rows hold forces of joints that are unknowns
         self.held = self.joint and model.motions.holds.held.size > 0
         self.balance = self.energy and (model.balances or lost is not None)
@@ -108,25 +107,14 @@ class Observer:
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
-        if self.forces is not None:
-            out |= dict.fromkeys(ALONG, (s,))
-        if self.energy and self.model.slider_forces is not None:
-            out |= dict.fromkeys(EXCHANGED, (self.model.n_sliders,))
+        for feature in self.model.features:
+            out |= feature.series(self.kinds, self.model)
         if self.energy:
             out |= {name: (len(of),) for name, of in (("losses", self.model.losses), ("works", self.model.works)) if of}
         if self.energy and self.lost is not None:
             out["filter_loss"] = (2,)
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
-        if self.model.motions is not None:
-            free, holds = (len(self.model.motions.names),), self.model.motions.holds
-            out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
-            out |= {"joint_friction": free} if self.energy and holds.rubs.size else {}
-            out |= {"joint_stop_loss": free} if self.energy and holds.has_rigid_stops else {}
-            out |= {"joint_drive": free} if self.joint and holds.driven.size else {}
-            out |= {"joint_force": free} if self.held else {}
-        for springs in self.springs:
-            out |= springs.series()
         out |= self.points.series()
         if self.reactions:
             out["reaction"] = (len(self.reactions), 2, 3)
@@ -143,10 +131,12 @@ class Observer:
         """Everything except iterations, step size and contact force, which the run knows."""
         model = self.model
         out: dict[str, Any] = {}
+        for feature in model.features:
+            out |= feature.row(self.kinds, model, t, state)
         if self.energy or self.momentum:
             self._motion(state.q, state.v)
-            add_moving(model, state, self._out)
-            add_energies(model, state, self._out)
+            for feature in model.features:
+                feature.add_motion(model, state, self._out)
             self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
             self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
         if self.momentum:
@@ -154,19 +144,18 @@ class Observer:
         if self.energy:
             out["kinetic"] = float(self._out[0])
             out["strain"] = strain_energy(model, state.q, self._work)
-            if model.motions is not None:
-                in_joints = model.motions.exchanged(state, model.motion_place)
-                out |= in_joints
-                self._in_stops = self.meshes.in_stops(in_joints["joint_energy"])
-                out["strain"] += float(np.sum(in_joints["joint_energy"])) - self._in_stops
+            if "joint_energy" in out:
+                self._in_stops = self.meshes.in_stops(out["joint_energy"])
+                out["strain"] += float(np.sum(out["joint_energy"])) - self._in_stops
             phi = state.q.reshape(-1, 12)[:, :3]
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
-            self._weight = weight_energy(model, state.q)
+            self._weight = 0.0
+            for feature in model.features:
+                self._weight += feature.weight(model, state.q)
             out["gravity"] += self._weight + factor * moving_weight(model, state.q)
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi)) + self._in_stops
-            if model.slider_forces is not None:
-                out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
+            out["potential"] += self._stored(state)
             out["total"] = out["kinetic"] + out["potential"]
             # the drift of a total that starts at zero is measured by the largest of its parts
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
@@ -186,18 +175,9 @@ class Observer:
             tangent, rate = empty((model.n_sliders, 3)), empty(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
                                   rate)
-            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
+            history = model.own(state.history, "slider_forces").reshape(-1, HISTORY).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
             out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
-        if (self.slider or self.energy) and model.slider_forces is not None:
-            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
-            out |= {"friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
-                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s, state.history),
-                    "lock_loss": history[:, LOCK_LOSS]}
-        if self.joint:
-            out |= model.motions.row(t, state, model.motion_place)
-        for springs in self.springs:
-            out |= springs.row(state)
         if self.balance:
             self._balance(out, state)
         return out | self.points.row(state)
@@ -207,36 +187,45 @@ class Observer:
         model = self.model
         stored, sizes = out["total"], [self.scale["total"]]
         lost, put_in = (state.history[begin:begin + len(of)].copy() for begin, of in (
-            (model.loss_place, model.losses), (model.drive_place, model.works)))
+            (model.loss_place, model.losses), (model.works_place, model.works)))
         out |= {name: x for name, x in (("losses", lost), ("works", put_in)) if x.size}
         sizes += [float(np.sum(np.abs(x))) for x in (lost, put_in)]
         if model.accounts_loads:
-            out["external_work"] = float(state.history[model.work_place])
+            out["external_work"] = float(model.own(state.history, "load_account")[0])
             if model.moving is not None:
                 out["external_work"] += model.moving.work_of_weight(state.history)
             # their potential is in the total as if they were constant
             stored = out["kinetic"] + out["strain"] + self._in_stops + self._weight - out["external_work"]
             sizes.append(abs(out["external_work"]))
-        if model.slider_forces is not None:
-            history = state.history[:model.work_place].reshape(-1, HISTORY)
-            if model.accounts_loads:
-                stored += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
-            stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
-            sizes += np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist()
+        if model.accounts_loads:
+            stored += self._stored(state)
+        stored = self._booked(stored, sizes, out, state, opens=True)
         stored += float(np.sum(lost)) - float(np.sum(put_in))
         if self.lost is not None:
             out["filter_loss"] = self.lost.copy()
             stored += float(np.sum(self.lost))
             sizes.append(float(np.sum(np.abs(self.lost))))
-        if model.motions is not None:
-            stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
-            sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
-            for name in ("joint_friction", "joint_stop_loss"):
-                if name in out:
-                    stored += float(np.sum(out[name]))
-                    sizes.append(float(np.sum(np.abs(out[name]))))
+        stored = self._booked(stored, sizes, out, state, opens=False)
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
+
+    def _stored(self, state: State) -> float:
+        """What features store that is no strain, J."""
+        out = 0.0
+        for feature in self.model.features:
+            out += feature.stored(state)
+        return out
+
+    def _booked(self, stored: float, sizes: list[float], out: dict[str, Any], state: State, opens: bool) -> float:
+        """With what features whose numbers open the history, or those of the others, took away and put in."""
+        for feature in self.model.features:
+            if feature.opens is opens:
+                parts, own = feature.booked(self.model, state, out)
+                # one after the other: `sum` rounds differently
+                for part in parts:
+                    stored += part
+                sizes += own
+        return stored
 
     def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
         """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for,
@@ -316,7 +305,6 @@ class Observer:
         if model.bodies is not None:
             kernels.body_momenta(model.bodies, v, self._p)
         kernels.motion(q, v, self._p, self._out)
-        add_motion(model, q, v, self._out)
 
     def _inner(self, state: State) -> dict[str, Any]:
         """Mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away before
@@ -352,10 +340,10 @@ class Observer:
             names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
         if model.released is not None:
             names |= {"until": list(model.released.names), "since": model.released.waits.tolist(),
-                      "history": [model.release_place]}
+                      "history": [model.place("released")]}
         if model.prescribed is not None or model.motions is not None:
             names |= {"turning": [] if model.prescribed is None else model.prescribed.turning_labels,
-                      "turns": [model.turn_place, model.motion_place]}
+                      "turns": [model.place_for(PrescribedMotions), model.place_for(Motions)]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         names = self.meshes.named(names)
@@ -407,7 +395,8 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
     if model.moving is not None and np.any(model.gravity):
         return out
-    acted_on = len(model.loads) or model.accounts_loads or held or model.catches or model.drag is not None
+    caught = model.released is not None and model.released.losses
+    acted_on = len(model.loads) or model.accounts_loads or held or caught or model.dragged is not None
     if not acted_on:
         out += ["lin_mom", "ang_mom"]
     return out

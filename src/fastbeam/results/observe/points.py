@@ -10,8 +10,8 @@ import numpy as np
 from fastbeam.interface.arguments import real, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model
-from fastbeam.results.observe.moving_meshes import refuse_point
 from fastbeam.results.observe.resultants import Sections
 from fastbeam.scene import Beam, NodeRef, PointMass, RigidBody
 from fastbeam.scene.checks import Place
@@ -145,7 +145,7 @@ def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
     """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]
-        refuse_point(model, name, owner)
+        require(Analysis.POINT_INSIDE, model, name, part=owner)
         at = real(s)
         if at is None or not 0.0 <= at <= owner.length:
             raise SceneError(f"point {name!r}: s={shown(s)} lies outside {owner.label} (0 to {owner.length:.6g} m)")

@@ -14,9 +14,8 @@ from fastbeam.interface.result_warnings import warns
 from fastbeam.kernels.contact.slider_forces import NO_DRIVE
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
+from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at, load_path, which_times
-from fastbeam.model.forces.winches import refuse_winches
-from fastbeam.model.joints.motion import check_at_rest
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports, check_turned, free_aside, standing_supports, supported
@@ -30,7 +29,7 @@ from fastbeam.statics.moving_supports import StaticMotion, StaticShift, coordina
 from fastbeam.statics.path_stops import wanted_of
 from fastbeam.statics.paths.walk import PathWalk
 from fastbeam.statics.prestrains import StrainPath, prestrains_of
-from fastbeam.statics.static_analysis import START, check_slider_forces, held_sliders, which_sliders
+from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
 
 Array = np.ndarray
 Quantity = tuple[str, str] | str | Callable[[State], float]
@@ -145,12 +144,13 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     """
     check_model("solve_path", model)
     stays = held_sliders(model, held)
-    _check_scene(model, stays, at_time)
+    require(Analysis.PATH, model, held=stays)
+    if not isinstance(at_time, float):
+        require(Analysis.TIMELESS_SHAPES, model, "solve_path", stays)
     check_backend(backend)
     step = _first_step(to, load_factor, step, largest_step, smallest_step)
     growing = _growing(model, stays, at_time, moves, prestrains)
     start, notes = _checked_start(model, start, growing, branch, side)
-    check_at_rest("solve_path", model)
     task = _Task(model, start, load_factor, stays, max_iterations, backend, growing)
     solver, aside = task.first_solver(at_time)
     path = PathWalk(growing.strains.model if growing.strains else model, solver, points, step, largest_step, smallest_step,
@@ -221,7 +221,7 @@ class _Task:
         check_supports(model, flat)
         if model.motions is not None:
             for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
-                model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
+                model.motions.check_stays("solve_path", solver.state, model.place("motions"), t)
         aside = free_aside(model) if flat and may_leave else ""
         if aside:
             return solver, (f"nothing holds the scene in its plane, {aside}: critical points and unstable directions are those "
@@ -229,20 +229,6 @@ class _Task:
         if flat and may_leave:
             solver.in_space = lambda at, factor: self.solver(at, factor, False)
         return solver, ""
-
-
-def _check_scene(model: Model, stays: Array, at_time: float | tuple[float, float] | None) -> None:
-    """Refuse what paths do not know.
-
-    Raises
-    ------
-    SceneError
-    """
-    check_slider_forces("solve_path", model, stays, smooth=True)
-    if model.slider_forces is not None:
-        model.slider_forces.check_times("solve_path", ~stays, None if isinstance(at_time, tuple) else at_time,
-                                        ", one time for the whole path")
-    refuse_winches("solve_path", model)
 
 
 def _first_step(to: float, load_factor: float, step: float, largest_step: float, smallest_step: float) -> float:

@@ -1,0 +1,152 @@
+"""Analyses of a model, what they cannot do with its features, and what a user does instead."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.interface.errors import SceneError
+
+Array = np.ndarray
+# names that a message shows
+MOST_NAMES = 3
+
+
+class Analysis(Enum):
+    """What may be done with a model; the value is how a user writes it."""
+
+    PLANAR = "compile_scene(planar=True)"
+    COMPARED = "simulate(method=...)"
+    ORDER_4 = "simulate(order=4)"
+    COMPOSED = "simulate(order=4) in one run"
+    FILTERED = "simulate(rho_inf=...)"
+    STEP_CONTROL = "simulate(tolerance=...)"
+    BLOWS = "rigid stops, locks, supports that take hold"
+    MASSES = "impacts, mend_start=True"
+    CATCHING = "since= of supports"
+    INNER = "observe=('inner',)"
+    POINT_INSIDE = "points={name: (beam, s)}"
+    GRAVITY_IN_TIME = "Scene(gravity_time=...)"
+    STATIC = "solve_static"
+    EXACT = "solve_static(contacts='exact')"
+    RELAX = "relax"
+    PATH = "solve_path"
+    LENGTHS = "find_lengths"
+    STICK = "stick_interval"
+    TIMELESS = "solve_static, stick_interval without at_time="
+    TIMELESS_SHAPES = "relax, solve_path, sensitivity without at_time="
+    TIMELESS_MODES = "modes, frequency_response without at_time="
+    AT_TIME = "equilibria with at_time="
+    TWO_TIMES = "equilibria with two times in at_time="
+    MODES = "modes, frequency_response"
+    DAMPED = "modes(damped=True), frequency_response"
+    STEADY = "steady=Spin or Travel"
+    TRAVEL = "modes(steady=Travel(...))"
+    SENSITIVITY = "sensitivity, critical_sensitivity"
+    ADJOINT = "adjoint_run"
+
+
+# analyses of states at rest
+AT_REST = (Analysis.STATIC, Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.STICK, Analysis.MODES,
+           Analysis.SENSITIVITY)
+
+
+class Asked(NamedTuple):
+    """What is asked of a feature: the model, who asks, which sliders are held, bool [S], and of which part of the scene."""
+
+    model: Any
+    who: str
+    held: Array
+    part: Any = None
+
+
+class Lack(NamedTuple):
+    """What some analyses cannot do with a feature, and what to do instead.
+
+    Attributes
+    ----------
+    analyses : tuple of Analysis
+    what : str
+        Of the feature, in a table: 'friction'.
+    text : str
+        What a message says; {who} is the call, {names} are the first parts that are concerned, {name} is the first of them.
+    instead : str
+        What it says to do, with the same words in braces.
+    names : callable
+        The parts that are concerned, of the feature and of what is `Asked`; nothing is refused where there are none.
+    """
+
+    analyses: tuple[Analysis, ...]
+    what: str
+    text: str
+    instead: str
+    names: Callable[[Any, Asked], Iterable[str]]
+
+
+def always(*names: str) -> Callable[[Any, Asked], Iterable[str]]:
+    """The names of a feature that is concerned wherever it is."""
+    return lambda feature, asked: names
+
+
+def unknown_to_methods(what: str, names: Callable[[Any, Asked], Iterable[str]] | None = None) -> Lack:
+    """Declare that only the conserving step knows a feature."""
+    return Lack((Analysis.COMPARED,), what, "{who} does not know {names}", "use the default method", names or always(what))
+
+
+def without_adjoint(what: str, names: Callable[[Any, Asked], Iterable[str]] | None = None) -> Lack:
+    """Declare that steps with a feature have no adjoint."""
+    return Lack((Analysis.ADJOINT,), what, "{who}: steps with {names} have no adjoint here", "use differences of runs",
+                names or always(what))
+
+
+def dissipating(what: str, names: Callable[[Any, Asked], Iterable[str]], *, kinked: bool = False) -> Lack:
+    """Declare that steps backward in time would put energy in; kinked: that two runs cannot be extrapolated either."""
+    return Lack((Analysis.ORDER_4 if kinked else Analysis.COMPOSED,), what,
+                "order=4 has a step backward in time, in which {names} would put energy in, and what rubs, hits or is locked has "
+                "kinks in time, over which two runs cannot be extrapolated either", "use order=2", names)
+
+
+def told(analysis: Analysis, features: Iterable[Any], asked: Asked | None = None) -> Iterator[tuple[Lack, list[str]]]:
+    """What an analysis cannot do with some features, and the names of the parts that are concerned."""
+    given = Asked(None, "", np.zeros(0, bool)) if asked is None else asked
+    for feature in sorted(features, key=lambda x: not x.is_told_first):
+        for lack in feature.lacks:
+            names = list(lack.names(feature, given)) if analysis in lack.analyses else []
+            if names:
+                yield lack, names
+
+
+def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = None,
+            part: Any = None) -> Iterator[tuple[Lack, list[str]]]:
+    """What an analysis cannot do with a model, as `told`."""
+    return told(analysis, model.features, Asked(model, who, np.zeros(model.n_sliders, bool) if held is None else held, part))
+
+
+def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None, part: Any = None) -> None:
+    """Refuse a model with a feature that an analysis does not know.
+
+    Parameters
+    ----------
+    analysis : Analysis
+    model : Model
+    who : str, optional
+        What messages call it; default: as the user writes it.
+    held : bool [S], optional
+        Sliders that are held, whose forces along their beams do not count.
+    part : optional
+        Of the scene, where the analysis is about one.
+
+    Raises
+    ------
+    SceneError
+        Names the parts that are concerned and what to do instead.
+    """
+    name = analysis.value if who is None else who
+    found = list(lacking(analysis, model, name, held, part))
+    if found:
+        lack = found[0][0]
+        names = [x for other, own in found if (other.text, other.instead) == (lack.text, lack.instead) for x in own]
+        words = {"who": name, "name": names[0], "names": ", ".join(names[:MOST_NAMES])}
+        raise SceneError(f"{lack.text}; {lack.instead}".format(**words))

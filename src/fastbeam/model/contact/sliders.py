@@ -1,0 +1,124 @@
+"""Sliders of a scene as a feature: what analyses do not know of where they slide."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.kernels.contact.curves import Curves, Paths
+from fastbeam.kernels.contact.sleeve import Rubbing, Sleeves
+from fastbeam.kernels.contact.sleeve_twist import Twist
+from fastbeam.kernels.contact.slider import NoForceAlong, NoSleeves, Sliders, Sliding
+from fastbeam.kernels.terms import NoTies
+from fastbeam.model.analyses import Analysis, Asked, Lack
+from fastbeam.model.contact.sleeve_twist import sleeves_of_run
+from fastbeam.model.contact.sleeves import sleeves_in_plane
+from fastbeam.model.feature import Feature, OfRun, Stand
+from fastbeam.scene import DistributedLoad, Drag, Slider, Switch, UserForce
+from fastbeam.scene.crossings import Knot
+from fastbeam.scene.nets import NetBeam
+
+Array = np.ndarray
+
+
+def _works_along(part: Any, beam: Any) -> bool:
+    """Whether a part acts along a beam by a work that is not known by the place of an element end."""
+    return (isinstance(part, UserForce) and part.at is beam
+            or isinstance(part, DistributedLoad) and part.beam is beam and (part.moment is not None or part.follower)
+            or isinstance(part, Drag) and part.on is beam and part.blows)
+
+
+def _on_beams(instead: str, what: str, why: Callable[[Any, Asked], str]) -> Lack:
+    """Declare that contacts on some beams cannot be element ends; why: of a beam, empty where they can."""
+    def names(contact: SlidingContact, asked: Asked) -> Iterator[str]:
+        for slider in contact.parts:
+            for beam in slider.beams:
+                reason = why(beam, asked)
+                if reason:
+                    yield f"{slider.kind} {slider.name!r} is on {beam.label}{reason}"
+    return Lack((Analysis.EXACT,), what, "{who}: {name}", instead, names)
+
+
+def _loads_along(beam: Any, asked: Asked) -> str:
+    """What acts along a beam, for a message."""
+    for part in asked.model.uneliminated.scene.parts:
+        if _works_along(part, beam):
+            return f", along which {part.kind} {part.name!r} acts, whose work by the place of an element end is not known"
+    return ""
+
+
+@dataclass(frozen=True)
+class SlidingContact(Feature):
+    """Sliders and sleeves.
+
+    Attributes
+    ----------
+    parts : list of Slider
+    curves : Curves or Paths
+        What sliders slide on.
+    sliders : Sliders
+    sleeves : Sleeves or None
+        The sliders that are sleeves.
+    slider_lengths : float64 [S]
+        m.
+    spans, corners : dict
+        Of sliders on switches where their tracks begin and end, m; by (curve of the switch, track, whether by its end, next
+        track) the number of the curve over a corner, -1 where there is none, and whether it is sharp.
+    curve_s : tuple of float64 [n]
+        Arc lengths of the nodes of every curve, m.
+    """
+
+    key: ClassVar[str] = "sliding"
+    title: ClassVar[str] = "sliders"
+    order: ClassVar[int] = 5
+    lacks: ClassVar[tuple[Lack, ...]] = (
+        Lack((Analysis.EXACT,), "crossings, switches", "{who}: {name}, which only contacts='mesh' knows", "leave contacts= out",
+             lambda contact, asked: contact.branching),
+        _on_beams("make it a Beam of its own, or leave contacts= out", "beams of nets",
+                  lambda beam, asked: ", whose elements are equal" if isinstance(beam, NetBeam) else ""),
+        _on_beams("use interpolation='lagrange', or leave contacts= out", "splines",
+                  lambda beam, asked: "" if isinstance(beam, NetBeam) or beam.interpolation == "lagrange" else
+                  " with interpolation 'bspline', whose curve has no kink at a contact"),
+        _on_beams("put it on nodes, or leave contacts= out", "user forces, moments, loads that follow and moving air along beams",
+                  _loads_along))
+
+    parts: list[Slider]
+    curves: Curves | Paths
+    sliders: Sliders
+    sleeves: Sleeves | None
+    slider_lengths: Array
+    spans: dict[int, Array]
+    corners: dict[tuple[int, int, bool, int], tuple[int, bool]]
+    curve_s: tuple[Array, ...]
+
+    def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
+        """Sliders, sleeves, and what these rub."""
+        model = run.model
+        if run.static:
+            return []
+        sleeves: Any = NoSleeves() if self.sleeves is None else sleeves_of_run(self.sleeves)
+        # sliders of a run go over corners of switches on curves of their own
+        sliders = self.sliders._replace(curve=self.sliders.curve.copy()) if self.corners else self.sliders
+        along = run.own.get("slider_forces")
+        sliding = Sliding(self.curves, sliders, NoTies() if model.ties is None else model.ties,
+                          model.put_limits(np.zeros((model.n_sliders, 3)), model.s0),
+                          NoForceAlong() if along is None else along, sleeves)
+        out: list[Any] = [sliding]
+        if isinstance(sleeves, Sleeves):
+            out.append(sleeves)
+            if isinstance(sleeves.twist, Twist):
+                out.append(Rubbing(sleeves, sliding))
+        return [(Stand.SLIDING, x) for x in out]
+
+    def in_plane(self, plane: Any, model: Any, constraints: int) -> SlidingContact:
+        """With the table of sleeves for nodes with 3 unknowns, whose constraints are the last."""
+        sleeves = sleeves_in_plane(model, plane)[0]
+        return replace(self, sleeves=sleeves and sleeves._replace(first=np.array([constraints])))
+
+    @property
+    def branching(self) -> list[str]:
+        """Sliders of crossings and on switches, for messages."""
+        return [f"{x.kind} {x.name!r} belongs to a {'crossing' if isinstance(x.point.owner, Knot) else 'switch'}"
+                for x in self.parts if isinstance(x.point.owner, Knot) or isinstance(x.beam, Switch)]

@@ -1,0 +1,240 @@
+"""Features of a model, by name, and where their numbers stand in `State.history`."""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any, Generic, Self, TypeVar
+
+import numpy as np
+
+from fastbeam.kernels.joints.coordinates import VALUE
+from fastbeam.kernels.state import State
+from fastbeam.model.feature import Feature
+from fastbeam.model.loading import Loading, Remarks
+
+T = TypeVar("T")
+Array = np.ndarray
+# of a scene without sliders
+NO_SLIDERS = SimpleNamespace(curves=None, sliders=None, sleeves=None, slider_lengths=np.zeros(0), spans={}, corners={},
+                             curve_s=())
+
+
+class Found:
+    """The feature of a model whose key is the name of this attribute, or None."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._key = name
+
+    def __get__(self, model: Any, owner: type | None = None) -> Any:
+        return self if model is None else model.by_key.get(self._key)
+
+
+class Part(Generic[T]):
+    """An attribute of one record of a model as an attribute of the model."""
+
+    def __init__(self, of: str) -> None:
+        self._of = of
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, model: Any, owner: type | None = None) -> T:
+        return getattr(getattr(model, self._of), self._name)  # type: ignore[no-any-return]
+
+
+class WithFeatures:
+    """Of a compiled scene: its features, in their order.
+
+    `State.history` holds the numbers of those that open it, energies that were taken away, works that were put in, and the
+    numbers of the others.
+    """
+
+    features: tuple[Feature, ...]
+    links: tuple[Any, ...]
+    loading: Loading
+    remarks: Remarks
+    loads = Part[Array]("loading")
+    load_times = Part[list[Callable[[float], float] | None]]("loading")
+    load_names = Part[list[str]]("loading")
+    load_parts = Part[dict[str, Any]]("loading")
+    gravity = Part[Array]("loading")
+    gravity_time = Part[Callable[[float], Any] | None]("loading")
+    gravity_weight = Part[Array]("loading")
+    constant_load = Part[Array]("loading")
+    text = Part[str]("remarks")
+    not_planar = Part[str]("remarks")
+    asked_for_plane = Part[bool]("remarks")
+    massless = Part[tuple[str, ...]]("remarks")
+    notes = Part[tuple[tuple[str, str], ...]]("remarks")
+    joints = Part[dict[int, list[str]]]("remarks")
+    curves = Part[Any]("sliding")
+    sliders = Part[Any]("sliding")
+    sleeves = Part[Any]("sliding")
+    slider_lengths = Part[Array]("sliding")
+    spans = Part[dict[int, Array]]("sliding")
+    corners = Part[dict[tuple[int, int, bool, int], tuple[int, bool]]]("sliding")
+    curve_s = Part[tuple[Array, ...]]("sliding")
+    slider_forces = Found()
+    damped = Found()
+    dragged = Found()
+    prescribed = Found()
+    released = Found()
+    motions = Found()
+    moving = Found()
+    added = Found()
+
+    def with_features(self, *more: Feature | None) -> Self:
+        """The model with some more; None: there is none."""
+        found = [*self.features, *(x for x in more if x is not None)]
+        return replace(self, features=tuple(sorted(found, key=lambda x: x.order)))  # type: ignore[type-var]
+
+    def with_loading(self, **changes: Any) -> Self:
+        """The model with other loads; changes: of the attributes of `Loading`."""
+        return replace(self, loading=replace(self.loading, **changes))  # type: ignore[type-var]
+
+    def with_remarks(self, **changes: Any) -> Self:
+        """The model with other remarks; changes: of the attributes of `Remarks`."""
+        return replace(self, remarks=replace(self.remarks, **changes))  # type: ignore[type-var]
+
+    @property
+    def sliding(self) -> Any:
+        """Sliders and sleeves; without any, what there is of none."""
+        return self.by_key.get("sliding", NO_SLIDERS)
+
+    @cached_property
+    def by_key(self) -> Mapping[str, Feature]:
+        """Features by their keys."""
+        return {x.key: x for x in self.features}
+
+    # --- what some of them tell ---------------------------------------------------------------------------------------
+    @property
+    def twisting(self) -> Array:
+        """Numbers of the sleeves that rub on beams that turn in them, int64 [R]."""
+        found: Any = self.by_key.get("twist")
+        return np.zeros(0, np.int64) if found is None else found.of
+
+    @property
+    def user_forces(self) -> tuple[str, ...]:
+        """Labels of the forces by laws of the user's own."""
+        found: Any = self.by_key.get("user_laws")
+        return () if found is None else found.labels
+
+    @property
+    def controllers(self) -> tuple[Any, ...]:
+        """Controllers of the scene."""
+        found: Any = self.by_key.get("control")
+        return () if found is None else found.parts
+
+    @property
+    def lines(self) -> Any:
+        """Springs, dampers and line forces whose ends may pass each other (links.Lines), or None."""
+        found: Any = self.by_key.get("link_forces")
+        return None if found is None else found.lines
+
+    @cached_property
+    def spring_rows(self) -> list[Any]:
+        """What springs, dampers, winches and bushings have at rows."""
+        found: Any = self.by_key.get("link_forces")
+        return [] if found is None else found.find_rows(self.links)
+
+    @property
+    def accounts_loads(self) -> bool:
+        """Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because
+        states of both hold the same numbers of the steps before."""
+        return "load_account" in self.by_key
+
+    @property
+    def laws(self) -> dict[type, Any]:
+        """Laws of the user's own, failed_laws.Lawful, by the kinds of tables that call them."""
+        return {kind: lawful for feature in self.features for kind, lawful in feature.called_laws.items()}
+
+    # --- places in the history ----------------------------------------------------------------------------------------
+    @cached_property
+    def losses(self) -> tuple[str, ...]:
+        """What takes energy away besides sliders."""
+        return tuple(label for feature in self.features for label in feature.losses)
+
+    @cached_property
+    def works(self) -> tuple[str, ...]:
+        """What puts energy in besides loads and drives of sliders."""
+        return tuple(label for feature in self.features for label in feature.works)
+
+    @property
+    def loss_place(self) -> int:
+        """Where the energies stand that were taken away."""
+        return sum(x.history_size for x in self.features if x.opens)
+
+    @property
+    def works_place(self) -> int:
+        """Where the works stand that were put in."""
+        return self.loss_place + len(self.losses)
+
+    @property
+    def history_size(self) -> int:
+        """Numbers of the history."""
+        return len(self.losses) + len(self.works) + sum(x.history_size for x in self.features)
+
+    def place_for(self, kind: type[Feature] | Feature) -> int:
+        """Where the numbers of a feature begin, or would begin."""
+        energies = 0 if kind.opens else self.works_place - self.loss_place + len(self.works)
+        before = [x for x in self.features if x.order < kind.order or x.opens and not kind.opens]
+        return energies + sum(x.history_size for x in before if x.opens or not kind.opens)
+
+    def losses_for(self, kind: type[Feature]) -> int:
+        """Where the energies that a feature takes away begin, or would begin."""
+        return self.loss_place + sum(len(x.losses) for x in self.features if x.order < kind.order)
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {x.key: self.place_for(x) for x in self.features}
+
+    def place(self, key: str) -> int:
+        """Where the numbers of a feature that the model has begin."""
+        return self._places[key]
+
+    def own(self, history: Array, key: str) -> Array:
+        """The numbers of a feature in a history, a view; none where the model does not have it."""
+        if key not in self.by_key:
+            return history[:0]
+        return history[self._places[key]:][:self.by_key[key].history_size]
+
+    # --- what stands there --------------------------------------------------------------------------------------------
+    def start_history(self, q: Array, v: Array) -> Array:
+        """The history of a start with coordinates and rates [12 N], in a plane [4 N]."""
+        out = np.zeros(self.history_size)
+        for x in self.features:
+            x.start_history(self.own(out, x.key), q, v)
+            x.start_momenta(self.own(out, x.key), q, v)
+        return out
+
+    def start_momenta(self, history: Array, q: Array, v: Array) -> None:
+        """Momenta that follow from coordinates and their rates [12 N], in a plane [4 N], into a history."""
+        for x in self.features:
+            x.start_momenta(self.own(history, x.key), q, v)
+
+    def stop(self, state: State) -> None:
+        """Take the velocities of a state away, and the momenta that stand in its history."""
+        state.v[:] = 0.0
+        self.start_momenta(state.history, state.q, state.v)
+
+    def momenta_misfit(self, state: State) -> float:
+        """The largest difference between velocities of a state and those of the momenta in its history, m/s."""
+        return max((x.misfit(self.own(state.history, x.key), state.q, state.v) for x in self.features), default=0.0)
+
+    def turns_of(self, history: Array) -> Array:
+        """How far supports have turned since t = 0 in a history, rotation vectors of motions that turn, [3 K], rad."""
+        return self.own(history, "prescribed")
+
+    def keep_turns(self, history: Array, of: Array) -> None:
+        """Count turns of supports and joints in a history as in another."""
+        self.turns_of(history)[:] = self.turns_of(of)
+        if self.motions is not None:
+            place = self.place("motions")
+            self.motions.own(history, place)[:, VALUE] = self.motions.own(of, place)[:, VALUE]
+
+    @property
+    def balances(self) -> bool:
+        """Whether the energy has a balance: something takes energy away or puts some in."""
+        return bool(self.losses or self.works) or any(x.opens or x.exchanges for x in self.features)

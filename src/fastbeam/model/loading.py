@@ -1,0 +1,68 @@
+"""Loads and gravity of a compiled scene, and what messages say of it."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Loading:
+    """Loads of a scene that are the same vectors in every shape.
+
+    Attributes
+    ----------
+    loads : float64 [K, 8 (N + 1)]
+        Load vectors in row layout; `load_times[k]` their factor (None: constant).
+    load_names : list of str
+        What each time function belongs to.
+    load_parts : dict
+        Loads of the scene by their names.
+    gravity : float64 [3]
+        m/s^2, with a factor by `gravity_time`.
+    gravity_weight : float64 [N]
+        Masses of nodes, kg.
+    constant_load : float64 [N, 3]
+        Of the loads without a time function.
+    """
+
+    loads: Array
+    load_times: list[Callable[[float], float] | None]
+    load_names: list[str]
+    load_parts: dict[str, Any]
+    gravity: Array
+    gravity_time: Callable[[float], Any] | None
+    gravity_weight: Array
+    constant_load: Array
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """What is said of a model, and computed for nothing else.
+
+    Attributes
+    ----------
+    text : str
+        What `print(model)` shows.
+    not_planar : str
+        Why there is no plane.
+    asked_for_plane : bool
+        Whether it was compiled with planar=True: nothing but the plane is of interest.
+    massless : tuple of str
+        Beams without rotary inertia whose triads nothing holds.
+    notes : tuple of (str, str)
+        Kinds and texts of events of a run that begins with the initial velocities.
+    joints : dict
+        Names of the joints at a node.
+    """
+
+    text: str = ""
+    not_planar: str = ""
+    asked_for_plane: bool = False
+    massless: tuple[str, ...] = ()
+    notes: tuple[tuple[str, str], ...] = ()
+    joints: dict[int, list[str]] = field(default_factory=dict)
