@@ -173,7 +173,7 @@ class Feature:
         """Shapes of its series in rows of these kinds (`simulate(observe=...)`)."""
         return {}
 
-    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> Mapping[str, Array]:
+    def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> Mapping[str, Array]:
         """Its series in the row of a state at time t, but for forces that are unknowns."""
         return {}
 
