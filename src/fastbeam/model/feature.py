@@ -2,7 +2,7 @@
 questions and know none of them by name."""
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, auto
 from functools import cached_property
@@ -166,6 +166,10 @@ class Feature:
 
     def schedules(self, span: Span) -> Iterable[tuple[Stand, Any]]:
         """What its terms are given in the steps of a span, in the order of these terms."""
+        return ()
+
+    def describe(self) -> Iterable[tuple[str, str, Sequence[str]]]:
+        """Lines of `print(model)`: a word or two, what stands before the names of parts, and these."""
         return ()
 
     # --- rows ---------------------------------------------------------------------------------------------------------
