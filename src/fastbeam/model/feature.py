@@ -217,9 +217,10 @@ class Feature:
 
 
 def every_feature() -> list[type[Feature]]:
-    """All kinds of features that have been imported, in their order."""
+    """All kinds of features that have been imported, in their order; variants of a kind share its key and are left out."""
     def below(kind: type[Feature]) -> Iterator[type[Feature]]:
         for one in kind.__subclasses__():
-            yield one
+            if "key" in vars(one):
+                yield one
             yield from below(one)
     return sorted(below(Feature), key=lambda kind: (kind.order, kind.key))

@@ -41,7 +41,7 @@ class Part(Generic[T]):
         self._name = name
 
     def __get__(self, model: Any, owner: type | None = None) -> T:
-        return getattr(getattr(model, self._of), self._name)  # type: ignore[no-any-return]
+        return self if model is None else getattr(getattr(model, self._of), self._name)  # type: ignore[return-value, no-any-return]
 
 
 class WithFeatures:
