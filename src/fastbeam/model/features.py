@@ -41,7 +41,9 @@ class Part(Generic[T]):
         self._name = name
 
     def __get__(self, model: Any, owner: type | None = None) -> T:
-        return self if model is None else getattr(getattr(model, self._of), self._name)  # type: ignore[return-value, no-any-return]
+        if model is None:
+            return self  # type: ignore[return-value]
+        return getattr(getattr(model, self._of), self._name)  # type: ignore[no-any-return]
 
 
 class WithFeatures:
