@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -395,6 +395,7 @@ class Links:
         found = [(part, node) for group in self.groups for part, node in zip(group.parts, group.node) if type(part) in nouns]
         return [part for part, _ in found], np.array([node for _, node in found], np.int64).reshape(-1, 2)
 
+    @cached_property
     def features(self) -> list[Feature]:
         """What links, ropes and laws between two points are among the features of a model."""
         lines = self.lines

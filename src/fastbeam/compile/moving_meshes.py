@@ -90,6 +90,12 @@ class Moving(Feature):
         """Of all beams, kg."""
         return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
 
+    def describe(self) -> list[tuple[str, str, list[str]]]:
+        """Contacts at which elements end."""
+        contacts, beams = len(self.names), len(self.tables)
+        where = f"{contacts} contact{'s' * (contacts > 1)} on {beams} beam{'s' * (beams > 1)}"
+        return [("moving elements", f"end at {where}: ", self.names)]
+
     def has(self, first: int | None) -> bool:
         """Whether elements of the beam whose first node this is move."""
         return any(first == int(table.place[1]) for table in self.tables)

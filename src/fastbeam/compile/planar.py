@@ -62,7 +62,7 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
 
 
 def _plane_of(unpacked: Unpacked) -> Plane:
-    features = [x for x in (*unpacked.numbered.links.features(), unpacked.dragged) if x is not None]
+    features = [x for x in (*unpacked.numbered.links.features, unpacked.dragged) if x is not None]
     for lack, names in told(Analysis.PLANAR, features):
         raise NotPlanar(lack.text.format(name=names[0]))
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)

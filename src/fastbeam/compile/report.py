@@ -15,13 +15,6 @@ if TYPE_CHECKING:
     from fastbeam.model.model import Model
 
 
-def _changing(model: Model) -> list[tuple[str, list[str]]]:
-    """Supports that let go, and that take hold."""
-    of = model.released
-    return [] if of is None else [(what, [name for name, time in zip(of.names, times) if time is not None])
-                                  for what, times in (("let go", of.until), ("take hold", of.since))]
-
-
 def _plural(n: int, noun: str) -> str:
     return f"{n} {noun}" + ("" if n == 1 else "s")
 
@@ -62,11 +55,6 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  closed loops       {_plural(loops, 'ball joint')} held by multipliers")
     for noun, count in Counter(type(link).kind for link in scene.links).items():
         lines.append(f"  {noun + 's':18} {_plural(count, noun)} between two points")
-    if scene.winches:
-        lines.append(f"  winches            {_plural(len(scene.winches), 'rope')} of "
-                     f"{sum(x.segments for x in scene.winches)} segments: {_some([x.name for x in scene.winches])}")
-    if model.user_forces:
-        lines.append(f"  user forces        {_plural(len(model.user_forces), 'law')}: {_some(model.user_forces)}")
     if model.n_rows < model.n_nodes:
         shared = _plural(model.n_nodes - model.n_rows, "beam end")
         lines.append(f"  shared rows        {shared} of nets share the unknowns of another")
@@ -80,15 +68,11 @@ def describe(scene: Scene, model: Model) -> str:
         what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * _has_loads(scene))
         lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
-    for what, names in (("energy taken", model.losses), ("supports that move", model.works),
-                        *_changing(model)):
+    own = [line for feature in model.features for line in feature.describe()]
+    for what, how, names in (("energy taken", "", model.losses), *own):
         if names:
-            lines.append(f"  {what:18} {_some(names)}")
+            lines.append(f"  {what:18} {how}{_some(names)}")
     lines += [f"  start              {text}" for _, text in model.notes]
-    if model.moving is not None:
-        names = model.moving.names
-        where = f"{_plural(len(names), 'contact')} on {_plural(len(model.moving.tables), 'beam')}"
-        lines.append(f"  moving elements    end at {where}: {_some(names)}")
     if model.sliders is not None:
         c1 = sum(s.curve == "c1" and not getattr(s, "length", 0.0) for s in scene.sliders)
         bores = [s.length for s in scene.sleeves if s.length]

@@ -2,7 +2,7 @@
 questions and know none of them by name."""
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, auto
 from functools import cached_property
@@ -168,12 +168,16 @@ class Feature:
         """What its terms are given in the steps of a span, in the order of these terms."""
         return ()
 
+    def describe(self) -> Iterable[tuple[str, str, Sequence[str]]]:
+        """Lines of `print(model)`: a word or two, what stands before the names of parts, and these."""
+        return ()
+
     # --- rows ---------------------------------------------------------------------------------------------------------
     def series(self, kinds: Collection[str], model: Any) -> Mapping[str, tuple[int, ...]]:
         """Shapes of its series in rows of these kinds (`simulate(observe=...)`)."""
         return {}
 
-    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> Mapping[str, Array]:
+    def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> Mapping[str, Array]:
         """Its series in the row of a state at time t, but for forces that are unknowns."""
         return {}
 
@@ -213,9 +217,10 @@ class Feature:
 
 
 def every_feature() -> list[type[Feature]]:
-    """All kinds of features that have been imported, in their order."""
+    """All kinds of features that have been imported, in their order; variants of a kind share its key and are left out."""
     def below(kind: type[Feature]) -> Iterator[type[Feature]]:
         for one in kind.__subclasses__():
-            yield one
+            if "key" in vars(one):
+                yield one
             yield from below(one)
     return sorted(below(Feature), key=lambda kind: (kind.order, kind.key))

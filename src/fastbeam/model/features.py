@@ -41,6 +41,8 @@ class Part(Generic[T]):
         self._name = name
 
     def __get__(self, model: Any, owner: type | None = None) -> T:
+        if model is None:
+            return self  # type: ignore[return-value]
         return getattr(getattr(model, self._of), self._name)  # type: ignore[no-any-return]
 
 
@@ -145,7 +147,7 @@ class WithFeatures:
         states of both hold the same numbers of the steps before."""
         return "load_account" in self.by_key
 
-    @property
+    @cached_property
     def laws(self) -> dict[type, Any]:
         """Laws of the user's own, failed_laws.Lawful, by the kinds of tables that call them."""
         return {kind: lawful for feature in self.features for kind, lawful in feature.called_laws.items()}

@@ -73,6 +73,10 @@ class PrescribedMotions(Feature):
         """Names in the balance."""
         return tuple(f"motion of {motion.at.label} ({motion.name!r})" for motion in self.motions)
 
+    def describe(self) -> list[tuple[str, str, tuple[str, ...]]]:
+        """All of them."""
+        return [("supports that move", "", self.works)]
+
     @property
     def masks(self) -> Array:
         """What they hold of the six unknowns of a node, bit by bit, int64 [M]."""

@@ -85,6 +85,11 @@ class Released(Feature):
         """What takes energy away: impacts of those that take hold, in their order."""
         return tuple(f"impact at {name}" for name, waits in zip(self.names, self.waits) if waits)
 
+    def describe(self) -> list[tuple[str, str, list[str]]]:
+        """Those that let go, and those that take hold."""
+        return [(what, "", [name for name, time in zip(self.names, times) if time is not None])
+                for what, times in (("let go", self.until), ("take hold", self.since))]
+
     def off(self, changes: Array) -> Array:
         """Which do not hold, bool [R], as often as they have changed [R]."""
         return np.asarray(changes + ~self.waits != 1.0)

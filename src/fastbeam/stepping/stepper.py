@@ -25,7 +25,7 @@ from fastbeam.kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpo
 from fastbeam.linalg.linear_system import LinearSystem, check_backend
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.contact.sleeve_twist import start_twisting
-from fastbeam.model.feature import OfRun, Span, Stand
+from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.failed_laws import LET_IT, Failure, acting_at, failure_in, forget, has_failed
 from fastbeam.model.forces.loads import load_factors
 from fastbeam.model.model import Model
@@ -144,6 +144,7 @@ class Stepper:
             require(Analysis.COMPOSED, model)
         # arrays of this run, by the keys of features
         self.own = {x.key: x.work(core, self.plane, static) for x in core.features}
+        self._scheduled = [x for x in core.features if type(x).schedules is not Feature.schedules]
         if self.motion is not None and memory is None:
             core.motions.settle(self.core_state, self.state, core.place("motions"), None if static else t)
         # of user forces: the time in the middle of a step, and the load factor in statics
@@ -475,8 +476,10 @@ class Stepper:
 
     def _schedules(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
         """What terms are given in n steps; empty where nothing depends on time."""
+        if not self._scheduled and not self.core.laws:
+            return ()
         span = self._span(t, h, n, done)
-        found = [part for feature in self.core.features for part in feature.schedules(span)]
+        found = [part for feature in self._scheduled for part in feature.schedules(span)]
         if self.core.laws:
             found.append((Stand.LINKS, UserForceTimes(self.law_work, span.starts + 0.5 * span.lengths)))
         return tuple(schedule for _, schedule in sorted(found, key=lambda x: x[0]))

@@ -398,7 +398,7 @@ class SliderForces(Feature):
         return dict.fromkeys((*(along if "slider" in kinds else ()), *ENERGIES), (len(self.sliders),)) if {
             "slider", "energy"} & set(kinds) else {}
 
-    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
+    def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
         """Energies."""
         if not {"slider", "energy"} & set(kinds):
             return {}

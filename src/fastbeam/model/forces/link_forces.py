@@ -37,7 +37,7 @@ class LinkForces(Feature):
         rows = model.spring_rows if "spring" in kinds else []
         return {name: shape for one in rows for name, shape in one.series().items()}
 
-    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
+    def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
         """The same."""
         rows = model.spring_rows if "spring" in kinds else []
         return {name: x for one in rows for name, x in one.row(state).items()}

@@ -69,6 +69,10 @@ class UserLaws(Feature):
         self.leading_out = own + [label_of(x) for x in between if isinstance(x, ForceElement)]
         self.pathless = own + [label_of(x) for x in between]
 
+    def describe(self) -> list[tuple[str, str, tuple[str, ...]]]:
+        """All laws."""
+        return [("user forces", f"{len(self.labels)} law{'s' * (len(self.labels) > 1)}: ", self.labels)]
+
     def link_in_plane(self, table: Any, plane: Any) -> Any:
         """Loads that turn with nodes, along u and J u of each."""
         if not isinstance(table, UserForces):

@@ -90,6 +90,11 @@ class Hoists(Feature):
     def __init__(self, winches: list[Any]) -> None:
         self.winches = winches
 
+    def describe(self) -> list[tuple[str, str, list[str]]]:
+        """Ropes and their segments."""
+        ropes, segments = len(self.winches), sum(x.segments for x in self.winches)
+        return [("winches", f"{ropes} rope{'s' * (ropes > 1)} of {segments} segments: ", [x.name for x in self.winches])]
+
     def link_of_run(self, table: Any, run: OfRun) -> Any:
         """The table of ropes with the work array of the run."""
         return table._replace(work=run.law_work) if isinstance(table, Winches) else table

@@ -313,7 +313,7 @@ class Motions(Feature):
                       *["joint_stop_loss"] * holds.has_rigid_stops]
         return dict.fromkeys(names, (len(self.names),))
 
-    def row(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
+    def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
         """Coordinates and what drives give, and energies."""
         own, out = self.own(state.history, model.place(self.key)), {}
         if "energy" in kinds:

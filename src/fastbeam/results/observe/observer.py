@@ -132,7 +132,7 @@ class Observer:
         model = self.model
         out: dict[str, Any] = {}
         for feature in model.features:
-            out |= feature.row(self.kinds, model, t, state)
+            out |= feature.read(self.kinds, model, t, state)
         if self.energy or self.momentum:
             self._motion(state.q, state.v)
             for feature in model.features:

@@ -145,7 +145,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     check_model("solve_path", model)
     stays = held_sliders(model, held)
     require(Analysis.PATH, model, held=stays)
-    if not isinstance(at_time, float):
+    if at_time is None or isinstance(at_time, tuple):
         require(Analysis.TIMELESS_SHAPES, model, "solve_path", stays)
     check_backend(backend)
     step = _first_step(to, load_factor, step, largest_step, smallest_step)
