@@ -123,13 +123,12 @@ class Stepper:
         # sliders alone, as rows of the block matrix
         self._factored = core.by_rows and core.n_constraints == core.n_sliders and not (compared or static)
         self.rows: Constraints | None = None
-        if core.by_rows:
+        if core.by_rows and not static:
             self.capacity = capacity_of(core)
             self.contact = self._contact_of(self.capacity.entries)
-            if not static:
-                self._make_rows(self.capacity)
+            self._make_rows(self.capacity)
         else:
-            self.contact = contact_of(core)
+            self.contact = contact_of(core, at_rest=static)
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
@@ -229,7 +228,7 @@ class Stepper:
         if self._static:
             method = Equilibrium()
         solver = self.linear.tables if self.core.pattern.plan is None else self.rows or self.core.pattern.plan
-        return system_of(self.core, method, None if self._static else self.contact, solver if self.linear.is_compiled else None,
+        return system_of(self.core, method, self.contact, solver if self.linear.is_compiled else None,
                          self.core_state, self.work)
 
     @property

@@ -68,15 +68,15 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
         Without equations for the forces that hold it, which are those of the state.
     """
     terms: list[Any] = []
-    if model.sliders is not None and not static:
-        sleeves = NoSleeves() if model.sleeves is None else sleeves_of_run(model.sleeves)
+    if model.sliders is not None:
+        sleeves = NoSleeves() if model.sleeves is None else sleeves_of_run(model.sleeves, static)
         # sliders of a run go over corners of switches on curves of their own
         sliders = model.sliders._replace(curve=model.sliders.curve.copy()) if model.corners else model.sliders
         terms.append(Sliding(model.curves, sliders, NoTies() if model.ties is None else model.ties,
                              model.put_limits(np.zeros((model.n_sliders, 3)), model.s0),
                              NoForceAlong() if along is None else along,
                              sleeves))
-        if isinstance(sleeves, Sleeves):
+        if isinstance(sleeves, Sleeves) and not static:
             terms.append(sleeves)
             if isinstance(sleeves.twist, Twist):
                 terms.append(Rubbing(sleeves, terms[0]))
@@ -97,7 +97,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     links = [moving_of_run(x) if isinstance(x, MovingBeam) else x for x in links]
     free: tuple[Any, ...] = ()
     if motion is not None:
-        free = motion.static_terms if static else motion.known if known else motion.terms
+        free = motion.known if known else motion.static_terms if static else motion.terms
     drag = None if static and not model.blows else model.drag
     if drag is not None and static:
         # these and the air are those of a load factor and a time
