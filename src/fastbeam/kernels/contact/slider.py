@@ -88,21 +88,21 @@ def sliding_law(along, term, system, k, force, tangent, push):
 
 
 @generic
-def lever(method, gap):
-    """The lever arm of a contact force, from the mean gap of the step."""
+def in_step(method, x):
+    """A vector that a step has and an equilibrium has not: the lever arm of the mean gap, and what the turn of the frame does."""
 
 
-@lever.register(object)
+@in_step.register(object)
 @inlined
-def gap_as_lever(method, gap):
-    return gap
+def of_step(method, x):
+    return x
 
 
-@lever.register(Equilibrium)
+@in_step.register(Equilibrium)
 @inlined
-def no_lever(method, gap):
+def none_at_rest(method, x):
     """What an iteration leaves of a gap is no lever: forces without moments are the gradient of the energy."""
-    return 0.0 * gap
+    return 0.0 * x
 
 
 @generic
@@ -311,12 +311,12 @@ def add_slider(along, term, system, k):
     sums = sums_of_sections.call(term.sleeves, system, k, nodes, lo, hi)
     push = push_of_moments.call(term.sleeves, sums, term, system, k)
     law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way), push)
-    turned = spin_cross.call(way.turn, law.force)
+    turned = in_step.call(system.method, spin_cross.call(way.turn, law.force))
     slide = 0.5 * law.force + 0.25 * turned
     back = 0.5 * law.force - 0.25 * turned
     contact.entries[k] = 0
     point = term.sliders.point[k]
-    gap = lever.call(system.method, position(work.q_mid, point, dofs) - way.mean)
+    gap = in_step.call(system.method, position(work.q_mid, point, dofs) - way.mean)
     put_curve(term, system, k, nodes, lo, hi,
               Frame(f, gap, cross_product.call(gap, f), slide, cross_product.call(law.force, jump)))
     # -F on the point
@@ -374,8 +374,6 @@ def assemble_sliding_at_rest(term, method, system, h):
     state, work = system.state, system.work
     for k in range(state.s.shape[0]):
         work.s_end[k] = state.s[k]
-    for i in range(work.theta.shape[0]):
-        work.theta[i] = 0.0
     assemble_sliding(term, method, system, h)
 
 
