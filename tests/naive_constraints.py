@@ -1,4 +1,4 @@
-"""Sliding contact in an equilibrium: the equations of theory.md 5.1 with both ends of the step equal, as sparse matrices.
+"""The naive twin of constraints in an equilibrium: the equations of theory.md 5.1 with both ends of the step equal, as matrices.
 
     gap         g_k = phi_S - sum_A N_A(s_k) phi_A = 0
     force       +F_k on the point, -N_A F_k on node A
@@ -15,17 +15,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.linalg.pattern import Pattern
+from fastbeam.kernels.joints.coordinates import LINE
 from fastbeam.model.contact.sleeve_conditions import Section, sections
 from fastbeam.model.joints.constraints import Distance, KeptLink, gap_matrix
 from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.joints.tables import Conditions
 from fastbeam.model.mapping import shapes_at
-from fastbeam.model.maps import tie_map, velocity_map, with_values
+from fastbeam.model.maps import tie_map, velocity_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray
-# entries of constraints that a structure keeps, next to those that there are
-MOST_IDLE = 3
 # a part of the contact force across the beam that is round-off of the force
 ALONG_ONLY = 1e-12
 
@@ -286,12 +285,12 @@ class StaticContacts:
             pair = list(link.node)
             gap = link.law.gap(x[pair], at_start[pair])
             if isinstance(link.law, Coordinate) and self.given is not None:
-                gap = np.array([link.law.misses(x[pair], next(given))])
+                gap = np.array([misses(link.law, x[pair], next(given))])
             takes = self._within(link) * (k not in free)
             gaps.append(takes @ gap)
             within.append(takes)
             if not link.law.is_vector:
-                second.append((pair, -link.law.curvature(x[pair], part)))
+                second.append((pair, -curvature(link.law, x[pair], part)))
         lift = self._joint_ties @ self._rates(q, self._joint_nodes)
         lead = sparse.block_diag(within, format="csr") @ gap_matrix(kept, x) @ lift
         bent = sparse.csr_matrix((m, m))
@@ -383,6 +382,35 @@ class StaticContacts:
                 moments = moments @ self.axes[2:].T
             np.add.at(out[:, d:d + moments.shape[1]], row_of[root_of[section.nodes]], moments)
         return out.reshape(-1)
+
+
+def curvature(law: Any, x: Array, force: Array) -> Array:
+    """Second derivative [24, 24] of force . gap of a joint by the coordinates x [2, 4, 3]."""
+    if isinstance(law, Coordinate):
+        return law.curvature(x, force)
+    if isinstance(law, Distance):
+        r = x[1, 0] - x[0, 0]
+        length = np.linalg.norm(r)
+        bent = force[0] / length * (np.eye(3) - np.outer(r, r) / length**2)
+        out = np.zeros((24, 24))
+        for i in (0, 12):
+            for j in (0, 12):
+                out[i:i + 3, j:j + 3] = bent if i == j else -bent
+        return out
+    out = np.zeros((8, 8))
+    for f, (i, j) in zip(force, law.pairs) if isinstance(law, Conditions) else ():
+        other = np.array([-1.0, 0, 0, 0, 1, 0, 0, 0]) if j < 0 else np.concatenate((np.zeros(5), law.turn[1, j]))
+        out += f * np.outer(np.concatenate(([0.0], law.turn[0, i], np.zeros(4))), other)
+    return np.kron(out + out.T, np.eye(3))
+
+
+def misses(law: Coordinate, x: Array, value: float) -> float:
+    """A coordinate of a joint less a value, of an angle the nearest of all turns."""
+    y, z = law._sums(x)
+    if law.kind == LINE:
+        return float(y - law.at_start - value)
+    u, w = np.cos(value), np.sin(value)
+    return float(np.arctan2(y * u - z * w, z * u + y * w))
 
 
 def reduced(matrix: Any) -> tuple[Any, Array]:

@@ -244,7 +244,7 @@ class SaddleSolver(StaticSolver):
         """Of an increment of the nodes, in sizes of the scene and rad."""
         x = np.abs(nodes.reshape(-1, len(self.core.dofs)))
         dim = self.core.dim
-        return float(np.max(x[:, :dim])) / self.core.length + float(np.max(x[:, dim:], initial=0.0))
+        return float(x[:, :dim].max()) / self.core.length + float(x[:, dim:].max(initial=0.0))
 
     def _share(self, nodes: Array) -> float:
         """Of an increment of the nodes that is not too long."""
@@ -261,7 +261,7 @@ class SaddleSolver(StaticSolver):
         moved = self.stepper.parts.update()
         state.s[:] += x.s
         state.force[:] += x.force
-        return moved + float(np.max(np.abs(x.s), initial=0.0)) / core.length
+        return moved + float(np.abs(x.s).max(initial=0.0)) / core.length
 
     def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
         """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
@@ -310,4 +310,4 @@ class SaddleSolver(StaticSolver):
 
     def beyond_ends(self, s: Array) -> bool:
         """Whether some slider would run off its beam."""
-        return bool(np.any((s < self.ends[:, 0]) | (s > self.ends[:, 1])))
+        return bool(((s < self.ends[:, 0]) | (s > self.ends[:, 1])).any())

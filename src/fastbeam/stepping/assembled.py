@@ -9,6 +9,7 @@ A step holds half the derivatives of its sliding equations, as it holds half the
 """
 from __future__ import annotations
 
+from operator import is_
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -209,7 +210,8 @@ class Constraints:
             self._look()
         corner, residual = contact.corner[:s], contact.residual
         gaps = residual[self._of_force]
-        gradient = self._gradient._replace(value=self._line[self._gradient.value])
+        gradient = Entries(self._gradient.row, self._gradient.column, self._line[self._gradient.value])
+        slide = Entries(self._slide.row, self._slide.column, 2.0 * self._line[self._slide.value])
         if self._drives is not None and self._given is None:
             k = self._drives.first[0] + np.arange(self._drives.which.size)
             gaps[contact.first_force[k]] = 0.0
@@ -220,8 +222,7 @@ class Constraints:
         (force, slider), at = self._turns
         turns = Entries(force, slider, contact.cross[at[0], 0, at[1]])
         return Equations(residual[:s, :d].copy(), corner[:, 8 * d:9 * d].copy(), residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
-                         gaps, gradient, self._slide._replace(value=2.0 * self._line[self._slide.value]), turns,
-                         np.concatenate((loose, idle)), -self.stepper.work.r)
+                         gaps, gradient, slide, turns, np.concatenate((loose, idle)), -self.stepper.work.r)
 
     def _look(self) -> None:
         """Which numbers of the lines are entries: those that are not zero, and others that become so as nodes move."""
@@ -285,9 +286,10 @@ class SaddleMatrix:
         self._keys, self._blocks = (row * self.n + column)[order], at[order]
         self._known = np.zeros(0, np.int64)
         # rows and columns of the entries of constraints last put in, and where these stand
-        self._last: tuple[Any, ...] = ()
+        self._last: tuple[Any, ...] = (None,) * 6
+        self._idle = b""
         self._at = np.zeros(0, np.int64)
-        self._merge(self._known)
+        self._matrix: Any = None
 
     def _merge(self, keys: Array) -> None:
         """The structure with entries of constraints at these keys, row n + column, ascending."""
@@ -329,11 +331,11 @@ class SaddleMatrix:
         value = np.concatenate((bent.value, push, -gradient.value, push, np.where(sliding, equations.bend + drag, 1.0), tangent,
                                 turn, -gradient.value, tangent, turn, np.full(equations.idle.size, -1.0),
                                 rubbing.value * free[rubbing.row], by_force.value * free[by_force.row]))
-        places = (gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row, equations.idle.tobytes())
-        if len(places) != len(self._last) or not all(x is y or isinstance(x, bytes) and x == y
-                                                     for x, y in zip(places, self._last)):
+        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row
+        idle = equations.idle.tobytes()
+        if idle != self._idle or not all(map(is_, places, self._last)):
             self._find_places(equations, dim)
-            self._last = places
+            self._last, self._idle = places, idle
         data = blocks[self._source]
         data *= 2.0
         data[self._added] = 0.0
@@ -355,7 +357,7 @@ class SaddleMatrix:
                                  m + s + by_force.column))
         keys = row.astype(np.int64) * self.n + column
         place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
-        if not (self._known.size and np.array_equal(self._known[place], keys)):
+        if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
             # what was there before stays for a while: entries that vanish come back
             before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
             self._merge(np.unique(np.concatenate((keys, before))))

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -158,7 +159,9 @@ class Stepper:
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self.made_fallback: Stepper | None = None  # once a step has needed it
-        self._records: tuple[Record | None, Record | None] = None, None
+        self._records: tuple[Any, Any] = None, None
+        # what they were made of
+        self._recorded: tuple[Any, ...] = (None,) * 8
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
         self.stop: Callable[[], bool] = bool
         mass = float(model.gravity_weight.sum()) + (0.0 if model.moving is None else model.moving.mass)
@@ -234,9 +237,11 @@ class Stepper:
     @property
     def records(self) -> tuple[Record, Record]:
         """The terms and what they share, as compiled code takes them."""
-        terms, system = self._records
-        self._records = found = record_of(self.terms, terms), record_of(self.system, system)
-        return found
+        of = self.terms, self.core, self.contact, self.rows, self.core_state, self.work, self.alpha, self.linear.tables
+        if not all(map(is_, of, self._recorded)):
+            terms, system = self._records
+            self._records, self._recorded = (record_of(self.terms, terms), record_of(self.system, system)), of
+        return self._records
 
     @property
     def _remembered(self) -> tuple[Array, ...]:
