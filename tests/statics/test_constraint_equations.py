@@ -97,8 +97,8 @@ def matrix_of(stepper: Stepper, equations: Equations) -> Array:
     return of.of(stepper.work.blocks, equations, np.ones(core.n_sliders, bool), 0.0).toarray()
 
 
-@pytest.mark.parametrize(("make", "planar"), [(sliders, False), (sliders, True), (sleeves, False), (sleeves, True), (joints, False),
-                                              (path, False)])
+@pytest.mark.parametrize(("make", "planar"), [(sliders, False), (sliders, True), (sleeves, False), (sleeves, True),
+                                              (joints, False), (path, False)])
 def test_compiled_rows_of_a_step_with_equal_ends_are_the_static_equations(make: Any, planar: bool) -> None:
     model = fb.compile_scene(make(), planar=planar).uneliminated(planar=planar)
     stepper = Stepper(model, np.ones(1), disturbed(model, planar), backend="superlu", static=True)

@@ -127,7 +127,8 @@ class Reactions:
         """Of the equilibrium [6 (R + C)] at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`; second: as in
         `FreeBodies.forces`."""
         own = self.own
-        return self._evaluate(system_of(own.core, Equilibrium(), own.contact, None, own.core_state, own.work), q, 0.0, factors, second)
+        system = system_of(own.core, Equilibrium(), own.contact, None, own.core_state, own.work)
+        return self._evaluate(system, q, 0.0, factors, second)
 
     def _of_slider(self, k: int, system: Any) -> Array:
         """What slider k exerts in the step on nodes, [N, 8]; those that share a row have their own here."""

@@ -112,21 +112,20 @@ class Constraints:
     def _begin(self) -> None:
         """What stays the same at all shapes."""
         core, contact = self.stepper.core, self._contact
-        d, n, s = core.dim, len(core.dofs), core.n_sliders
+        n = len(core.dofs)
         count, most = contact.row.shape
         self._line = contact.line.reshape(-1)
         self._of_force = np.arange(8) < contact.forces[:, None]
         # numbers of the multipliers of all constraints by the columns of their lines
         self._number = contact.first_force[:, None] + np.arange(8)
         self._entry = (most * np.arange(count)[:, None] + np.arange(most)) * 8 * n
-        self._entries = np.full(count, -1)
+        # of what the last structure was made
+        self._touched = b"", b""
         self._inside = np.zeros((count, most), bool)
-        self._row = np.zeros(0, np.int64)
         forces = contact.forces[contact.pair[:, 1]]
         o, p = np.nonzero(np.arange(8) < forces[:, None])
         self._turns = (contact.first_force[contact.pair[o, 1]] + p, contact.pair[o, 0]), (o, p)
         self._third = np.flatnonzero(forces > 2)
-        self._slots = np.arange(s), d, 9 * d
 
     # --- what holds coordinates -----------------------------------------------------------------------------------------
     @property
@@ -204,9 +203,8 @@ class Constraints:
         """The equations as compiled code has left them."""
         core, contact = self.stepper.core, self._contact
         s, d = core.n_sliders, core.dim
-        if not (np.array_equal(contact.entries, self._entries) and np.array_equal(contact.row[self._inside], self._row)):
-            self._look()
-        elif self._line[self._unused].any():
+        touched = contact.entries.tobytes(), contact.row[self._inside].tobytes()
+        if touched != self._touched or self._line[self._unused].any():
             self._look()
         corner, residual = contact.corner[:s], contact.residual
         gaps = residual[self._of_force]
@@ -229,9 +227,9 @@ class Constraints:
         core, contact = self.stepper.core, self._contact
         n, d = len(core.dofs), core.dim
         assert not contact.full[0]
-        self._entries = contact.entries.copy()
         self._inside = np.arange(contact.row.shape[1]) < contact.entries[:, None]
-        self._row = contact.row[self._inside]
+        row = contact.row[self._inside]
+        self._touched = contact.entries.tobytes(), row.tobytes()
         k = np.nonzero(self._inside)[0]
         at = self._entry[self._inside][:, None, None] + 8 * np.arange(n)[:, None] + np.arange(8)
         line = self._line[at]
@@ -245,7 +243,7 @@ class Constraints:
         used[moves, :d] |= force[moves, None]
         used[turns, d:] |= force[turns, None]
         slide = is_slider[:, None] & ((line[:, :, d] != 0.0) | used.any(axis=2))
-        unknown = n * self._row[:, None] + np.arange(n)
+        unknown = n * row[:, None] + np.arange(n)
         free = self._free[unknown]
         used &= free[:, :, None]
         slide &= free
