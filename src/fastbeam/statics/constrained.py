@@ -224,10 +224,10 @@ class SaddleSolver(StaticSolver):
             if x is None or not np.isfinite(x).all():
                 return None
             if used.unbalanced > 0.0 and used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
-                # forces push where nothing resists: a little along
+                # forces push where nothing resists: a little along, and sliders with it
                 size = self._size(used.drift[:n])
                 if size > 0.0:
-                    x[:n] += DRIFT / size * used.drift[:n]
+                    x[:n + sliding.size] += DRIFT / size * used.drift[:n + sliding.size]
             # what is soft runs away by itself: it alone is kept back
             if self._size(x[:n]) <= LARGEST_MOVE:
                 break
