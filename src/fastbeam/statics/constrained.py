@@ -99,7 +99,7 @@ class SaddleSolver(StaticSolver):
         self._loads = self.work.f_ext.copy()
         # what they are without constraints, whatever the shape, and loads with the forces of constraints
         self._without: Equations | None = None
-        self._acting = self.work.f_ext
+        self._all_loads = self.work.f_ext
         # forces of inertia of a steady motion
         self.steady: SteadyForces | None = None
 
@@ -192,7 +192,7 @@ class SaddleSolver(StaticSolver):
         if self.steady is not None:
             work.f_ext[:] += self.steady.loads(q)
             equations = equations._replace(bent=equations.bent.with_more(entries_of_matrix(self.steady.stiffness(q))))
-        self._acting = work.f_ext + equations.loads
+        self._all_loads = work.f_ext + equations.loads
         given = None if self.motion is None else self.motion.pending(coordinates_of(self.stepper, self.motion.own))
         if given is None:
             self.stepper.parts.assemble(0.0)
@@ -236,7 +236,7 @@ class SaddleSolver(StaticSolver):
     def _round_off(self, saddle: Saddle) -> Array:
         """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""
         size, n = len(self.core.dofs), self.core.pattern.n
-        loads = np.abs(self._acting[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
+        loads = np.abs(self._all_loads[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
         stiff = np.abs(saddle.matrix.diagonal()[:size * n])
         return UNBALANCED * loads + EPSILON * self.core.length * stiff
 

@@ -87,7 +87,7 @@ class Response(SlidingSolver):
         """What round-off may make of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
         length, n = self.core.length, self.core.pattern.n
         out = np.full(self.unknowns, NOISE * length)
-        loads = self._acting[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
+        loads = self._all_loads[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
         out[:self.nodes] = NOISE * (length * np.abs(self.linearised()[0].matrix.diagonal()[:self.nodes]) + np.abs(loads))
         out[self.nodes:self.nodes + self.sliding.size] *= 1.0 + np.linalg.norm(self.stepper.core_state.force)
         return out
