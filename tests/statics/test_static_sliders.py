@@ -18,7 +18,9 @@ from fastbeam.model.mapping import contact, follow
 from fastbeam.model.maps import free_unknowns, share_map
 from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import strain_energy
-from fastbeam.statics.contact_equations import Border, SaddleMatrix, StaticContacts
+from fastbeam.statics.slider_friction import with_friction
+from fastbeam.stepping.assembled import Constraints, Equations, SaddleMatrix, entries_of_matrix
+from fastbeam.stepping.stepper import Stepper
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import SECTION, bead, cantilever, straight  # noqa: E402
@@ -107,48 +109,62 @@ def test_an_equilibrium_makes_the_energy_stationary(scene: fb.Scene, planar: boo
     assert result.info["unstable_directions"] == 0
 
 
+def constraints_of(plain: Model) -> Constraints:
+    return Constraints(Stepper(plain, np.ones(1), backend="superlu", static=True))
+
+
+def equations_at(constraints: Constraints, q: Array, s: Array, force: Array, slip: Array | None = None) -> Equations:
+    """Equations at coordinates [N, 4, 3] in space."""
+    state, plane = constraints.stepper.core_state, constraints.stepper.plane
+    there = constraints.stepper.state._replace(q=q.reshape(-1))
+    state.q[:] = there.q if plane is None else plane.reduce(there).q
+    state.s[:], state.force[:] = s, force
+    found = constraints.at()
+    return found if slip is None else with_friction(constraints, found, slip)
+
+
+def components(plain: Model, planar: bool) -> Array:
+    """Unknowns of a node in space -> those of its row [n, 6]."""
+    if not planar:
+        return np.eye(6)
+    axes = plain.plane.axes
+    return np.concatenate((np.pad(axes[:2], ((0, 0), (0, 3))), np.pad(axes[2:], ((0, 0), (3, 0)))))
+
+
 @pytest.mark.parametrize("planar", [True, False])
-def test_the_border_is_the_derivative_of_its_equations(planar: bool) -> None:
+def test_equations_of_sliders_have_their_derivatives(planar: bool) -> None:
     model = fb.compile_scene(mechanism(0.0), planar=planar)
     assert model.uneliminated is not None
     plain = model.uneliminated(planar=planar)
-    axes = plain.plane.axes if planar else None
-    contacts = StaticContacts(plain, axes)
-    rng = np.random.default_rng(1)
-    state = plain.state()
-    force = rng.standard_normal((4, 2 if planar else 3))
-    in_space = force @ axes[:2] if planar else force
-    h = 1e-6
+    constraints, turn = constraints_of(plain), components(plain, planar)
+    state, h = plain.state(), 1e-6
+    force = np.random.default_rng(1).standard_normal(8 if planar else 12)
 
-    def border(q: Array, s: Array) -> Any:
-        return contacts.border(contacts.weights(s), q.reshape(-1), force.reshape(-1))
+    def equations(q: Array, s: Array) -> Equations:
+        return equations_at(constraints, q, s, force)
 
-    at = border(state.q, state.s)
-    gradient, slide = at.gradient.toarray(), at.slide.toarray()
-    size = 3 if planar else 6
+    at = equations(state.q, state.s)
+    size = len(turn) * plain.pattern.n
+    gradient, slide = at.gradient.matrix(force.size, size).toarray(), at.slide.matrix(4, size).toarray()
     for u in free_unknowns(plain):
         node, c = divmod(int(u), 6)
-        own = c
-        if planar:
-            within = [np.abs(axes[0]).argmax(), np.abs(axes[1]).argmax(), 3 + np.abs(axes[2]).argmax()]
-            if c not in within:
-                continue
-            own = within.index(c)
-        column = size * int(plain.pattern.row_of[node]) + own
-        up, down = (border(moved(plain, state, u, x), state.s) for x in (h, -h))
-        np.testing.assert_allclose(gradient[:, column], (up.gap - down.gap).reshape(-1) / (2 * h), rtol=0.0, atol=1e-8)
-        np.testing.assert_allclose(slide[:, column], (up.sliding - down.sliding) / (2 * h), rtol=0.0, atol=1e-8)
-    up, down = (border(state.q, state.s + x) for x in (h, -h))
+        if not turn[:, c].any():
+            continue
+        column = len(turn) * int(plain.pattern.row_of[node])
+        up, down = (equations(moved(plain, state, u, x), state.s) for x in (h, -h))
+        for found, change in ((gradient, (up.gap - down.gap).reshape(-1)), (slide, up.sliding - down.sliding)):
+            np.testing.assert_allclose(found[:, column:column + len(turn)] @ turn[:, c], change / (2 * h), rtol=0.0, atol=1e-8)
+    up, down = (equations(state.q, state.s + x) for x in (h, -h))
     np.testing.assert_allclose(at.bend, (up.sliding - down.sliding) / (2 * h), rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(-at.tangent, (up.gap - down.gap) / (2 * h), rtol=0.0, atol=1e-8)
     # as loads on the rows they do the work that they do on the gaps
     q1 = moved(plain, state, int(6 * plain.sliders.point[0]), 1.0)
-    work = contacts.loads(contacts.weights(state.s), state.q, force.reshape(-1)).reshape(-1, 8)[plain.pattern.row_of]
     first = (q1 - state.q.reshape(-1, 4, 3))[:, 0]
-    along = np.sum((first @ axes[:2].T if planar else first) * work[:, :2 if planar else 3])
-    gaps = [contact(plain, k, state.s[k], q1, q1)[0] - contact(plain, k, state.s[k], state.q.reshape(-1, 4, 3), q1)[0]
-            for k in range(4)]
-    assert along == pytest.approx(np.sum(np.array(gaps) * in_space))
+    there = equations(q1, state.s)
+    work = at.loads.reshape(-1, 8)[plain.pattern.row_of]
+    d = at.gap.shape[1]
+    along = np.sum((first @ turn[:d, :3].T) * work[:, :d])
+    assert along == pytest.approx(np.sum((there.gap - at.gap).reshape(-1) * force))
 
 
 def in_a_sleeve() -> fb.Scene:
@@ -160,35 +176,33 @@ def in_a_sleeve() -> fb.Scene:
 
 @pytest.mark.parametrize("planar", [True, False])
 @pytest.mark.parametrize("scene", [mechanism(0.0), in_a_sleeve()], ids=["sliders", "sleeve"])
-def test_friction_in_the_border_is_the_derivative_of_its_equations(scene: fb.Scene, planar: bool) -> None:
+def test_friction_has_the_derivatives_of_its_equations(scene: fb.Scene, planar: bool) -> None:
     plain = fb.compile_scene(scene, planar=planar).uneliminated(planar=planar)
-    contacts = StaticContacts(plain, plain.plane.axes if planar else None)
+    constraints, turn = constraints_of(plain), components(plain, planar)
     state, h = plain.state(), 1e-6
     count = plain.plane.model.n_forces if planar else plain.n_forces
     force, slip = np.random.default_rng(1).standard_normal(count), np.array([0.3, -0.2, 0.4, -0.5])[:state.s.size]
 
-    def border(q: Array, s: Array, force: Array) -> Any:
-        return contacts.border(contacts.weights(s), q.reshape(-1), force, slip)
+    def equations(q: Array, s: Array, force: Array) -> Equations:
+        return equations_at(constraints, q, s, force, slip)
 
-    at = border(state.q, state.s, force)
-    up, down = (border(state.q, state.s + x, force) for x in (h, -h))
+    at = equations(state.q, state.s, force)
+    up, down = (equations(state.q, state.s + x, force) for x in (h, -h))
     np.testing.assert_allclose(at.bend, (up.sliding - down.sliding) / (2 * h), rtol=0.0, atol=1e-6)
-    by_force, d = at.by_force.toarray() + at.turns.toarray().T, at.tangent.shape[1]
+    sliders, d = at.tangent.shape
+    size = len(turn) * plain.pattern.n
+    by_force = at.by_force.matrix(sliders, count).toarray() + at.turns.matrix(count, sliders).toarray().T
     for k, tangent in enumerate(at.tangent):
         by_force[k, d * k:d * k + d] += tangent
     for j, unit in enumerate(h * np.eye(count)):
-        up, down = (border(state.q, state.s, force + x * unit) for x in (1, -1))
+        up, down = (equations(state.q, state.s, force + x * unit) for x in (1, -1))
         np.testing.assert_allclose(by_force[:, j], (up.sliding - down.sliding) / (2 * h), rtol=0.0, atol=1e-8)
-    by_node = (at.slide + at.rubbing).toarray()
-    # unknowns of a node in the plane, with the signs of its axes
-    turn = np.eye(6)
-    if planar:
-        turn = np.concatenate((np.pad(plain.plane.axes[:2], ((0, 0), (0, 3))), np.pad(plain.plane.axes[2:], ((0, 0), (3, 0)))))
+    by_node = at.slide.matrix(sliders, size).toarray() + at.rubbing.matrix(sliders, size).toarray()
     for u in free_unknowns(plain):
         node, c = divmod(int(u), 6)
         if not turn[:, c].any():
             continue
-        up, down = (border(moved(plain, state, u, x), state.s, force) for x in (h, -h))
+        up, down = (equations(moved(plain, state, u, x), state.s, force) for x in (h, -h))
         column = len(turn) * int(plain.pattern.row_of[node])
         np.testing.assert_allclose(by_node[:, column:column + len(turn)] @ turn[:, c], (up.sliding - down.sliding) / (2 * h),
                                    rtol=0.0, atol=1e-8)
@@ -314,8 +328,8 @@ def test_blocks_and_constraints_are_put_together_as_they_stand_in_the_equations(
         tangent, bend = rng.standard_normal((s, 2)), rng.standard_normal(s)
         # a direction in a sleeve that depends on s of the second slider
         turns = sparse.csr_matrix((rng.standard_normal(1), ([m - 1], [1])), shape=(m, s))
-        border = Border(np.zeros((s, 2)), tangent, np.zeros(s), bend, gradient, slide, np.zeros(1), bent, turns,
-                        np.zeros(0, np.int64))
+        equations = Equations(np.zeros((s, 2)), tangent, np.zeros(s), bend, np.zeros(m), *map(entries_of_matrix, (
+            gradient, slide, turns)), np.zeros(0, np.int64), np.zeros(0), entries_of_matrix(bent))
         for sliding in (np.array([True, False]), np.array([False, False]), np.array([True, True])):
             nodes = np.zeros((15, 15))
             for k, (i, j) in enumerate(zip(pattern.rows, pattern.columns)):
@@ -328,7 +342,7 @@ def test_blocks_and_constraints_are_put_together_as_they_stand_in_the_equations(
             for k in range(s):
                 whole[15 + k, 17 + 2 * k:19 + 2 * k] = whole[17 + 2 * k:19 + 2 * k, 15 + k] = tangent[k] * sliding[k]
             whole[16, 21] = whole[21, 16] = turns[m - 1, 1] * sliding[1]
-            found = assembled.of(blocks.reshape(-1), border, sliding, 0.5)
+            found = assembled.of(blocks.reshape(-1), equations, sliding, 0.5)
             np.testing.assert_allclose(found.toarray(), whole, rtol=1e-14, atol=1e-15)
             assert found.has_sorted_indices
 

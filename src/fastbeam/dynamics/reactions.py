@@ -126,14 +126,14 @@ class Reactions:
             own.motion.follow(self.stepper.motion)
         state = before._replace(force=own.core_state.force)
         system = system_of(own.core, Conserving(), own.contact, None, state, own.work)
-        return self._evaluate(system, middle, h, factors, second, self._of_slider)
+        return self._evaluate(system, middle, h, factors, second)
 
-    def of_equilibrium(self, q: Array, factors: Array, pushes: Any, second: Array | None = None) -> Array:
-        """Of the equilibrium [6 (R + C)] at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`; pushes, second: as in
+    def of_equilibrium(self, q: Array, factors: Array, second: Array | None = None) -> Array:
+        """Of the equilibrium [6 (R + C)] at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`; second: as in
         `FreeBodies.forces`."""
         own = self.own
-        system = system_of(own.core, Equilibrium(), None, None, own.core_state, own.work)
-        return self._evaluate(system, q, 0.0, factors, second, lambda k, _: pushes(k))
+        system = system_of(own.core, Equilibrium(), own.contact, None, own.core_state, own.work)
+        return self._evaluate(system, q, 0.0, factors, second)
 
     def _of_slider(self, k: int, system: Any) -> Array:
         """What slider k exerts in the step on nodes, [N, 8]; those that share a row have their own here."""
@@ -145,7 +145,7 @@ class Reactions:
         kernels.assemble_some(self._sliding, one, 0.0)
         return -work.r[:8 * n].reshape(-1, 8)
 
-    def _evaluate(self, system: Any, q: Array, h: float, factors: Array, second: Array | None, of_slider: Any) -> Array:
+    def _evaluate(self, system: Any, q: Array, h: float, factors: Array, second: Array | None) -> Array:
         holding, x = self.holding, q[:, 0]
         self._system = record_of(system, self._system)
         # nodes that share the spin of another turn like it
@@ -155,7 +155,7 @@ class Reactions:
         kernels.assemble_all(self.terms, self._system, h)
         sections = np.zeros((0, 2, 3))
         if self.bodies is not None:
-            sections = self.bodies.forces(system, q, h, factors, second, lambda k: of_slider(k, system))
+            sections = self.bodies.forces(system, q, h, factors, second, lambda k: self._of_slider(k, system))
         theta[:] = before
         force, moment = self._rows()
         out = np.full((self.count, 2, 3), np.nan)
@@ -240,7 +240,7 @@ def _as_running(term: Any, run: Any) -> Any:
         return term._replace(**{name: getattr(run, name) for name in (*COEFFICIENTS, "air", "wind")})
     if isinstance(term, Sliding):
         # over corners of switches sliders have other curves
-        return term._replace(sliders=term.sliders._replace(curve=run.sliders.curve), limits=run.limits)
+        return term._replace(sliders=term.sliders._replace(curve=run.sliders.curve), limits=run.limits, sleeves=run.sleeves)
     return term._replace(share=run.share, work=run.work) if isinstance(term, ON_NODES) else term
 
 

@@ -68,7 +68,7 @@ class _Critical:
         start = np.random.default_rng(0).standard_normal(right.size)
         start[base.nodes:] *= 0.0
         # rows of what is held are in no unit
-        start[:base.nodes] *= base.contacts.free(len(base.core.dofs))
+        start[:base.nodes] *= base.map.free
         self.scale = saddle.typical(self.matrix)
         self.null = self.left = start / self.scale
         for _ in range(4):

@@ -16,7 +16,7 @@ from fastbeam.kernels.linalg import constraints  # noqa: F401
 from fastbeam.kernels.contact import slider  # noqa: F401
 from fastbeam.kernels.algebra.dimensions import dim
 from fastbeam.kernels.beams.nodes import extrapolation, remember
-from fastbeam.kernels.entries.dense import Contact, ContactOfCarriers
+from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.linalg.border import fill_panel, fill_residual, solve_border, take_solution
 from fastbeam.kernels.linalg.chain import Elimination, OneSide, RightSides, back_substitute, factor
@@ -135,6 +135,7 @@ def assemble_step(terms, system, h):
 
 
 @fill.register(NoContact)
+@fill.register(ContactAtRest)
 @fill.register(ContactOfCarriers)
 @kernel
 def fill_without_border(contact, terms, system):
@@ -196,6 +197,7 @@ def solve_nothing(solver, contact, system):
 
 
 @close.register(NoContact)
+@close.register(ContactAtRest)
 @close.register(ContactOfCarriers)
 @kernel
 def close_residual(contact, terms, system):

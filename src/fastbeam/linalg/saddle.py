@@ -13,6 +13,7 @@ singular value is near round-off; else SuperLU goes on.
 """
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from functools import cached_property
@@ -23,9 +24,9 @@ import numpy as np
 from fastbeam.interface.errors import BackendError
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
-from fastbeam.kernels.linalg.scaling import balance
+from fastbeam.kernels.linalg.scaling import balance, leave
 from fastbeam.linalg.inertia import SKEW, Entries, Nodes, Signs, held, inertia, orthonormal_columns, sizes_of
-from fastbeam.linalg.mkl import load_mkl, on_threads, pardiso_tables
+from fastbeam.linalg.mkl import load_mkl, pardiso_tables
 
 Array = np.ndarray
 # sweeps of the equilibration; each halves the exponent of what is missing
@@ -93,13 +94,20 @@ class Factors:
         t = self._tables
         assert t is not None
         t.data[:] = matrix.data
-        with on_threads(self._mkl, self._threads):
-            if not known:
-                self.analyses += 1
-                if kernels.call_pardiso(t, kernels.ANALYSE, t.b, t.x):
-                    return False
-            self.count += 1
-            return bool(kernels.call_pardiso(t, kernels.FACTOR, t.b, t.x) == 0)
+        if not known:
+            self.analyses += 1
+            if self._call(t, kernels.ANALYSE):
+                return False
+        self.count += 1
+        return self._call(t, kernels.FACTOR) == 0
+
+    def _call(self, t: PardisoTables, phase: int) -> int:
+        """PARDISO on these threads, the calling one among them; its error code."""
+        before = self._mkl.MKL_Set_Num_Threads_Local(self._threads)
+        try:
+            return int(kernels.call_pardiso(t, phase, t.b, t.x))
+        finally:
+            self._mkl.MKL_Set_Num_Threads_Local(before)
 
     def _begin(self, matrix: Any) -> None:
         """Tables of another structure."""
@@ -129,14 +137,12 @@ class Factors:
         t = self._tables
         assert t is not None
         t.b[:] = right
-        with on_threads(self._mkl, self._threads):
-            code = kernels.call_pardiso(t, kernels.SOLVE, t.b, t.x)
-        return t.x.reshape(right.shape).copy() if code == 0 else np.full(right.shape, np.nan)
+        failed = self._call(t, kernels.SOLVE)
+        return np.full(right.shape, np.nan) if failed else t.x.reshape(right.shape).copy()
 
     def _release(self) -> None:
         if self._tables is not None and self._tables.handle.any():
-            with on_threads(self._mkl, self._threads):
-                kernels.call_pardiso(self._tables, kernels.RELEASE, self._tables.b, self._tables.x)
+            self._call(self._tables, kernels.RELEASE)
         self._tables = None
 
     def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
@@ -251,26 +257,36 @@ class Saddle:
         """None where it is not certain that the matrix is regular and the solution good."""
         factors = self._factors
         assert factors is not None
+        row, column = self._measure
+        matrix, b = self.matrix, row * right
         for again in (False, True):
-            if factors.factor(self.matrix, again):
-                row, column = self._measure
-
-                def solved(b: Array, row: Array = row, column: Array = column) -> Array:
-                    return factors.solve(b / row) / column
-
-                def times(x: Array, row: Array = row, column: Array = column) -> Array:
-                    return row * (self.matrix @ (column * x))
-
-                b = row * right
-                x, self.residual = _refine(solved, lambda x: b - times(x), b)
+            if factors.factor(matrix, again):
+                x, self.residual = self._quickly(factors, b, row, column)
                 if self.residual <= REGULAR and not factors.perturbed:
-                    return column * x
-                if self._is_fair(x, b, row, column) and least_singular_value(solved, times, b.size) > CLEARLY_REGULAR:
-                    return column * x
+                    return np.asarray(column * x)
+                if self._is_fair(x, b, row, column) and least_singular_value(
+                        lambda b: factors.solve(b / row) / column, lambda x: row * (matrix @ (column * x)),
+                        b.size) > CLEARLY_REGULAR:
+                    return np.asarray(column * x)
             if factors.is_fresh:
                 break
         factors.refused += 1
         return None
+
+    def _quickly(self, factors: Factors, b: Array, row: Array, column: Array) -> tuple[Array, float]:
+        """As `_refine`, with residuals in compiled code; b, and the solution, scaled by row, column."""
+        matrix, size, rest = self.matrix, _norm(b) or 1.0, np.empty_like(b)
+        x = factors.solve(b / row) / column
+        left = leave(matrix.data, matrix.indptr, matrix.indices, row, column, x, b, rest) / size
+        for _ in range(2):
+            if not GOOD < left < 1e3:
+                break
+            better = x + factors.solve(rest / row) / column
+            found = leave(matrix.data, matrix.indptr, matrix.indices, row, column, better, b, rest) / size
+            if not found < left:
+                break
+            x, left = better, found
+        return x, left
 
     def _by_superlu(self, right: Array) -> Array | None:
         b = self.row * right
@@ -384,7 +400,7 @@ class Saddle:
 
 def _norm(x: Array) -> float:
     """Without BLAS, which begins threads for it."""
-    return float(np.sqrt(np.sum(x * x)))
+    return math.sqrt(np.add.reduce(x * x))
 
 
 def _refine(solved: Callable[[Array], Array], rest_of: Callable[[Array], Array], b: Array,

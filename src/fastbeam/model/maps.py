@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from copy import copy
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -187,6 +188,63 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
     bent = [link.law.bend(*(y[list(link.node)] for y in (q, rates))) for link in kept]
     every = sparse.vstack((matrix.tocsr(), gap_matrix(kept, q)), format="csr")
     return every, tangents, np.concatenate((convective.reshape(-1), *bent))
+
+
+def free_of_rows(model: Model) -> Array:
+    """1 for unknowns of rows that are free in statics, 0 for held ones, float64 [n rows]; in the tables of a plane of theirs."""
+    size = len(model.dofs)
+    free = np.ones((model.pattern.n, size))
+    if model.static_held is not None:
+        held = model.static_held.mask[:, None] >> np.arange(size) & 1
+        free[model.static_held.row] *= 1 - held
+    return free.reshape(-1)
+
+
+class RowMap:
+    """Unknowns of the rows of nodes in statics, and what they move.
+
+    Parameters
+    ----------
+    model : Model
+        In space.
+    axes : float64 [3, 3], optional
+        Of the plane where nodes have 3 unknowns: two in it and its normal, by rows.
+    """
+
+    def __init__(self, model: Model, axes: Array | None) -> None:
+        self.model, self.axes = model, axes
+
+    @cached_property
+    def free(self) -> Array:
+        """1 for free unknowns, 0 for held ones [m]."""
+        return free_of_rows(self.model if self.axes is None else self.model.plane.model)
+
+    @cached_property
+    def ties(self) -> Any:
+        """`tie_map`."""
+        return tie_map(self.model)
+
+    @cached_property
+    def every(self) -> Any:
+        """Unknowns -> positions and spins of all nodes, sparse [6 N, m], held ones too."""
+        from scipy import sparse
+        n, pattern = self.model.n_nodes, self.model.pattern
+        pick = sparse.csr_matrix((np.ones(n), (np.arange(n), pattern.row_of)), shape=(n, pattern.n))
+        within = np.eye(6)
+        if self.axes is not None:
+            within = np.zeros((6, 3))
+            within[:3, 0], within[:3, 1], within[3:, 2] = self.axes
+        return sparse.kron(pick, within, format="csr")
+
+    @cached_property
+    def rows(self) -> Any:
+        """The same with held unknowns standing still."""
+        from scipy import sparse
+        return (self.every @ sparse.diags(self.free)).tocsr()
+
+    def rates(self, q: Array) -> Any:
+        """Unknowns -> rates of the coordinates of all nodes at q [12 N], sparse [12 N, m]."""
+        return self.ties @ velocity_map(q.reshape(-1, 4, 3)) @ self.rows
 
 
 def with_values(matrix: Any, data: Array) -> Any:

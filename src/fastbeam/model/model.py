@@ -169,7 +169,7 @@ class Model(WithFeatures):
         """Names of the joints with multipliers; a joint may be several links."""
         return list(dict.fromkeys(link.joint for link in self.kept))
 
-    @property
+    @cached_property
     def n_sliders(self) -> int:
         """Number of sliders."""
         return self.s0.size
@@ -244,17 +244,17 @@ class Model(WithFeatures):
         out[:self.n_sliders] = out[self.n_sliders + len(self.kept):] = self.border
         return out
 
-    @property
+    @cached_property
     def dim(self) -> int:
         """Components of a position: 3, in the tables of a planar scene 2."""
         return 3 if self.dofs == SPACE else 2
 
-    @property
+    @cached_property
     def border(self) -> int:
         """Border unknowns of a slider: force, s, mean gap."""
         return 2 * self.dim + 1
 
-    @property
+    @cached_property
     def columns(self) -> int:
         """Right-hand sides of a solve: residual and borders."""
         return 1 + self.border * self.n_bordered
@@ -264,7 +264,7 @@ class Model(WithFeatures):
         """Doubles of a dense border of all constraints; 0 without any."""
         return self.columns * (self.columns + len(self.dofs) * self.n_nodes) if self.n_bordered else 0
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Columns of the panel of right-hand sides: one, or those of sliders padded to 8."""
         return -(-self.columns // 8) * 8 if self.columns > 1 else 1

@@ -13,7 +13,7 @@ from fastbeam.kernels.beams.nodes import NODES_SCRATCH
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
 from fastbeam.kernels.contact.moving_beam import MovingBeam, Scratch
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
-from fastbeam.kernels.entries.dense import Contact, ContactInRows, ContactOfCarriers
+from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
 from fastbeam.kernels.forces.user_force import FACTOR, SIZE
 from fastbeam.kernels.layout import NODES, POINTS, layout_of
@@ -174,16 +174,28 @@ def factored_contact_of(model: Model, entries: int) -> FactoredContact:
                            pair=np.zeros((0, 2), np.int64))
 
 
-def contact_of(model: Model, entries: int | None = None) -> Contact | None:
-    """Work arrays of the constraints, with room for so many entries (default: `entries_of`)."""
+def entries_at_rest(model: Model) -> int:
+    """Entries that a constraint may have in statics, where a slider stands in one element."""
+    widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
+    ends = 2 * widest + 2 if model.kept else 0
+    if model.curves is None:
+        return ends
+    # the point, or the spin of the holder of a sleeve
+    nodes = int(model.curves.count.max())
+    return max(ends, (nodes + 1) * widest + nodes + 1)
+
+
+def contact_of(model: Model, entries: int | None = None, at_rest: bool = False) -> Contact | None:
+    """Work arrays of the constraints, with room for so many entries (default: `entries_of`); at_rest: in statics."""
     n, row = model.n_constraints, 8 * len(model.dofs)
     if not n:
         return None
     shape = np.zeros((1, 3), np.int64) if model.curves is None else model.curves.shape
-    entries = entries or (entries_of(model) if model.n_bordered else 0)
+    entries = entries or (entries_at_rest(model) if at_rest else entries_of(model) if model.n_bordered else 0)
     first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else np.where(
         model.carried, -1, model.border * (np.cumsum(~model.carried) - 1))
     kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
+    kind = ContactAtRest if at_rest else kind
     columns, lines = (aligned_empty(n * row * entries).reshape(n, row * entries) for _ in range(2))
     # behind the forces of joints those of the identity, and zeros on the right
     corner = aligned(64 * n).reshape(n, 64)

@@ -419,7 +419,7 @@ class PathSolver(SlidingSolver):
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
         k = int(np.sum(~saddle.multiplier))
-        free = np.append(self.contacts.free(len(self.core.dofs)), np.ones(self.sliding.size))
+        free = np.append(self.map.free, np.ones(self.sliding.size))
         mass = sparse.diags(self.weight[:k] * free, format="csr")
         given = saddle.matrix.T if left else saddle.matrix
         matrix = (given if self.is_unsymmetric else 0.5 * (given + given.T)).tocsr()

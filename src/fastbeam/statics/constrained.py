@@ -10,13 +10,14 @@ from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDE
 from fastbeam.kernels.state import State
 from fastbeam.linalg.saddle import Saddle, factors_for
 from fastbeam.model.mapping import HALF_TURN
+from fastbeam.model.maps import RowMap
 from fastbeam.model.model import Model
-from fastbeam.statics.contact_equations import Border, SaddleMatrix, StaticContacts
 from fastbeam.statics.equilibrium import StaticSolver
 from fastbeam.statics.joint_friction import static_joints
 from fastbeam.statics.moving_supports import coordinates_of
-from fastbeam.statics.slider_friction import StaticAlong
+from fastbeam.statics.slider_friction import StaticAlong, turned_with_sleeves, with_friction
 from fastbeam.statics.steady_motion import SteadyForces
+from fastbeam.stepping.assembled import Constraints, Equations, SaddleMatrix, entries_of_matrix
 from fastbeam.stepping.iteration import newton_loop
 
 Array = np.ndarray
@@ -68,7 +69,8 @@ class SaddleSolver(StaticSolver):
         uneliminated = model.uneliminated(planar=flat)
         super().__init__(uneliminated, start, max_iterations, "superlu")
         plane = self.stepper.plane
-        self.contacts = StaticContacts(uneliminated, None if plane is None else plane.axes)
+        self.map = RowMap(uneliminated, None if plane is None else plane.axes)
+        self.constraints = Constraints(self.stepper)
         core = self.core
         self._matrix = SaddleMatrix(core.pattern, len(core.dofs), core.n_sliders, core.n_forces)
         self._factors = factors_for(backend)
@@ -95,7 +97,9 @@ class SaddleSolver(StaticSolver):
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
-        self._no_border: Border | None = None
+        # what they are without constraints, whatever the shape, and loads with the forces of constraints
+        self._without: Equations | None = None
+        self._all_loads = self.work.f_ext
         # forces of inertia of a steady motion
         self.steady: SteadyForces | None = None
 
@@ -131,7 +135,7 @@ class SaddleSolver(StaticSolver):
             self.joints.hold()
             given.append(self.resting)
         if given:
-            self.contacts.given = np.concatenate(given)
+            self.constraints.given = np.concatenate(given)
 
     @property
     def name(self) -> str:
@@ -155,67 +159,54 @@ class SaddleSolver(StaticSolver):
         state = self.stepper.core_state
         state.q[:], state.s[:], state.force[:] = saved
 
-    def _border(self, rubs: bool = True) -> Border:
-        """Equations of the sliders at the present shape, with friction of those that slip or without; their residuals are kept
-        for messages."""
-        if self._no_border is not None:
-            return self._no_border
-        state, contact = self.stepper.core_state, self.stepper.contact
-        self._weights = self.contacts.weights(state.s)
-        along = self.along
-        border = self.contacts.border(self._weights, self.state.q, state.force,
-                                      None if along is None else along.slip if rubs else np.zeros(state.s.size))
-        if along is not None:
-            force, slope = along.known(state.s)
-            border = border._replace(sliding=border.sliding - force, bend=border.bend - slope)
-        dim = self.core.dim
-        sliders = self.sliding.size
+    def _of_constraints(self, rubs: bool = True) -> Equations:
+        """Equations of the constraints at the present shape, with friction of sliders that slip or without; their residuals are
+        kept for messages."""
+        if self._without is not None:
+            return self._without
+        state, contact, along = self.stepper.core_state, self.stepper.contact, self.along
+        found = self.constraints.at()
         if contact is None:
-            # without constraints there is nothing that depends on a shape
-            self._no_border = border
-            return border
-        contact.residual[:sliders, :dim] = border.gap
-        contact.residual[:sliders, dim] = np.where(self.sliding, border.sliding, 0.0)
-        of_joints = np.arange(8) < contact.forces[sliders:, None]
-        contact.residual[sliders:][of_joints] = border.joint_gap
-        return border
-
-    def _gaps(self, q: Array) -> Array:
-        """Of sliders and joints at coordinates q [12 N], for sliders where they are, [F]."""
-        state = self.stepper.core_state
-        return self.contacts.border(self._weights, q, state.force, np.zeros(state.s.size)).gaps
+            self._without = found
+            return found
+        if self.core.sleeves is not None:
+            found = found._replace(bent=turned_with_sleeves(self.map, self.constraints.angles, self.stepper.state))
+        if along is not None:
+            found = with_friction(self.constraints, found, along.slip if rubs else np.zeros(state.s.size))
+            force, slope = along.known(state.s)
+            found = found._replace(sliding=found.sliding - force, bend=found.bend - slope)
+        contact.residual[:self.sliding.size, self.core.dim] = np.where(self.sliding, found.sliding, 0.0)
+        return found
 
     def _shape(self) -> Array:
         """Coordinates in space [12 N]; nothing where no equation asks for them."""
-        needed = self._no_border is None or self.steady is not None or self.motion is not None
-        return self.state.q if needed else np.zeros(0)
+        return self.state.q if self.steady is not None or self.motion is not None else np.zeros(0)
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
     def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
         """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
-        model, work, state = self.core, self.work, self.stepper.core_state
+        model, work = self.core, self.work
         size, n = len(model.dofs), model.pattern.n
-        border, q = self._border(), self._shape()
+        equations, q = self._of_constraints(), self._shape()
         work.f_ext[:] = self._loads
-        if self._no_border is None:
-            work.f_ext[:] += self.contacts.loads(self._weights, q, state.force)
         if self.steady is not None:
             work.f_ext[:] += self.steady.loads(q)
-            border = border._replace(bent=border.bent + self.steady.stiffness(q))
+            equations = equations._replace(bent=equations.bent.with_more(entries_of_matrix(self.steady.stiffness(q))))
+        self._all_loads = work.f_ext + equations.loads
         given = None if self.motion is None else self.motion.pending(coordinates_of(self.stepper, self.motion.own))
         if given is None:
             self.stepper.parts.assemble(0.0)
         else:
-            x = self.motion.rows(given, model, self.contacts.axes)
+            x = self.motion.rows(given, model, self.map.axes)
             self.carrying.assemble(self.stepper, self.stepper.records[1], x)
-        matrix = self._matrix.of(work.blocks, border, sliding, drag)
-        r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
-        gaps = border.gaps
+        matrix = self._matrix.of(work.blocks, equations, sliding, drag)
+        r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1).copy()
+        gaps = equations.gaps
         if given is not None:
             # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
-            r = r - 2.0 * x.reshape(-1)
-            gaps = self.motion.opened(self._gaps, q, given)
-        right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), gaps))
+            r -= 2.0 * x.reshape(-1)
+            gaps = self.motion.opened(self.constraints.gaps_at, q, given) if gaps.size else gaps
+        right = np.concatenate((-r, np.where(sliding, -equations.sliding, 0.0), gaps))
         multiplier = np.zeros(right.size, bool)
         multiplier[r.size + sliding.size:] = True
         saddle = Saddle(matrix, multiplier, self._factors, self._scales.get(sliding.tobytes()))
@@ -233,10 +224,10 @@ class SaddleSolver(StaticSolver):
             if x is None or not np.isfinite(x).all():
                 return None
             if used.unbalanced > 0.0 and used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
-                # forces push where nothing resists: a little along
+                # forces push where nothing resists: a little along, and sliders with it
                 size = self._size(used.drift[:n])
                 if size > 0.0:
-                    x[:n] += DRIFT / size * used.drift[:n]
+                    x[:n + sliding.size] += DRIFT / size * used.drift[:n + sliding.size]
             # what is soft runs away by itself: it alone is kept back
             if self._size(x[:n]) <= LARGEST_MOVE:
                 break
@@ -245,7 +236,7 @@ class SaddleSolver(StaticSolver):
     def _round_off(self, saddle: Saddle) -> Array:
         """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""
         size, n = len(self.core.dofs), self.core.pattern.n
-        loads = np.abs(self.work.f_ext[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
+        loads = np.abs(self._all_loads[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
         stiff = np.abs(saddle.matrix.diagonal()[:size * n])
         return UNBALANCED * loads + EPSILON * self.core.length * stiff
 
@@ -253,7 +244,7 @@ class SaddleSolver(StaticSolver):
         """Of an increment of the nodes, in sizes of the scene and rad."""
         x = np.abs(nodes.reshape(-1, len(self.core.dofs)))
         dim = self.core.dim
-        return float(np.max(x[:, :dim])) / self.core.length + float(np.max(x[:, dim:], initial=0.0))
+        return float(x[:, :dim].max()) / self.core.length + float(x[:, dim:].max(initial=0.0))
 
     def _share(self, nodes: Array) -> float:
         """Of an increment of the nodes that is not too long."""
@@ -270,7 +261,7 @@ class SaddleSolver(StaticSolver):
         moved = self.stepper.parts.update()
         state.s[:] += x.s
         state.force[:] += x.force
-        return moved + float(np.max(np.abs(x.s), initial=0.0)) / core.length
+        return moved + float(np.abs(x.s).max(initial=0.0)) / core.length
 
     def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
         """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
@@ -319,4 +310,4 @@ class SaddleSolver(StaticSolver):
 
     def beyond_ends(self, s: Array) -> bool:
         """Whether some slider would run off its beam."""
-        return bool(np.any((s < self.ends[:, 0]) | (s > self.ends[:, 1])))
+        return bool(((s < self.ends[:, 0]) | (s > self.ends[:, 1])).any())

@@ -20,11 +20,11 @@ from fastbeam.model.mapping import follow
 from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import Observer
 from fastbeam.statics.constrained import Increment
-from fastbeam.statics.contact_equations import ALONG_ONLY, Border, reduced
 from fastbeam.statics.equilibrium import Counts
 from fastbeam.statics.reactions import reactions_of
-from fastbeam.statics.slider_friction import RESERVE
+from fastbeam.statics.slider_friction import ALONG_ONLY, RESERVE
 from fastbeam.statics.sliding import ROUNDS, TO_END, SlidingSolver
+from fastbeam.stepping.assembled import Equations
 
 Array = np.ndarray
 # Newton's method on the places ends with increments below this share of a beam; the next one would be its square
@@ -110,7 +110,7 @@ class ExactSolver(SlidingSolver):
             status, found = self._slid(found, factors)
             if status != OK or self.along is None:
                 break
-            changed, s = self.along.judge(self._exact_border(found), found.cut.s)
+            changed, s = self.along.judge(self._exact_equations(found), found.cut.s)
             if self.along.in_circles:
                 return NOT_CONVERGED, sizes
             if not changed:
@@ -177,14 +177,14 @@ class ExactSolver(SlidingSolver):
         size = found.stretch * np.linalg.norm(force, axis=1)
         return np.sqrt(np.maximum(size**2 - found.slope**2, (ALONG_ONLY * size)**2)), force
 
-    def _exact_border(self, found: Found) -> Border:
+    def _exact_equations(self, found: Found) -> Equations:
         """What friction and stops are compared with; that of the elements where a contact has no slope of its own."""
         assert self.along is not None
-        border, normal = found.solver._border(rubs=False), self._normal(found)[0]
+        own, normal = found.solver._of_constraints(rubs=False), self._normal(found)[0]
         known, has = self.along.known(found.cut.s)[0], np.isfinite(found.slope)
         # in the cut scene all are held: drives and stops are in none of its equations
-        own = border.sliding + found.solver.along.known(found.cut.s)[0] - known  # type: ignore[union-attr]
-        return border._replace(sliding=np.where(has, found.slope - known, own), normal=np.where(has, normal, border.normal))
+        push = own.sliding + found.solver.along.known(found.cut.s)[0] - known  # type: ignore[union-attr]
+        return own._replace(sliding=np.where(has, found.slope - known, push), normal=np.where(has, normal, own.normal))
 
     def _no_slope(self, cut: Cut, free: Array) -> int:
         """A contact came to a node that other parts refer to, to another contact or to an end."""
@@ -280,7 +280,7 @@ class ExactSolver(SlidingSolver):
         t, factor = (float(x) for x in self.stepper.law_work[:2])
         solver.set_time(t, factor)
         solver.move_to(1.0)
-        solver.contacts.given = self.contacts.given
+        solver.constraints.given = self.constraints.given
         return solver
 
     def _compiled(self, cut: Cut, flat: bool) -> Model:
@@ -329,21 +329,18 @@ class ExactSolver(SlidingSolver):
 
     def _less_contact_forces(self, solver: SlidingSolver, along: Along) -> None:
         """Take the work of the contact forces on the nodes of the contacts from the slopes."""
-        contacts, state = solver.contacts, solver.stepper.core_state
-        loads = contacts.loads(contacts.weights(state.s), solver.state.q, state.force).reshape(-1, 8)
+        axes, loads = solver.map.axes, solver.constraints.at().loads.reshape(-1, 8)
         for k in np.flatnonzero(along.node >= 0):
             row = loads[solver.core.pattern.row_of[along.node[k]]]
             way = along.way[k].reshape(-1)
-            if contacts.axes is not None:
-                way = np.concatenate((contacts.axes[:2] @ way[:3], contacts.axes[2:] @ way[3:]))
+            if axes is not None:
+                way = np.concatenate((axes[:2] @ way[:3], axes[2:] @ way[3:]))
             along.slope[k] -= float(row[:way.size] @ way)
 
     def _by_unknowns(self, solver: SlidingSolver, along: Along, free: Array) -> Array:
         """Derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""
         from scipy import sparse
-        contacts = solver.contacts
-        matrix, nodes = reduced(sparse.csr_matrix(along.forces[free]) @ contacts.ties)
-        return np.asarray((matrix @ contacts._rates(solver.state.q, nodes)).todense())
+        return (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
 
     def _acting(self, cut: Cut, factors: Array) -> dict[Any, Acting]:
         """What acts along the beams with contacts at load factors [K]."""
@@ -423,11 +420,11 @@ class ExactSolver(SlidingSolver):
     def _share_out(self, row: dict[str, Any], found: Found) -> None:
         """Friction and rigid stops share what drives and elastic stops leave of the force along the beam."""
         assert self.along is not None
-        at_stop, border = self.along.modes.at_stop != 0, self._exact_border(found)
-        most = self.along.friction * border.normal
-        friction = np.where(at_stop, np.clip(border.sliding, -most, most), border.sliding)
+        at_stop, exact = self.along.modes.at_stop != 0, self._exact_equations(found)
+        most = self.along.friction * exact.normal
+        friction = np.where(at_stop, np.clip(exact.sliding, -most, most), exact.sliding)
         row["friction_force"] = np.where(self.along.rubs, friction, row["friction_force"])
-        stop = border.sliding - np.where(self.along.rubs, friction, 0.0)
+        stop = exact.sliding - np.where(self.along.rubs, friction, 0.0)
         row["stop_force"] = np.where(at_stop, stop, row["stop_force"])
 
     def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
@@ -435,7 +432,7 @@ class ExactSolver(SlidingSolver):
             return {}
         assert self.found is not None
         names = self.stepper.model.names["sliders"]
-        out = {"friction": self.along.report(names, self._exact_border(self.found))}
+        out = {"friction": self.along.report(names, self._exact_equations(self.found))}
         return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
 
     def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:

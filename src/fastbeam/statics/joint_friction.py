@@ -18,6 +18,8 @@ from fastbeam.kernels.joints.friction import AGAINST, SIGN, STICKS
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.model.contact.sleeve_conditions import sections
 from fastbeam.model.contact.sleeve_twist import angle_of, numbers_of, twist_label
+from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.statics.slider_friction import edges_of
 
 if TYPE_CHECKING:
     from fastbeam.statics.sliding import SlidingSolver
@@ -59,8 +61,8 @@ class JointCoordinates:
         self.values = np.clip(self.values, *self.stops.T)
         self.has_friction = np.array([holds.parts[k].has_friction for k in holds.rubs], bool)
         self.labels = [holds.parts[k].label for k in holds.rubs]
-        kept = solver.contacts.model.kept
-        sizes = [len(solver.contacts._within(link)) for link in kept]
+        kept = solver.map.model.kept
+        sizes = [len(_within(solver, link)) for link in kept]
         self._begin = solver.core.dim * solver.core.n_sliders + np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
         self.rows = np.full(holds.rubs.size, -1)
         left = holds.left_of_rubs()
@@ -74,13 +76,13 @@ class JointCoordinates:
         """Largest friction under the present forces, [R]."""
         out = self.holds.limits.copy()
         force, q = self.solver.stepper.core_state.force, self.solver.state.q.reshape(-1, 4, 3)
-        kept = self.solver.contacts.model.kept
+        kept = self.solver.map.model.kept
         for i in np.flatnonzero(self.holds.shares[:, 0] > 0.0).tolist():
             k = self.holds.rubs[i]
             for j, number in enumerate(self.holds._press(k, kept, 0)):
                 if number < 0:
                     continue
-                within = self.solver.contacts._within(kept[number])
+                within = _within(self.solver, kept[number])
                 mine = within.T @ force[self._begin[number]:self._begin[number + 1]]
                 if j == 0 and self.holds.parts[k].shape.is_angle:
                     axis = self.motions.turn[k, 0, 0] @ q[self.motions.node[k, 0], 1:]
@@ -101,7 +103,7 @@ class SectionAngles:
     """Angles of the sections of beams in R sleeves that rub as they turn; as `JointCoordinates`, in space."""
 
     def __init__(self, solver: SlidingSolver) -> None:
-        self.solver, self.model = solver, solver.contacts.model
+        self.solver, self.model = solver, solver.map.model
         state = solver.stepper.core_state
         self.of = self.model.twisting
         every = sections(self.model, state.s, state.q.reshape(-1, 4, 3))
@@ -116,13 +118,13 @@ class SectionAngles:
 
     def hold(self, values: Array) -> None:
         """Where equilibria have them from now on."""
-        self.solver.contacts.angles = dict(zip(self.of.tolist(), values.tolist()))
+        self.solver.constraints.angles = dict(zip(self.of.tolist(), values.tolist()))
 
     def most(self) -> Array:
         """Largest moment of friction under the present forces, N m [R]."""
         state = self.solver.stepper.core_state
         every = sections(self.model, state.s, state.q.reshape(-1, 4, 3))
-        press, _ = self.solver.contacts._edges(state.force)
+        press, _ = edges_of(self.model, state.force)
         out = np.zeros(self.of.size)
         for i, (o, k) in enumerate(zip(self.of.tolist(), self.sliders.tolist())):
             force, axis = state.force[3 * k:3 * k + 3], every[o].axes[0]
@@ -136,6 +138,12 @@ class SectionAngles:
         own[:, twists.ANGLE], own[:, twists.SIGN], own[:, twists.STICKS], own[:, twists.MOST] = values, 0.0, 1.0, self.most()
 
 
+def _within(solver: SlidingSolver, link: KeptLink) -> Array:
+    """What the equations take of the conditions of a joint, [m, m in space]."""
+    axes = solver.map.axes
+    return np.eye(link.forces(3)) if axes is None else link.law.within(axes)
+
+
 def static_joints(solver: SlidingSolver) -> StaticJoints | None:
     """Those of a solver, None where nothing has friction or rigid stops."""
     motions = solver.core.motions
@@ -143,7 +151,7 @@ def static_joints(solver: SlidingSolver) -> StaticJoints | None:
     if motions is not None and motions.holds.rubs.size:
         parts.append(JointCoordinates(solver))
     # nothing twists in a plane
-    if solver.stepper.plane is None and solver.contacts.model.twisting.size:
+    if solver.stepper.plane is None and solver.map.model.twisting.size:
         parts.append(SectionAngles(solver))
     return StaticJoints(solver, parts) if parts else None
 

@@ -11,7 +11,6 @@ from fastbeam.linalg.linear_system import SMALL
 from fastbeam.linalg.mkl import load_mkl
 from fastbeam.linalg.saddle import REGULAR, Factors, Saddle, least_singular_value
 from fastbeam.model.mapping import follow, turned
-from fastbeam.model.maps import velocity_map
 from fastbeam.model.model import Model
 from fastbeam.results.observe.contact_ripples import rest_events
 from fastbeam.results.observe.resolution import Resolution
@@ -88,7 +87,7 @@ class Response(SlidingSolver):
         """What round-off may make of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
         length, n = self.core.length, self.core.pattern.n
         out = np.full(self.unknowns, NOISE * length)
-        loads = self.work.f_ext[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
+        loads = self._all_loads[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
         out[:self.nodes] = NOISE * (length * np.abs(self.linearised()[0].matrix.diagonal()[:self.nodes]) + np.abs(loads))
         out[self.nodes:self.nodes + self.sliding.size] *= 1.0 + np.linalg.norm(self.stepper.core_state.force)
         return out
@@ -120,11 +119,11 @@ class Response(SlidingSolver):
 
     def lift(self) -> Any:
         """Unknowns of the nodes -> rates of the 12 coordinates of all nodes, sparse [12 N, m]."""
-        return self.contacts.ties @ velocity_map(self.state.q.reshape(-1, 4, 3)) @ self.contacts.rows
+        return self.map.rates(self.state.q)
 
     def spread(self, x: Array) -> Array:
         """Displacements and spins of the nodes that the unknowns [n] of nodes are of, [N, 6]; tied nodes have none."""
-        return np.asarray(self.contacts.rows @ x[:self.nodes]).reshape(-1, 6)
+        return np.asarray(self.map.rows @ x[:self.nodes]).reshape(-1, 6)
 
 
 def at_shape(like: Response, model: Model, factors: Array, way: Array, length: float,

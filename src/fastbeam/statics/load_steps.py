@@ -114,7 +114,7 @@ class StaticTask:
             out = sliding = SlidingSolver(model, self.start, self.max_iterations, self.stays,
                                           None if self.steady is None else False, self.backend, t)
             if self.steady is not None:
-                sliding.steady = SteadyForces("solve_static", sliding.stepper.model, self.steady, sliding.contacts, 6)
+                sliding.steady = SteadyForces("solve_static", sliding.stepper.model, self.steady, sliding.map, 6)
         else:
             out = StaticSolver(model, self.start, self.max_iterations, self.backend, self.threads)
         if model.prescribed is not None and self.at_time is not None:

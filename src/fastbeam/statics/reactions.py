@@ -28,7 +28,7 @@ class StaticReactions:
         self.solver.load_all(factors)
         q, steady = state.q.reshape(-1, 4, 3), getattr(self.solver, "steady", None)
         second = None if steady is None else steady.rates(q)
-        found = self.reactions.of_equilibrium(q, factors, getattr(self.solver, "push_of", None), second)
+        found = self.reactions.of_equilibrium(q, factors, second)
         if steady is not None and second is None:
             # forces of inertia act on nodes of beams that travel, and nothing tells their shares on both sides of a section
             found[6 * self.reactions.count:] = np.nan

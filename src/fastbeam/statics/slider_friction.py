@@ -14,10 +14,15 @@ import numpy as np
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.slider_forces import (AGAINST, HISTORY, INCREMENT, NO_DRIVE, OFFSET, POSITION, SIGN, STICKS,
     STIFFNESS)
+from fastbeam.kernels.state import State
+from fastbeam.model.contact.sleeve_conditions import sections
+from fastbeam.model.maps import RowMap
 from fastbeam.model.model import Model
-from fastbeam.statics.contact_equations import Border
+from fastbeam.stepping.assembled import Constraints, Entries, Equations, entries_of_matrix
 
 Array = np.ndarray
+# a part of the contact force across the beam that is round-off of the force
+ALONG_ONLY = 1e-12
 # a force along the beam that is round-off of the contact force
 ROUND_OFF = 1e-10
 # a slider that slips comes to rest where friction has this share in reserve, so that round-off of contact forces does not move it
@@ -128,13 +133,13 @@ class StaticAlong:
             slope[k] += (ahead - back) / (2.0 * step)
         return force, slope
 
-    def judge(self, border: Border, s: Array) -> tuple[bool, Array]:
-        """Compare every slider with its equilibrium, the border without friction: whether one has to do something else now, and
+    def judge(self, equations: Equations, s: Array) -> tuple[bool, Array]:
+        """Compare every slider with its equilibrium, equations without friction: whether one has to do something else now, and
         where all go on from [S]."""
         sign, at_stop, changes = self.modes
-        most = self.friction * border.normal
-        needed = border.sliding
-        slack = ROUND_OFF * (np.linalg.norm(border.tangent, axis=1) * border.size + np.abs(self.known(s)[0]))
+        most = self.friction * equations.normal
+        needed = equations.sliding
+        slack = ROUND_OFF * (np.linalg.norm(equations.tangent, axis=1) * equations.size + np.abs(self.known(s)[0]))
         before = sign.copy(), at_stop.copy()
         resting = ~self.held & (sign == 0) & (self.rubs | (at_stop != 0))
         back = resting & (needed > most + slack) & (at_stop >= 0)
@@ -180,10 +185,61 @@ class StaticAlong:
         own[:, AGAINST] = self.modes.at_stop
         own[:, STICKS] = self.rubs & (self.modes.at_stop == 0)
 
-    def report(self, names: list[str], border: Border) -> dict[str, dict[str, Any]]:
-        """Of every slider that rubs: friction force, N, the most that it could be, and whether the slider sticks; border:
-        without friction."""
-        most = self.friction * border.normal
-        force = np.where(self.modes.at_stop == 0, border.sliding, np.clip(border.sliding, -most, most))
+    def report(self, names: list[str], equations: Equations) -> dict[str, dict[str, Any]]:
+        """Of every slider that rubs: friction force, N, the most that it could be, and whether the slider sticks;
+        equations: without friction."""
+        most, needed = self.friction * equations.normal, equations.sliding
+        force = np.where(self.modes.at_stop == 0, needed, np.clip(needed, -most, most))
         return {names[k]: {"force": float(force[k]), "cone": float(most[k]), "sticks": bool(self.modes.sign[k] == 0)}
                 for k in np.flatnonzero(self.rubs).tolist()}
+
+
+def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Equations:
+    """Equations with what presses and rubs; slip [S]: coefficients of friction with the sign of the slip."""
+    core, force = constraints.stepper.core, constraints.stepper.core_state.force
+    t, (s, d) = found.tangent, found.tangent.shape
+    f = force[:s * d].reshape(s, d)
+    long, size = np.linalg.norm(t, axis=1), np.linalg.norm(f, axis=1)
+    part = np.sum(f * t, axis=1) / long**2
+    across = f - part[:, None] * t
+    normal = np.linalg.norm(across, axis=1)
+    edges, of_edges = edges_of(core, force)
+    found = found._replace(normal=(normal + edges) * long, size=size + edges)
+    if not slip.any():
+        return found
+    # the derivatives of (|F_across| + edges) |c'|
+    bare = np.where(normal > ALONG_ONLY * size, normal, np.inf)
+    by_force = (slip * long / bare)[:, None] * across
+    by_tangent = (slip * (normal + edges) / long)[:, None] * t - (slip * part * long / bare)[:, None] * across
+    # what depends on the tangents does as if these were contact forces
+    other = np.zeros_like(force)
+    other[:s * d] = by_tangent.reshape(-1)
+    turning = constraints.at(other)
+    pressed = Entries(np.repeat(np.arange(s), d), np.arange(s * d), by_force.reshape(-1))
+    return found._replace(sliding=found.sliding + slip * found.normal, bend=found.bend + turning.bend, rubbing=turning.slide,
+                          by_force=pressed.with_more(of_edges._replace(value=(slip * long)[of_edges.row] * of_edges.value)))
+
+
+def edges_of(core: Model, force: Array) -> tuple[Array, Entries]:
+    """What the moments of sleeves press on the edges of their bores, N [S], and its derivative by the multipliers [S, F]."""
+    press, value, row, column = np.zeros(core.n_sliders), [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for o, (k, c) in enumerate(core.sleeve_pairs.tolist()):
+        at = core.first_force[c] + np.arange(core.forces[c])
+        bore, key = core.sleeves.edges[2 * o:2 * o + 2]
+        bending = float(np.linalg.norm(force[at[:2]]))
+        press[k] = bore * bending + key * float(np.sum(np.abs(force[at[2:]])))
+        value.append(np.concatenate((bore * force[at[:2]] / (bending or 1.0), key * np.sign(force[at[2:]]))))
+        row.append(np.full(at.size, k))
+        column.append(at)
+    return press, Entries(*(np.concatenate(x) for x in (row, column, value)))
+
+
+def turned_with_sleeves(of: RowMap, angles: dict[int, float], state: State) -> Entries:
+    """What the moments of sleeves in space get from the second change of directors with the spins, on the unknowns of the rows,
+    N m; angles: of sections that friction holds."""
+    model, space = of.model, state.force
+    n, at = model.n_nodes, state.force.size - 3 * len(model.sleeve_pairs)
+    every = sections(model, state.s, state.q.reshape(-1, 4, 3))
+    every = [section.turned_by(angles[o]) if o in angles else section for o, section in enumerate(every)]
+    turned = sum(section.turned(space[at + 3 * o:at + 3 * o + 3], n) for o, section in enumerate(every))
+    return entries_of_matrix(of.rows.T @ turned @ of.rows)

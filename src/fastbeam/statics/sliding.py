@@ -80,7 +80,7 @@ class SlidingSolver(SaddleSolver):
                 sizes += more
             if status != OK or along is None:
                 return status, sizes
-            changed, s = along.judge(self._border(rubs=False), state.s)
+            changed, s = along.judge(self._of_constraints(rubs=False), state.s)
             if along.in_circles:
                 return NOT_CONVERGED, sizes
             if not changed:
@@ -99,7 +99,7 @@ class SlidingSolver(SaddleSolver):
         if self.along is None or not self.along.rubs.any():
             return {"friction": of_joints} if of_joints else {}
         names = self.stepper.model.names["sliders"]
-        out = {"friction": self.along.report(names, self._border(rubs=False)) | of_joints}
+        out = {"friction": self.along.report(names, self._of_constraints(rubs=False)) | of_joints}
         return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
 
     def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
@@ -130,22 +130,8 @@ class SlidingSolver(SaddleSolver):
 
     def load_all(self, factors: Array) -> None:
         self._load(factors)
-        self._border()
-        self.work.f_ext[:] += self.contacts.loads(self._weights, self.state.q, self.stepper.core_state.force, False)
         if self.steady is not None:
             self.work.f_ext[:] += self.steady.loads(self.state.q)
-
-    def push_of(self, k: int) -> Array:
-        """What slider k exerts at the last equilibrium on nodes [N, 8]; those that share a row have their own here."""
-        model, all_forces = self.core, self.stepper.core_state.force
-        of = [k, *(model.n_sliders + len(model.kept) + o for o, pair in enumerate(model.sleeve_pairs) if pair[0] == k)]
-        force = np.zeros_like(all_forces)
-        for c in of:
-            at = slice(model.first_force[c], model.first_force[c] + model.forces[c])
-            force[at] = all_forces[at]
-        assert self._weights is not None
-        own = np.arange(self.stepper.model.n_nodes)
-        return self.contacts.loads(self._weights, self.state.q, force, False, own)[:8 * own.size].reshape(-1, 8)
 
     def signs(self, factors: Array, in_plane: bool) -> Counts | None:
         if in_plane != (self.stepper.plane is not None):
@@ -160,9 +146,9 @@ class SlidingSolver(SaddleSolver):
         self.work.increment.control[0] = 0.0
         if self.along is not None:
             self.along.modes.sign[:] = 0
-        self.contacts.loose = None if self.joints is None else self.joints.loose
+        self.constraints.loose = None if self.joints is None else self.joints.loose
         found = self._assembled(self._unhindered)[0].signs(self.has_potential(in_plane))
-        self.contacts.loose = None
+        self.constraints.loose = None
         return self.counts(found)
 
     def at_places(self) -> tuple[Saddle, Array]:
@@ -195,7 +181,7 @@ class SlidingSolver(SaddleSolver):
             x = self._increment(free, drag)
             if x is None:
                 return SINGULAR, sizes
-            slope = np.where(free, self._border().sliding, 0.0)
+            slope = np.where(free, self._of_constraints().sliding, 0.0)
             largest = float(np.max(np.abs(x.s) / self.lengths))
             close = largest * float(np.max(self.lengths)) <= CLOSE * self.core.length
             work = float(slope @ x.s)
@@ -229,7 +215,7 @@ class SlidingSolver(SaddleSolver):
             sizes.append(self.move(Increment(share * x.nodes, steps, share * x.force)))
             status, more = self._newton(held)
             sizes += more
-            after = np.where(free, self._border().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)
+            after = np.where(free, self._of_constraints().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)
             if float(np.sum(after)) <= 0.9 * abs(float(slope @ steps)):
                 trust, drag = min(1.0, 2.0 * trust), 0.0
                 if self.along is not None:

@@ -17,10 +17,9 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.layout import layout_of
 from fastbeam.model.analyses import Analysis, require
-from fastbeam.model.maps import mass_map, velocity_map
+from fastbeam.model.maps import RowMap, mass_map, velocity_map
 from fastbeam.model.model import Model
 from fastbeam.scene import Beam
-from fastbeam.statics.contact_equations import StaticContacts
 
 Array = np.ndarray
 # part of loads across the axis of a spin that is round-off
@@ -233,8 +232,8 @@ class SteadyForces:
     model : Model
         In space.
     motion : Spin or Travel
-    contacts : StaticContacts
-        Of the same model: what its unknowns move.
+    of : RowMap
+        Of the same model.
     size : int
         Unknowns a row.
 
@@ -244,14 +243,14 @@ class SteadyForces:
         Of the forces that acts.
     """
 
-    def __init__(self, who: str, model: Model, motion: Spin | Travel, contacts: StaticContacts, size: int) -> None:
+    def __init__(self, who: str, model: Model, motion: Spin | Travel, of: RowMap, size: int) -> None:
         self.motion, self.share = motion, 1.0
         self.field = field_of(who, model, motion)
-        self._contacts, self._size, self._n = contacts, size, model.n_nodes
+        self._map, self._size, self._n = of, size, model.n_nodes
 
     def loads(self, q: Array) -> Array:
         """At coordinates q [12 N], on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
-        of = self._contacts
+        of = self._map
         lead = of.ties @ velocity_map(q.reshape(-1, 4, 3)) @ of.every
         out = np.zeros((self._n + 1, 8))
         of_rows = (lead.T @ self._force(q)).reshape(-1, self._size)
@@ -273,8 +272,8 @@ class SteadyForces:
     def stiffness(self, q: Array) -> Any:
         """Minus the derivative of these forces by the unknowns of the rows, sparse [m, m]."""
         from scipy import sparse
-        x, of = q.reshape(-1, 4, 3), self._contacts
-        lead = of.ties @ velocity_map(x) @ of.rows
+        x, of = q.reshape(-1, 4, 3), self._map
+        lead = of.rates(q)
         # a force on a director turns with it: of the moment d x f by a spin, as in the tangent of beams; only the sum of all of
         # them is symmetric
         force = (of.ties.T @ self._force(q)).reshape(-1, 4, 3)[:, 1:]

@@ -221,11 +221,11 @@ class _HeldSlider(_Held):
     def margin(self) -> float:
         solver, k = self.solver, self.k
         assert solver.along is not None
-        forces, border = solver.along.forces, solver._border(rubs=False)
-        needed, s = float(border.sliding[k]), float(solver.stepper.core_state.s[k])
+        forces, here = solver.along.forces, solver._of_constraints(rubs=False)
+        needed, s = float(here.sliding[k]), float(solver.stepper.core_state.s[k])
         if forces.tables.drive[k]:
             needed -= forces.at_rest(k, self.t, s, solver.along.factor, solver.along.offset[k])
-        most = float(forces.tables.friction[k] * border.normal[k])
+        most = float(forces.tables.friction[k] * here.normal[k])
         return 1.0 - abs(needed) / most if most > 0.0 else -1.0 if needed else 1.0
 
 

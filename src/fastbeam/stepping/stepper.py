@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -123,13 +124,12 @@ class Stepper:
         # sliders alone, as rows of the block matrix
         self._factored = core.by_rows and core.n_constraints == core.n_sliders and not (compared or static)
         self.rows: Constraints | None = None
-        if core.by_rows:
+        if core.by_rows and not static:
             self.capacity = capacity_of(core)
             self.contact = self._contact_of(self.capacity.entries)
-            if not static:
-                self._make_rows(self.capacity)
+            self._make_rows(self.capacity)
         else:
-            self.contact = contact_of(core)
+            self.contact = contact_of(core, at_rest=static)
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
@@ -156,7 +156,9 @@ class Stepper:
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self.made_fallback: Stepper | None = None  # once a step has needed it
-        self._records: tuple[Record | None, Record | None] = None, None
+        self._records: tuple[Any, Any] = None, None
+        # what they were made of
+        self._recorded: tuple[Any, ...] = (None,) * 8
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
         self.stop: Callable[[], bool] = bool
         mass = float(model.gravity_weight.sum()) + (0.0 if model.moving is None else model.moving.mass)
@@ -241,15 +243,17 @@ class Stepper:
         if self._static:
             method = Equilibrium()
         solver = self.linear.tables if self.core.pattern.plan is None else self.rows or self.core.pattern.plan
-        return system_of(self.core, method, None if self._static else self.contact, solver if self.linear.is_compiled else None,
+        return system_of(self.core, method, self.contact, solver if self.linear.is_compiled else None,
                          self.core_state, self.work)
 
     @property
     def records(self) -> tuple[Record, Record]:
         """The terms and what they share, as compiled code takes them."""
-        terms, system = self._records
-        self._records = found = record_of(self.terms, terms), record_of(self.system, system)
-        return found
+        of = self.terms, self.core, self.contact, self.rows, self.core_state, self.work, self.alpha, self.linear.tables
+        if not all(map(is_, of, self._recorded)):
+            terms, system = self._records
+            self._records, self._recorded = (record_of(self.terms, terms), record_of(self.system, system)), of
+        return self._records
 
     @property
     def _remembered(self) -> tuple[Array, ...]:

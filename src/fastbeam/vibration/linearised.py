@@ -13,15 +13,15 @@ from fastbeam.kernels.state import State
 from fastbeam.linalg.eigen import Pencil
 from fastbeam.model.forces.damping_matrix import damping_map, material_map
 from fastbeam.model.mapping import follow, turned
-from fastbeam.model.maps import mass_map, velocity_map
+from fastbeam.model.maps import RowMap, mass_map
 from fastbeam.model.model import Model
 from fastbeam.model.start import mended
-from fastbeam.statics.contact_equations import SaddleMatrix, StaticContacts
+from fastbeam.statics.slider_friction import turned_with_sleeves, with_friction
 from fastbeam.statics.steady_motion import Spin, SteadyForces, Travel
+from fastbeam.stepping.assembled import Constraints, Equations, SaddleMatrix
 from fastbeam.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
-    from fastbeam.statics.contact_equations import Border
     from fastbeam.vibration.resting_sliders import RestingSliders
 
 Array = np.ndarray
@@ -77,12 +77,12 @@ class Linearisation:
             raise SceneError("planar=True: the state leaves the plane of the scene; leave planar out")
         self.core, self._sliding, self.factors, self.resting = self.stepper.core, sliding, factors, resting
         self.size = len(self.core.dofs)
-        self.contacts = StaticContacts(own, None if plane is None else plane.axes)
+        self.map, self.constraints = RowMap(own, None if plane is None else plane.axes), Constraints(self.stepper)
         motions = self.core.motions
         if motions is not None and motions.holds.rubs.size:
-            self.contacts.loose = motions.holds.loose(self.stepper.core_state.history)
-        self.free = np.flatnonzero(self.contacts.free(self.size))
-        self.lift = (self.contacts.ties @ velocity_map(self.q) @ self.contacts.rows).tocsc()[:, self.free]
+            self.constraints.loose = motions.holds.loose(self.stepper.core_state.history)
+        self.free = np.flatnonzero(self.map.free)
+        self.lift = self.map.rates(self.q).tocsc()[:, self.free]
         inertia = mass_map(own, self.q.reshape(-1))
         if own.added is not None:
             inertia = inertia + own.added.mass_map(self.q)
@@ -94,7 +94,7 @@ class Linearisation:
             kernels.external_forces(self.core.loads, factors, self.loads)
         self.steady = None
         if steady is not None:
-            self.steady = SteadyForces(steady[0], own, steady[1], self.contacts, self.size)
+            self.steady = SteadyForces(steady[0], own, steady[1], self.map, self.size)
         self._saddle = None
         if own.n_constraints:
             self._saddle = SaddleMatrix(self.core.pattern, self.size, self.core.n_sliders, self.core.n_forces)
@@ -118,28 +118,28 @@ class Linearisation:
         """Stiffness and masses, and the forces and gaps that are left, with the present contact forces."""
         from scipy import sparse
         stepper, core = self.stepper, self.core
-        work, state, n = stepper.work, stepper.core_state, core.pattern.n
+        work, n = stepper.work, core.pattern.n
         work.f_ext[:] = self.loads
-        border = None
+        equations = None
         if self._saddle is not None:
-            weights = self.contacts.weights(state.s)
-            border = self.contacts.border(weights, self.q.reshape(-1), state.force)
-            border = border if self.resting is None else self.resting.put(border)
-            work.f_ext[:] += self.contacts.loads(weights, self.q.reshape(-1), state.force)
+            equations = self.constraints.at()
+            if core.sleeves is not None:
+                equations = equations._replace(bent=turned_with_sleeves(self.map, {}, stepper.state))
+            equations = equations if self.resting is None else self.resting.put(equations)
         if self.steady is not None:
             work.f_ext[:] += self.steady.loads(self.q)
         stepper.parts.start(0.0)
         stepper.assemble_anew()
         right = -work.r[:8 * n].reshape(n, 8)[:, :self.size].reshape(-1)[self.free]
         keep = self.free
-        if self._saddle is None or border is None:
+        if self._saddle is None or equations is None:
             blocks = work.blocks[:8 * self.size * core.pattern.keys.size].reshape(-1, self.size, 8)
             matrix = 2.0 * stepper.linear.superlu.by_rows(blocks)
         else:
-            matrix = self._saddle.of(work.blocks, border, self.sliding, 0.0)
+            matrix = self._saddle.of(work.blocks, equations, self.sliding, 0.0)
             keep = np.concatenate((self.free, np.arange(self._saddle.nodes, self._saddle.n)))
-            slope = np.where(self.sliding, -border.sliding, 0.0)
-            right = np.concatenate((right, slope, border.gaps))
+            slope = np.where(self.sliding, -equations.sliding, 0.0)
+            right = np.concatenate((right, slope, equations.gaps))
         if self.steady is not None:
             more = self.steady.stiffness(self.q)
             more.resize(matrix.shape)
@@ -223,17 +223,17 @@ class Linearisation:
     def _damping_along(self, resting: RestingSliders) -> Any:
         """Of sliders along their beams, sparse [k, k]: the gaps stay closed, so that ds/dt = c' . B dx/dt / c'^2."""
         from scipy import sparse
-        border = self._pressed()
-        s, d = border.tangent.shape
+        found = self._pressed()
+        s, d = found.tangent.shape
         of = np.repeat(np.arange(s), d), np.arange(s * d)
-        share = border.tangent / np.sum(border.tangent**2, axis=1)[:, None]
-        rates = sparse.csr_matrix((share.reshape(-1), of), shape=(s, s * d)) @ border.gradient[:s * d][:, self.free]
-        return rates.T @ sparse.diags(resting.damping(border)) @ rates
+        share = found.tangent / np.sum(found.tangent**2, axis=1)[:, None]
+        gradient = found.gradient.matrix(found.gaps.size, self.map.free.size)[:s * d][:, self.free]
+        rates = sparse.csr_matrix((share.reshape(-1), of), shape=(s, s * d)) @ gradient
+        return rates.T @ sparse.diags(resting.damping(found)) @ rates
 
-    def _pressed(self) -> Border:
+    def _pressed(self) -> Equations:
         """Equations of the sliders without forces along beams, and what presses on them."""
-        state = self.stepper.core_state
-        return self.contacts.border(self.contacts.weights(state.s), self.q.reshape(-1), state.force, np.zeros(state.s.size))
+        return with_friction(self.constraints, self.constraints.at(), np.zeros(self._sliding.size))
 
     def frees(self, who: str) -> bool:
         """Whether a slider turns out to be free, once contact forces are those of the equilibrium; who: the function that was

@@ -13,7 +13,7 @@ from fastbeam.statics.slider_friction import StaticAlong
 if TYPE_CHECKING:
     from fastbeam.kernels.state import State
     from fastbeam.model.model import Model
-    from fastbeam.statics.contact_equations import Border
+    from fastbeam.stepping.assembled import Equations
 
 Array = np.ndarray
 # force along the beam that is round-off of contact forces, next to these, and next to all loads
@@ -74,12 +74,12 @@ class RestingSliders:
         s, stiff, (low, high) = self._at[2], self.forces.tables.stops[:, STIFFNESS], self.along.elastic.T
         return self._by_drives(by_rate=False) - np.where((stiff > 0.0) & ((s < low) | (s > high)), stiff, 0.0)
 
-    def put(self, border: Border) -> Border:
+    def put(self, equations: Equations) -> Equations:
         """Equations of sliders with these forces."""
-        return border._replace(sliding=border.sliding - self.force, bend=border.bend - self.slope)
+        return equations._replace(sliding=equations.sliding - self.force, bend=equations.bend - self.slope)
 
-    def damping(self, border: Border) -> Array:
-        """Minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; border: with what presses.
+    def damping(self, equations: Equations) -> Array:
+        """Minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; equations: with what presses.
 
         Raises
         ------
@@ -88,10 +88,10 @@ class RestingSliders:
         """
         table = self.forces.tables
         smooth = (table.smoothing > 0.0) & (table.friction > 0.0)
-        of_smooth = np.where(smooth, table.friction * border.normal / np.where(smooth, table.smoothing, 1.0), 0.0)
+        of_smooth = np.where(smooth, table.friction * equations.normal / np.where(smooth, table.smoothing, 1.0), 0.0)
         return np.where(self.free, of_smooth + table.viscous - self._by_drives(by_rate=True), 0.0)
 
-    def judge(self, who: str, border: Border, loads: float) -> bool:
+    def judge(self, who: str, equations: Equations, loads: float) -> bool:
         """Whether friction and stops hold the sliders that they are to hold; one that touches a stop without a force is free from
         now on.
 
@@ -99,7 +99,7 @@ class RestingSliders:
         ----------
         who : str
             The function that was called.
-        border : Border
+        equations : Equations
             At the equilibrium, without these forces and with what presses.
         loads : float
             Size of all loads, N.
@@ -115,9 +115,9 @@ class RestingSliders:
             One is pushed away.
         """
         along, at_stop = self.along, self.along.modes.at_stop
-        most, needed = along.friction * border.normal, border.sliding - self.force
-        long = np.linalg.norm(border.tangent, axis=1)
-        slack = OF_CONTACT * (long * border.size + np.abs(self.force)) + OF_LOADS * long * loads
+        most, needed = along.friction * equations.normal, equations.sliding - self.force
+        long = np.linalg.norm(equations.tangent, axis=1)
+        slack = OF_CONTACT * (long * equations.size + np.abs(self.force)) + OF_LOADS * long * loads
         resting = ~along.held & (along.rubs | (at_stop != 0))
         gone = resting & ((needed > most + slack) & (at_stop >= 0) | (needed < -most - slack) & (at_stop <= 0))
         if gone.any():

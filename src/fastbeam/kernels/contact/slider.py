@@ -29,7 +29,8 @@ from fastbeam.kernels.contact.curves import add_basis, find_element, node_of, no
 from fastbeam.kernels.entries.dense import Frame, Weights, put_corner, put_frame, put_node, put_translation
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.terms import Conserving, account, assemble, first_guess, is_settled, take_unknowns, within_limits
+from fastbeam.kernels.terms import (Conserving, Equilibrium, account, assemble, first_guess, is_settled, take_unknowns,
+    within_limits)
 
 
 END_SLACK = 1e-12
@@ -84,6 +85,24 @@ class SlidingLaw(NamedTuple):
 @generic
 def sliding_law(along, term, system, k, force, tangent, push):
     """The `SlidingLaw` of slider k for its contact force, the tangent T of the step and the push of moments along the beam."""
+
+
+@generic
+def in_step(method, x):
+    """A vector that a step has and an equilibrium has not: the lever arm of the mean gap, and what the turn of the frame does."""
+
+
+@in_step.register(object)
+@inlined
+def of_step(method, x):
+    return x
+
+
+@in_step.register(Equilibrium)
+@inlined
+def none_at_rest(method, x):
+    """What an iteration leaves of a gap is no lever: forces without moments are the gradient of the energy."""
+    return 0.0 * x
 
 
 @generic
@@ -292,12 +311,12 @@ def add_slider(along, term, system, k):
     sums = sums_of_sections.call(term.sleeves, system, k, nodes, lo, hi)
     push = push_of_moments.call(term.sleeves, sums, term, system, k)
     law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way), push)
-    turned = spin_cross.call(way.turn, law.force)
+    turned = in_step.call(system.method, spin_cross.call(way.turn, law.force))
     slide = 0.5 * law.force + 0.25 * turned
     back = 0.5 * law.force - 0.25 * turned
     contact.entries[k] = 0
     point = term.sliders.point[k]
-    gap = position(work.q_mid, point, dofs) - way.mean
+    gap = in_step.call(system.method, position(work.q_mid, point, dofs) - way.mean)
     put_curve(term, system, k, nodes, lo, hi,
               Frame(f, gap, cross_product.call(gap, f), slide, cross_product.call(law.force, jump)))
     # -F on the point
@@ -346,6 +365,16 @@ def assemble_sliding(term, method, system, h):
         # not those that are eliminated with their beams
         if system.contact.first[k] >= 0:
             add_contact.call(term.along, term, system, k)
+
+
+@assemble.register(Sliding, Equilibrium)
+@kernel
+def assemble_sliding_at_rest(term, method, system, h):
+    """Both ends of the step are the present shape."""
+    state, work = system.state, system.work
+    for k in range(state.s.shape[0]):
+        work.s_end[k] = state.s[k]
+    assemble_sliding(term, method, system, h)
 
 
 @take_unknowns.register(Sliding)

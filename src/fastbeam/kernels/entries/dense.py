@@ -54,6 +54,10 @@ class ContactInRows(Contact):
     """Contact of scenes whose constraints are rows of the block matrix (linalg/constraints.py), not a dense border."""
 
 
+class ContactAtRest(Contact):
+    """Contact in statics, which solves for nodes and constraints outside of compiled code."""
+
+
 class ContactOfCarriers(Contact):
     """Contact of scenes whose sliders are all eliminated with their beams (linalg/carriers.py): it has no entries."""
 

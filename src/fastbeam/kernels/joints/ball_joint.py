@@ -12,7 +12,7 @@ from fastbeam.kernels.algebra.dimensions import add_to, dim, position, put, vect
 from fastbeam.kernels.beams.generalized_alpha import Alpha
 from fastbeam.kernels.contact.point_entries import begin_joint, forget_gaps, joints_are_closed, put_point, take_forces
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.terms import Conserving, Midpoint, assemble, first_guess, is_settled, take_unknowns
+from fastbeam.kernels.terms import Conserving, Equilibrium, Midpoint, assemble, first_guess, is_settled, take_unknowns
 
 
 class BallJoints(NamedTuple):
@@ -42,6 +42,7 @@ def add_ball_joints(joints, system, share):
 
 
 @assemble.register(BallJoints, Conserving)
+@assemble.register(BallJoints, Equilibrium)
 @assemble.register(BallJoints, Midpoint)
 @kernel
 def assemble_ball_joints(joints, method, system, h):

@@ -26,7 +26,7 @@ from fastbeam.kernels.entries.dense import entry_of, tied_arm
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import ARM, POSITION
-from fastbeam.kernels.terms import Conserving, Midpoint, NoTies, assemble, first_guess, is_settled, take_unknowns
+from fastbeam.kernels.terms import Conserving, Equilibrium, Midpoint, NoTies, assemble, first_guess, is_settled, take_unknowns
 
 
 class JointConditions(NamedTuple):
@@ -200,6 +200,7 @@ def add_conditions(joints, system, share):
 
 
 @assemble.register(JointConditions, Conserving)
+@assemble.register(JointConditions, Equilibrium)
 @assemble.register(JointConditions, Midpoint)
 @kernel
 def assemble_conditions(joints, method, system, h):

@@ -14,7 +14,7 @@ from fastbeam.kernels.beams.generalized_alpha import Alpha
 from fastbeam.kernels.contact.point_entries import begin_joint, forget_gaps, joints_are_closed, put_point, take_forces
 from fastbeam.kernels.entries.pairs import add_pair, difference
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.terms import Conserving, Midpoint, assemble, first_guess, is_settled, take_unknowns
+from fastbeam.kernels.terms import Conserving, Equilibrium, Midpoint, assemble, first_guess, is_settled, take_unknowns
 
 
 class DistanceJoints(NamedTuple):
@@ -51,6 +51,7 @@ def add_distance_joints(joints, system, share):
 
 
 @assemble.register(DistanceJoints, Conserving)
+@assemble.register(DistanceJoints, Equilibrium)
 @assemble.register(DistanceJoints, Midpoint)
 @kernel
 def assemble_distance_joints(joints, method, system, h):

@@ -117,6 +117,7 @@ def given_value(term, i):
 
 
 @assemble.register(JointDrives, Conserving)
+@assemble.register(JointDrives, Equilibrium)
 @kernel
 def assemble_drives(term, method, system, h):
     contact = system.contact
@@ -211,6 +212,7 @@ def account_control(term, system, h):
 
 
 @assemble.register(KnownForces, Conserving)
+@assemble.register(KnownForces, Equilibrium)
 @kernel
 def push_known(term, method, system, h):
     for i in range(term.which.shape[0]):

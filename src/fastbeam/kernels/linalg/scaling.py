@@ -1,7 +1,7 @@
-"""Factors that bring rows and columns of a sparse matrix to a size of 1 (D. Ruiz, 2001).
+"""Factors that bring rows and columns of a sparse matrix to a size of 1 (D. Ruiz, 2001), and residuals of the scaled matrix.
 
-Arrays: size [entries] of a matrix by rows; indptr [n + 1], indices [entries]; row [n], column [m]: factors; most_row [n],
-most_column [m]: largest entries.
+Arrays: size, data [entries] of a matrix by rows; indptr [n + 1], indices [entries]; row [n], column [m]: factors; most_row [n],
+most_column [m]: largest entries; x [m], b, rest_out [n].
 """
 from __future__ import annotations
 
@@ -33,3 +33,20 @@ def balance(size, indptr, indices, sweeps, row, column, most_row, most_column):
         for j in range(column.shape[0]):
             if most_column[j] > 0.0:
                 column[j] /= np.sqrt(most_column[j])
+
+
+@kernel
+def leave(data, indptr, indices, row, column, x, b, rest_out):
+    """What the matrix with scaled rows and columns leaves of b for a solution x. Returns its norm.
+
+    Arrays: data, indices [entries], indptr [n + 1], row, b, rest_out [n], column, x [m]
+    """
+    square = 0.0
+    for i in range(row.shape[0]):
+        y = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            y += data[k] * column[indices[k]] * x[indices[k]]
+        rest = b[i] - row[i] * y
+        rest_out[i] = rest
+        square += rest * rest
+    return np.sqrt(square)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.kernels.contact.sleeve import KnownTwist, Rubbing, Sleeves
+from fastbeam.kernels.contact.sleeve import KnownTwist, NoTwist, Rubbing, Sleeves
 from fastbeam.kernels.contact.sleeve_twist import ANGLE, SIGN, STICKS, TWIST, Twist
 from fastbeam.kernels.contact.slider import Sliding
 from fastbeam.model.analyses import Analysis, Lack, without_adjoint
@@ -22,8 +22,10 @@ STALE = 1e-11
 AT_REST = 1e-12
 
 
-def sleeves_of_run(table: Sleeves) -> Sleeves:
-    """The table with the arrays of one run."""
+def sleeves_of_run(table: Sleeves, at_rest: bool = False) -> Sleeves:
+    """The table with the arrays of one run; at_rest: in statics, where friction of twists holds sections as keys do."""
+    if at_rest:
+        return table._replace(keyed=table.keyed.copy(), axes=table.axes.copy(), twist=NoTwist())
     if not isinstance(table.twist, Twist):
         return table
     return table._replace(axes=table.axes.copy(), twist=deepcopy(table.twist))

@@ -96,9 +96,7 @@ class SlidingContact(Feature):
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
         """Sliders, sleeves, and what these rub."""
         model = run.model
-        if run.static:
-            return []
-        sleeves: Any = NoSleeves() if self.sleeves is None else sleeves_of_run(self.sleeves)
+        sleeves: Any = NoSleeves() if self.sleeves is None else sleeves_of_run(self.sleeves, run.static)
         # sliders of a run go over corners of switches on curves of their own
         sliders = self.sliders._replace(curve=self.sliders.curve.copy()) if self.corners else self.sliders
         along = run.own.get("slider_forces")
@@ -106,7 +104,7 @@ class SlidingContact(Feature):
                           model.put_limits(np.zeros((model.n_sliders, 3)), model.s0),
                           NoForceAlong() if along is None else along, sleeves)
         out: list[Any] = [sliding]
-        if isinstance(sleeves, Sleeves):
+        if isinstance(sleeves, Sleeves) and not run.static:
             out.append(sleeves)
             if isinstance(sleeves.twist, Twist):
                 out.append(Rubbing(sleeves, sliding))

@@ -33,9 +33,6 @@ class Law(Protocol):
     def bend(self, x: Array, rate: Array) -> Array:
         """Minus what the second derivative in time of the gap has besides accelerations, [m]."""
 
-    def curvature(self, x: Array, force: Array) -> Array:
-        """Second derivative [24, 24] of force . gap by the coordinates."""
-
     def within(self, axes: Array) -> Array:
         """The conditions that are left in a plane of these axes [3, 3] from those in space, [m in the plane, m]."""
 
@@ -62,10 +59,6 @@ class Together:
     def bend(self, x: Array, rate: Array) -> Array:
         """As of `Law`."""
         return np.zeros(3)
-
-    def curvature(self, x: Array, force: Array) -> Array:
-        """As of `Law`."""
-        return np.zeros((24, 24))
 
     def within(self, axes: Array) -> Array:
         """As of `Law`."""
@@ -101,16 +94,6 @@ class Distance:
         moving = rate[1, 0] - rate[0, 0]
         along = self._along(x) @ moving
         return np.array([-(moving @ moving - along**2) / np.linalg.norm(x[1, 0] - x[0, 0])])
-
-    def curvature(self, x: Array, force: Array) -> Array:
-        """As of `Law`."""
-        n, length = self._along(x), np.linalg.norm(x[1, 0] - x[0, 0])
-        bent = force[0] / length * (np.eye(3) - np.outer(n, n))
-        out = np.zeros((24, 24))
-        for i in (0, 12):
-            for j in (0, 12):
-                out[i:i + 3, j:j + 3] = bent if i == j else -bent
-        return out
 
     def within(self, axes: Array) -> Array:
         """As of `Law`."""

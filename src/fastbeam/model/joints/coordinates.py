@@ -60,14 +60,6 @@ class Coordinate:
         """As of `Law`: none, because what it is given depends on time."""
         return np.zeros(1)
 
-    def misses(self, x: Array, value: float) -> float:
-        """The coordinate less a value, of an angle the nearest of all turns."""
-        y, z = self._sums(x)
-        if self.kind == LINE:
-            return float(y - self.at_start - value)
-        u, w = np.cos(value), np.sin(value)
-        return float(np.arctan2(y * u - z * w, z * u + y * w))
-
     def _sums(self, x: Array) -> Array:
         """y and z; the y of a SWING is the sine."""
         v = x.reshape(8, 3)
@@ -99,7 +91,7 @@ class Coordinate:
         return np.array([-v @ self.curvature(x, np.ones(1)) @ v])
 
     def curvature(self, x: Array, force: Array) -> Array:
-        """As of `Law`."""
+        """Second derivative [24, 24] of force times the coordinate."""
         of_y, of_z = (np.kron(sum((np.outer(a, b) + np.outer(b, a) for a, b in pairs), np.zeros((8, 8))), np.eye(3))
                       for pairs in self._pairs)
         if self.kind == LINE:

@@ -43,9 +43,19 @@ class JointsOfRun(NamedTuple):
     control: JointControl | None
 
     @property
-    def static_terms(self) -> tuple[Any, ...]:
-        """What has a part in statics."""
+    def pushing(self) -> tuple[Any, ...]:
+        """Springs, motors, elastic stops and drives that push."""
         return tuple(x for x in (self.forces, self.stops, self.control) if x is not None)
+
+    @property
+    def static_terms(self) -> tuple[Any, ...]:
+        """What has a part in statics: friction and rigid stops hold coordinates like what is given."""
+        held = [x for x in (self.drives, self.friction) if x is not None]
+        if not held:
+            return self.pushing
+        which = np.concatenate([x.which for x in held])
+        return (*self.pushing, JointDrives(self.motion, which, np.full(which.size, TO), held[0].first, empty(which.size),
+                                           empty(which.size), held[0].ties))
 
     @property
     def terms(self) -> tuple[Any, ...]:
@@ -58,7 +68,7 @@ class JointsOfRun(NamedTuple):
     def known(self) -> tuple[Any, ...]:
         """With the forces of the state instead of equations for them."""
         held = tuple(KnownForces(self.motion, x.which, x.first) for x in (self.drives, self.friction) if x is not None)
-        return (*self.static_terms, *held)
+        return (*self.pushing, *held)
 
     def follow(self, other: JointsOfRun) -> None:
         """Take what motors and drives were given in the last step of another run of the same model."""
@@ -231,6 +241,10 @@ class Holds:
     def left_of_rubs(self) -> Array:
         """Which of `rubs` the tables of this model have."""
         return self._left(self.rubs)[1]
+
+    def left_of_held(self) -> Array:
+        """The same of `held`."""
+        return np.concatenate((self._left(self.given)[1], self.given.size + self._left(self.rubs)[1]))
 
     @property
     def has_functions(self) -> bool:

@@ -161,7 +161,7 @@ class Motions(Feature):
         own: JointsOfRun | None = run.own.get(self.key)
         if own is None:
             return []
-        return [(Stand.JOINTS, x) for x in (own.static_terms if run.static else own.known if run.known else own.terms)]
+        return [(Stand.JOINTS, x) for x in (own.known if run.known else own.static_terms if run.static else own.terms)]
 
     def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
         """What motors, given coordinates and drives have."""

@@ -87,14 +87,6 @@ class Conditions:
         (a, b), r = self._directions(rate), rate[1, 0] - rate[0, 0]
         return np.array([-2.0 * a[i] @ (r if j < 0 else b[j]) for i, j in self.pairs])
 
-    def curvature(self, x: Array, force: Array) -> Array:
-        """As of `Law`."""
-        out = np.zeros((8, 8))
-        for f, (i, j) in zip(force, self.pairs):
-            other = np.array([-1.0, 0, 0, 0, 1, 0, 0, 0]) if j < 0 else np.concatenate((np.zeros(5), self.turn[1, j]))
-            out += f * np.outer(np.concatenate(([0.0], self.turn[0, i], np.zeros(4))), other)
-        return np.kron(out + out.T, np.eye(3))
-
     def left_in_plane(self, normal: Array) -> Array:
         """Numbers of the conditions that do not hold by themselves in the plane with this normal.
 

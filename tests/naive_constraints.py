@@ -1,4 +1,4 @@
-"""Sliding contact in an equilibrium: the equations of theory.md 5.1 with both ends of the step equal, as sparse matrices.
+"""The naive twin of constraints in an equilibrium: the equations of theory.md 5.1 with both ends of the step equal, as matrices.
 
     gap         g_k = phi_S - sum_A N_A(s_k) phi_A = 0
     force       +F_k on the point, -N_A F_k on node A
@@ -15,17 +15,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.linalg.pattern import Pattern
+from fastbeam.kernels.joints.coordinates import LINE
 from fastbeam.model.contact.sleeve_conditions import Section, sections
 from fastbeam.model.joints.constraints import Distance, KeptLink, gap_matrix
 from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.joints.tables import Conditions
 from fastbeam.model.mapping import shapes_at
-from fastbeam.model.maps import tie_map, velocity_map, with_values
+from fastbeam.model.maps import tie_map, velocity_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray
-# entries of constraints that a structure keeps, next to those that there are
-MOST_IDLE = 3
 # a part of the contact force across the beam that is round-off of the force
 ALONG_ONLY = 1e-12
 
@@ -286,12 +285,12 @@ class StaticContacts:
             pair = list(link.node)
             gap = link.law.gap(x[pair], at_start[pair])
             if isinstance(link.law, Coordinate) and self.given is not None:
-                gap = np.array([link.law.misses(x[pair], next(given))])
+                gap = np.array([misses(link.law, x[pair], next(given))])
             takes = self._within(link) * (k not in free)
             gaps.append(takes @ gap)
             within.append(takes)
             if not link.law.is_vector:
-                second.append((pair, -link.law.curvature(x[pair], part)))
+                second.append((pair, -curvature(link.law, x[pair], part)))
         lift = self._joint_ties @ self._rates(q, self._joint_nodes)
         lead = sparse.block_diag(within, format="csr") @ gap_matrix(kept, x) @ lift
         bent = sparse.csr_matrix((m, m))
@@ -385,105 +384,36 @@ class StaticContacts:
         return out.reshape(-1)
 
 
+def curvature(law: Any, x: Array, force: Array) -> Array:
+    """Second derivative [24, 24] of force . gap of a joint by the coordinates x [2, 4, 3]."""
+    if isinstance(law, Coordinate):
+        return law.curvature(x, force)
+    if isinstance(law, Distance):
+        r = x[1, 0] - x[0, 0]
+        length = np.linalg.norm(r)
+        bent = force[0] / length * (np.eye(3) - np.outer(r, r) / length**2)
+        out = np.zeros((24, 24))
+        for i in (0, 12):
+            for j in (0, 12):
+                out[i:i + 3, j:j + 3] = bent if i == j else -bent
+        return out
+    out = np.zeros((8, 8))
+    for f, (i, j) in zip(force, law.pairs) if isinstance(law, Conditions) else ():
+        other = np.array([-1.0, 0, 0, 0, 1, 0, 0, 0]) if j < 0 else np.concatenate((np.zeros(5), law.turn[1, j]))
+        out += f * np.outer(np.concatenate(([0.0], law.turn[0, i], np.zeros(4))), other)
+    return np.kron(out + out.T, np.eye(3))
+
+
+def misses(law: Coordinate, x: Array, value: float) -> float:
+    """A coordinate of a joint less a value, of an angle the nearest of all turns."""
+    y, z = law._sums(x)
+    if law.kind == LINE:
+        return float(y - law.at_start - value)
+    u, w = np.cos(value), np.sin(value)
+    return float(np.arctan2(y * u - z * w, z * u + y * w))
+
+
 def reduced(matrix: Any) -> tuple[Any, Array]:
     """The columns of the nodes that a sparse matrix [k, 12 N] has entries for, [k, 12 T], and these nodes [T]."""
     nodes = np.unique(matrix.indices // 12).astype(np.int64)
     return matrix[:, (12 * nodes[:, None] + np.arange(12)).reshape(-1)], nodes
-
-
-class SaddleMatrix:
-    """Puts blocks of nodes and what constraints add into one matrix by rows: nodes, sliding coordinates, multipliers.
-
-    Parameters
-    ----------
-    pattern : Pattern
-    size : int
-        Unknowns a node.
-    sliders, forces : int
-        Numbers of sliding coordinates and of multipliers.
-    """
-
-    def __init__(self, pattern: Pattern, size: int, sliders: int, forces: int) -> None:
-        self.nodes = size * pattern.n
-        self.sliders, self.n = sliders, self.nodes + sliders + forces
-        row, column = (size * x for x in (pattern.rows, pattern.columns))
-        within = np.arange(size)
-        shape = (row.size, size, size)
-        row = np.broadcast_to(row[:, None, None] + within[:, None], shape).reshape(-1)
-        column = np.broadcast_to(column[:, None, None] + within, shape).reshape(-1)
-        block = np.arange(len(pattern.rows))[:, None, None]
-        at = (8 * size * block + 8 * within[:, None] + within).reshape(-1)
-        order = np.argsort(row * self.n + column)
-        self._keys, self._blocks = (row * self.n + column)[order], at[order]
-        self._known = np.zeros(0, np.int64)
-        self._nodes_alone: Any = None
-        self._merge(self._known)
-
-    def _merge(self, keys: Array) -> None:
-        """The structure with entries of constraints at these keys, row n + column, ascending."""
-        at = np.searchsorted(self._keys, keys)
-        there = self._keys[np.minimum(at, self._keys.size - 1)] == keys
-        new = np.flatnonzero(~there)
-        before = np.cumsum(np.bincount(at[new], minlength=self._keys.size + 1))
-        of_blocks = np.arange(self._keys.size) + before[:-1]
-        self._position = at + before[at]
-        self._position[new] = at[new] + np.arange(new.size)
-        merged = np.empty(self._keys.size + new.size, np.int64)
-        merged[of_blocks], merged[self._position[new]] = self._keys, keys[new]
-        self._source = np.zeros(merged.size, np.int64)
-        self._source[of_blocks] = self._blocks
-        self._added = self._position[new]
-        self._indices = (merged % self.n).astype(np.int32)
-        self._indptr = np.searchsorted(merged, self.n * np.arange(self.n + 1)).astype(np.int32)
-        self._known = keys
-
-    def of(self, blocks: Array, border: Border, sliding: Array, drag: float) -> Any:
-        """The matrix, sparse [n, n], of blocks as assembled, which are half the static tangent.
-
-        Parameters
-        ----------
-        sliding : bool [S]
-            Which sliders are free; the others have an increment of zero.
-        drag : float
-            Stiffness against increments of sliding coordinates, N/m.
-        """
-        from scipy import sparse
-        m, s = self.nodes, self.sliders
-        if self.n == m and not self._known.size and not border.bent.nnz:
-            # nodes alone
-            if self._nodes_alone is None:
-                self._nodes_alone = sparse.csr_matrix((np.zeros(self._indices.size), self._indices, self._indptr), shape=(m, m))
-            return with_values(self._nodes_alone, 2.0 * blocks[self._source])
-        free = sliding.astype(float)
-        gradient, slide, bent, turns = (x.tocoo() for x in (border.gradient, border.slide, border.bent, border.turns))
-        dim = border.tangent.shape[1]
-        of, component = np.repeat(np.arange(s), dim), m + s + np.arange(dim * s)
-        turn = (border.tangent * free[:, None]).reshape(-1)
-        push = slide.data * free[slide.row]
-        diagonal = m + np.arange(s)
-        of, component = np.append(of, turns.col), np.append(component, m + s + turns.row)
-        turn = np.append(turn, turns.data * free[turns.col])
-        idle = m + s + border.idle
-        rows = np.concatenate((bent.row, slide.col, gradient.col, m + slide.row, diagonal, m + of, m + s + gradient.row,
-                               component, idle))
-        columns = np.concatenate((bent.col, m + slide.row, m + s + gradient.row, slide.col, diagonal, component, gradient.col,
-                                  m + of, idle))
-        values = np.concatenate((bent.data, push, -gradient.data, push, np.where(sliding, border.bend + drag, 1.0), turn,
-                                 -gradient.data, turn, np.full(idle.size, -1.0)))
-        if border.rubbing is not None:
-            rubbing, by_force = border.rubbing.tocoo(), border.by_force.tocoo()
-            rows = np.concatenate((rows, m + rubbing.row, m + by_force.row))
-            columns = np.concatenate((columns, rubbing.col, m + s + by_force.col))
-            values = np.concatenate((values, rubbing.data * free[rubbing.row], by_force.data * free[by_force.row]))
-        keys = rows.astype(np.int64) * self.n + columns
-        place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
-        if not (self._known.size and np.array_equal(self._known[place], keys)):
-            # what was there before stays for a while: entries that vanish come back
-            before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
-            self._merge(np.unique(np.concatenate((keys, before))))
-            place = np.searchsorted(self._known, keys)
-        data = blocks[self._source]
-        data *= 2.0
-        data[self._added] = 0.0
-        np.add.at(data, self._position[place], values)
-        return sparse.csr_matrix((data, self._indices, self._indptr), shape=(self.n, self.n))

@@ -1,0 +1,363 @@
+"""Equations of constraints in statics, as sparse entries: the compiled rows of a step whose two ends are the present shape
+(theory.md 5.1, 8), and the matrix of nodes, sliding coordinates and multipliers that they make.
+
+    gap         g_k = phi_S - sum_A N_A(s_k) phi_A = 0, of joints and sleeves their conditions
+    force       +F_k on the point, -N_A F_k on node A
+    sliding     F_k . c'(s_k) = 0,   c' = sum_A N'_A phi_A
+
+A step holds half the derivatives of its sliding equations, as it holds half the tangent of the nodes.
+"""
+from __future__ import annotations
+
+from operator import is_
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.contact.slider import NoSleeves, Sliding
+from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.joints.ball_joint import BallJoints
+from fastbeam.kernels.joints.conditions import JointConditions
+from fastbeam.kernels.joints.distance_joint import DistanceJoints
+from fastbeam.kernels.joints.drives import JointDrives
+from fastbeam.linalg.pattern import Pattern
+from fastbeam.model.maps import free_of_rows, with_values
+from fastbeam.stepping.stepper import Stepper
+
+Array = np.ndarray
+CONSTRAINTS = Sliding, BallJoints, DistanceJoints, JointConditions, JointDrives
+# entries of constraints that a structure keeps, next to those that there are
+MOST_IDLE = 3
+
+
+class Entries(NamedTuple):
+    """Of a sparse matrix; several at one place are added."""
+
+    row: Array      # int64 [*]
+    column: Array   # int64 [*]
+    value: Array    # float64 [*]
+
+    def with_more(self, other: Entries) -> Entries:
+        """These and others."""
+        return Entries(*(np.concatenate(both) for both in zip(self, other)))
+
+    def matrix(self, rows: int, columns: int) -> Any:
+        """By rows, [rows, columns]."""
+        from scipy import sparse
+        return sparse.csr_matrix((self.value, (self.row, self.column)), shape=(rows, columns))
+
+
+NO_ENTRIES = Entries(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
+def entries_of_matrix(matrix: Any) -> Entries:
+    """Those of a sparse matrix."""
+    found = matrix.tocoo()
+    return Entries(found.row, found.col, found.data)
+
+
+class Equations(NamedTuple):
+    """Constraints at one shape: S sliders, F multipliers, positions of d components, m unknowns of the nodes."""
+
+    gap: Array         # float64 [S, d]: of sliders, m
+    tangent: Array     # float64 [S, d]: c'(s)
+    sliding: Array     # float64 [S], N: F . c'
+    bend: Array        # float64 [S], N/m: derivative of that by s
+    gaps: Array        # float64 [F]: of all constraints, m and rad
+    gradient: Entries  # [F, m]: derivative of the gaps by the unknowns of the nodes
+    slide: Entries     # [S, m]: of the sliding equations
+    turns: Entries     # [F, S]: minus the derivative of conditions of sleeves by s, rad/m
+    idle: Array        # int64 [I]: multipliers that stay as they are
+    loads: Array       # float64 [8 (rows + 1)]: forces and moments of the constraints on the rows
+    bent: Entries = NO_ENTRIES      # [m, m]: stiffness that the blocks of the nodes do not have, N/m
+    normal: Any = None              # float64 [S], N: F_n |c'|, what presses and rubs, with the moments of sleeves
+    size: Any = None                # float64 [S], N: of the contact forces
+    rubbing: Entries = NO_ENTRIES   # [S, m]: of friction in the sliding equations, by the unknowns of the nodes
+    by_force: Entries = NO_ENTRIES  # [S, F]: the same by the multipliers
+
+
+class Constraints:
+    """The constraints of a stepper in statics.
+
+    Parameters
+    ----------
+    stepper : Stepper
+        In statics.
+
+    Attributes
+    ----------
+    loose : bool [R] or None
+        Which coordinates of joints that friction or rigid stops may hold are free.
+    angles : dict
+        Angles at which friction holds sections, by the number of their sleeve, rad.
+    """
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper = stepper
+        core, self._contact = stepper.core, stepper.contact
+        self._terms = Record(tuple(term for term in stepper.terms if isinstance(term, CONSTRAINTS)))
+        self._free = free_of_rows(core) != 0.0
+        self.loose: Array | None = None
+        self.angles: dict[int, float] = {}
+        self._given: Array | None = None
+        self._drives = next((term for term in self._terms.of if isinstance(term, JointDrives)), None)
+        self._sleeves = next((term.sleeves for term in self._terms.of if isinstance(term, Sliding)), NoSleeves())
+        self._axes = self._keyed = np.zeros(0)
+        if not isinstance(self._sleeves, NoSleeves):
+            self._axes, self._keyed = self._sleeves.axes.copy(), self._sleeves.keyed.copy()
+        if self._contact is not None:
+            self._begin()
+
+    def _begin(self) -> None:
+        """What stays the same at all shapes."""
+        core, contact = self.stepper.core, self._contact
+        n = len(core.dofs)
+        count, most = contact.row.shape
+        self._line = contact.line.reshape(-1)
+        self._of_force = np.arange(8) < contact.forces[:, None]
+        # numbers of the multipliers of all constraints by the columns of their lines
+        self._number = contact.first_force[:, None] + np.arange(8)
+        self._entry = (most * np.arange(count)[:, None] + np.arange(most)) * 8 * n
+        # of what the last structure was made
+        self._touched = b"", b""
+        self._inside = np.zeros((count, most), bool)
+        forces = contact.forces[contact.pair[:, 1]]
+        o, p = np.nonzero(np.arange(8) < forces[:, None])
+        self._turns = (contact.first_force[contact.pair[o, 1]] + p, contact.pair[o, 0]), (o, p)
+        self._third = np.flatnonzero(forces > 2)
+
+    # --- what holds coordinates -----------------------------------------------------------------------------------------
+    @property
+    def given(self) -> Array | None:
+        """Values of coordinates of joints that are given, or that friction and rigid stops hold, in their order; None: they stay
+        where they are."""
+        return self._given
+
+    @given.setter
+    def given(self, values: Array | None) -> None:
+        self._given = values
+        if values is not None and self._drives is not None:
+            self._drives.given[:] = values[self.stepper.core.motions.holds.left_of_held()]
+
+    def _loose_forces(self) -> Array:
+        """Numbers of the multipliers of coordinates that are free."""
+        if self.loose is None or self._drives is None or not self.loose.any():
+            return np.zeros(0, np.int64)
+        holds = self.stepper.core.motions.holds
+        left = holds.left_of_held() - holds.given.size
+        free = np.flatnonzero((left >= 0) & self.loose[np.maximum(left, 0)])
+        return np.asarray(self._contact.first_force[self._drives.first[0] + free])
+
+    def _idle_moments(self) -> Array:
+        """Numbers of the multipliers of twists that nothing holds."""
+        contact, sleeves = self._contact, self._sleeves
+        if not self._third.size:
+            return np.zeros(0, np.int64)
+        return np.asarray(contact.first_force[contact.pair[self._third[sleeves.keyed[self._third] == 0], 1]] + 2)
+
+    def _aim(self) -> None:
+        """Hold sections at `angles`."""
+        self._sleeves.axes[:], self._sleeves.keyed[:] = self._axes, self._keyed
+        for o, angle in self.angles.items():
+            c, s = np.cos(angle), np.sin(angle)
+            second, third = self._axes.reshape(-1, 3, 3)[o, 1:]
+            self._sleeves.axes.reshape(-1, 3, 3)[o, 1:] = c * second - s * third, s * second + c * third
+            self._sleeves.keyed[o] = 1
+
+    # --- equations ------------------------------------------------------------------------------------------------------
+    def at(self, force: Array | None = None) -> Equations:
+        """The equations at the present shape; force: other forces of all constraints [F] than those of the state."""
+        stepper = self.stepper
+        state, work = stepper.core_state, stepper.work
+        if self._contact is None:
+            return self._none()
+        if self.angles:
+            self._aim()
+        before = state.force.copy()
+        if force is not None:
+            state.force[:] = force
+        work.q_mid[:] = work.q_end[:] = state.q
+        work.r[:] = 0.0
+        kernels.assemble_some(self._terms, stepper.records[1], 0.0)
+        state.force[:] = before
+        return self._found()
+
+    def gaps_at(self, q: Array) -> Array:
+        """Those of all constraints at coordinates q [12 N] in space, [F]."""
+        stepper = self.stepper
+        own, residual = stepper.core_state.q, self._contact.residual.copy()
+        before, there = own.copy(), stepper.state._replace(q=q)
+        own[:] = there.q if stepper.plane is None else stepper.plane.reduce(there).q
+        found = self.at().gaps
+        own[:], self._contact.residual[:] = before, residual
+        return found
+
+    def _none(self) -> Equations:
+        """Of a scene without constraints."""
+        none = np.zeros((0, self.stepper.core.dim))
+        return Equations(none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES,
+                         np.zeros(0, np.int64), np.zeros_like(self.stepper.work.r))
+
+    def _found(self) -> Equations:
+        """The equations as compiled code has left them."""
+        core, contact = self.stepper.core, self._contact
+        s, d = core.n_sliders, core.dim
+        touched = contact.entries.tobytes(), contact.row[self._inside].tobytes()
+        if touched != self._touched or self._line[self._unused].any():
+            self._look()
+        corner, residual = contact.corner[:s], contact.residual
+        gaps = residual[self._of_force]
+        gradient = Entries(self._gradient.row, self._gradient.column, self._line[self._gradient.value])
+        slide = Entries(self._slide.row, self._slide.column, 2.0 * self._line[self._slide.value])
+        if self._drives is not None and self._given is None:
+            k = self._drives.first[0] + np.arange(self._drives.which.size)
+            gaps[contact.first_force[k]] = 0.0
+        loose, idle = self._loose_forces(), self._idle_moments()
+        gaps[idle] = gaps[loose] = 0.0
+        if loose.size:
+            gradient.value[np.isin(gradient.row, loose)] = 0.0
+        (force, slider), at = self._turns
+        turns = Entries(force, slider, contact.cross[at[0], 0, at[1]])
+        return Equations(residual[:s, :d].copy(), corner[:, 8 * d:9 * d].copy(), residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
+                         gaps, gradient, slide, turns, np.concatenate((loose, idle)), -self.stepper.work.r)
+
+    def _look(self) -> None:
+        """Which numbers of the lines are entries: those that are not zero, and others that become so as nodes move."""
+        core, contact = self.stepper.core, self._contact
+        n, d = len(core.dofs), core.dim
+        assert not contact.full[0]
+        self._inside = np.arange(contact.row.shape[1]) < contact.entries[:, None]
+        row = contact.row[self._inside]
+        self._touched = contact.entries.tobytes(), row.tobytes()
+        k = np.nonzero(self._inside)[0]
+        at = self._entry[self._inside][:, None, None] + 8 * np.arange(n)[:, None] + np.arange(8)
+        line = self._line[at]
+        force, is_slider = self._of_force[k], k < core.n_sliders
+        used = (line != 0.0) & force[:, None]
+        moves, turns = used[:, :d].any(axis=(1, 2)), used[:, d:].any(axis=(1, 2))
+        # positions act on the same components of a gap; those of nodes whose shape function vanishes have slopes
+        place = is_slider & (moves | ~turns)
+        used[place, :d, :d] |= np.eye(d, dtype=bool)
+        moves &= ~is_slider
+        used[moves, :d] |= force[moves, None]
+        used[turns, d:] |= force[turns, None]
+        slide = is_slider[:, None] & ((line[:, :, d] != 0.0) | used.any(axis=2))
+        unknown = n * row[:, None] + np.arange(n)
+        free = self._free[unknown]
+        used &= free[:, :, None]
+        slide &= free
+        every = force[:, None] & free[:, :, None]
+        every[:, :, d] |= is_slider[:, None] & free
+        rest = every & ~used
+        rest[:, :, d] &= ~slide
+        self._unused = at[rest]
+        of, i, j = np.nonzero(used)
+        self._gradient = Entries(self._number[k[of], j], unknown[of, i], at[used])
+        of, i = np.nonzero(slide)
+        self._slide = Entries(k[of], unknown[of, i], at[:, :, d][slide])
+
+
+class SaddleMatrix:
+    """Puts blocks of nodes and what constraints add into one matrix by rows: nodes, sliding coordinates, multipliers.
+
+    Parameters
+    ----------
+    pattern : Pattern
+    size : int
+        Unknowns a node.
+    sliders, forces : int
+        Numbers of sliding coordinates and of multipliers.
+    """
+
+    def __init__(self, pattern: Pattern, size: int, sliders: int, forces: int) -> None:
+        self.nodes = size * pattern.n
+        self.sliders, self.n = sliders, self.nodes + sliders + forces
+        row, column = (size * x for x in (pattern.rows, pattern.columns))
+        within = np.arange(size)
+        shape = (row.size, size, size)
+        row = np.broadcast_to(row[:, None, None] + within[:, None], shape).reshape(-1)
+        column = np.broadcast_to(column[:, None, None] + within, shape).reshape(-1)
+        block = np.arange(len(pattern.rows))[:, None, None]
+        at = (8 * size * block + 8 * within[:, None] + within).reshape(-1)
+        order = np.argsort(row * self.n + column)
+        self._keys, self._blocks = (row * self.n + column)[order], at[order]
+        self._known = np.zeros(0, np.int64)
+        # rows and columns of the entries of constraints last put in, and where these stand
+        self._last: tuple[Any, ...] = (None,) * 6
+        self._idle = b""
+        self._at = np.zeros(0, np.int64)
+        self._matrix: Any = None
+
+    def _merge(self, keys: Array) -> None:
+        """The structure with entries of constraints at these keys, row n + column, ascending."""
+        from scipy import sparse
+        at = np.searchsorted(self._keys, keys)
+        there = self._keys[np.minimum(at, self._keys.size - 1)] == keys
+        new = np.flatnonzero(~there)
+        before = np.cumsum(np.bincount(at[new], minlength=self._keys.size + 1))
+        of_blocks = np.arange(self._keys.size) + before[:-1]
+        self._position = at + before[at]
+        self._position[new] = at[new] + np.arange(new.size)
+        merged = np.empty(self._keys.size + new.size, np.int64)
+        merged[of_blocks], merged[self._position[new]] = self._keys, keys[new]
+        self._source = np.zeros(merged.size, np.int64)
+        self._source[of_blocks] = self._blocks
+        self._added = self._position[new]
+        indptr = np.searchsorted(merged, self.n * np.arange(self.n + 1)).astype(np.int32)
+        self._matrix = sparse.csr_matrix((np.zeros(merged.size), (merged % self.n).astype(np.int32), indptr),
+                                         shape=(self.n, self.n))
+        self._known = keys
+
+    def of(self, blocks: Array, equations: Equations, sliding: Array, drag: float) -> Any:
+        """The matrix, sparse [n, n], of blocks as assembled, which are half the static tangent.
+
+        Parameters
+        ----------
+        sliding : bool [S]
+            Which sliders are free; the others have an increment of zero.
+        drag : float
+            Stiffness against increments of sliding coordinates, N/m.
+        """
+        gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
+        rubbing, by_force = equations.rubbing, equations.by_force
+        free = sliding.astype(float)
+        dim = equations.tangent.shape[1]
+        push = slide.value * free[slide.row]
+        tangent = (equations.tangent * free[:, None]).reshape(-1)
+        turn = turns.value * free[turns.column]
+        value = np.concatenate((bent.value, push, -gradient.value, push, np.where(sliding, equations.bend + drag, 1.0), tangent,
+                                turn, -gradient.value, tangent, turn, np.full(equations.idle.size, -1.0),
+                                rubbing.value * free[rubbing.row], by_force.value * free[by_force.row]))
+        places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row
+        idle = equations.idle.tobytes()
+        if idle != self._idle or not all(map(is_, places, self._last)):
+            self._find_places(equations, dim)
+            self._last, self._idle = places, idle
+        data = blocks[self._source]
+        data *= 2.0
+        data[self._added] = 0.0
+        np.add.at(data, self._at, value)
+        return with_values(self._matrix, data)
+
+    def _find_places(self, equations: Equations, dim: int) -> None:
+        """Where what constraints add stands in the matrix, in the order of `of`."""
+        m, s = self.nodes, self.sliders
+        gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
+        rubbing, by_force = equations.rubbing, equations.by_force
+        diagonal = m + np.arange(s)
+        of, component = m + np.repeat(np.arange(s), dim), m + s + np.arange(dim * s)
+        idle = m + s + equations.idle
+        row = np.concatenate((bent.row, slide.column, gradient.column, m + slide.row, diagonal, of, m + turns.column,
+                              m + s + gradient.row, component, m + s + turns.row, idle, m + rubbing.row, m + by_force.row))
+        column = np.concatenate((bent.column, m + slide.row, m + s + gradient.row, slide.column, diagonal, component,
+                                 m + s + turns.row, gradient.column, of, m + turns.column, idle, rubbing.column,
+                                 m + s + by_force.column))
+        keys = row.astype(np.int64) * self.n + column
+        place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
+        if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
+            # what was there before stays for a while: entries that vanish come back
+            before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
+            self._merge(np.unique(np.concatenate((keys, before))))
+            place = np.searchsorted(self._known, keys)
+        self._at = self._position[place]
