@@ -14,11 +14,13 @@ MARKER = "<!-- works with -->"
 TABLES = {
     "Compiling and running": (
         Analysis.PLANAR, Analysis.COMPARED, Analysis.ORDER_4, Analysis.COMPOSED, Analysis.FILTERED, Analysis.STEP_CONTROL,
-        Analysis.GRAVITY_IN_TIME, Analysis.BLOWS, Analysis.MASSES, Analysis.CATCHING, Analysis.INNER, Analysis.POINT_INSIDE,
+        Analysis.GRAVITY_IN_TIME, Analysis.BLOWS, Analysis.MASSES, Analysis.PROJECTION,
+        Analysis.CATCHING, Analysis.INNER, Analysis.POINT_INSIDE,
         Analysis.ADJOINT),
     "Equilibria": (
         Analysis.STATIC, Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.STICK, Analysis.SENSITIVITY,
-        Analysis.AT_TIME, Analysis.TWO_TIMES, Analysis.TIMELESS, Analysis.TIMELESS_SHAPES),
+        Analysis.AT_TIME, Analysis.TIME_SPAN, Analysis.TWO_TIMES, Analysis.TIMELESS_LOADS, Analysis.TIMELESS,
+        Analysis.TIMELESS_SHAPES),
     "Vibration and steady motion": (
         Analysis.MODES, Analysis.DAMPED, Analysis.STEADY, Analysis.TRAVEL, Analysis.TIMELESS_MODES)}
 WORKS = "+"

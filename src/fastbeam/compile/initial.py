@@ -10,9 +10,11 @@ from fastbeam.compile.tracks import track_of
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.layout import ARM, TRIAD
 from fastbeam.kernels.state import State
+from fastbeam.model.analyses import Analysis, refuse, told
 from fastbeam.model.connections import Connections, held_axes
 from fastbeam.model.contact.sleeve_conditions import Section
 from fastbeam.model.contact.sleeves import held_at_start
+from fastbeam.model.forces.winches import Hoists
 from fastbeam.model.joints.constraints import KeptLink
 from fastbeam.model.moving_supports import support_rates
 from fastbeam.model.numbering import NodeList
@@ -83,7 +85,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                 raise SceneError(f"{worst.what}: the initial velocities violate it by {worst.amount}; {worst.remedy}, or let "
                                  "Scene(..., project_velocities=True) find rigid motions of the parts that agree")
             if scene.winches:
-                raise SceneError(f"{worst.what}: project_velocities does not know winches; give velocities that agree")
+                refuse(list(told(Analysis.PROJECTION, [Hoists(scene.winches)])), worst.what)
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
             left = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving), key=_speed_of,

@@ -25,6 +25,7 @@ class Analysis(Enum):
     STEP_CONTROL = "simulate(tolerance=...)"
     BLOWS = "rigid stops, locks, supports that take hold"
     MASSES = "impacts, mend_start=True"
+    PROJECTION = "Scene(project_velocities=True)"
     CATCHING = "since= of supports"
     INNER = "observe=('inner',)"
     POINT_INSIDE = "points={name: (beam, s)}"
@@ -35,11 +36,13 @@ class Analysis(Enum):
     PATH = "solve_path"
     LENGTHS = "find_lengths"
     STICK = "stick_interval"
+    TIMELESS_LOADS = "any equilibrium without at_time="
     TIMELESS = "solve_static, stick_interval without at_time="
     TIMELESS_SHAPES = "relax, solve_path, sensitivity without at_time="
     TIMELESS_MODES = "modes, frequency_response without at_time="
     AT_TIME = "equilibria with at_time="
-    TWO_TIMES = "equilibria with two times in at_time="
+    TIME_SPAN = "equilibria with at_time=(first, last)"
+    TWO_TIMES = "solve_path(at_time=(first, last))"
     MODES = "modes, frequency_response"
     DAMPED = "modes(damped=True), frequency_response"
     STEADY = "steady=Spin or Travel"
@@ -95,6 +98,12 @@ def unknown_to_methods(what: str, names: Callable[[Any, Asked], Iterable[str]] |
     return Lack((Analysis.COMPARED,), what, "{who} does not know {names}", "use the default method", names or always(what))
 
 
+def timed_loads(names: Callable[[Any, Asked], Iterable[str]]) -> Lack:
+    """Declare that equilibria have to be told a time."""
+    return Lack((Analysis.TIMELESS_LOADS,), "functions of time", "{who}: loads have time functions",
+                "say with at_time=... where to evaluate them", names)
+
+
 def without_adjoint(what: str, names: Callable[[Any, Asked], Iterable[str]] | None = None) -> Lack:
     """Declare that steps with a feature have no adjoint."""
     return Lack((Analysis.ADJOINT,), what, "{who}: steps with {names} have no adjoint here", "use differences of runs",
@@ -144,7 +153,17 @@ def require(analysis: Analysis, model: Any, who: str | None = None, held: Array 
         Names the parts that are concerned and what to do instead.
     """
     name = analysis.value if who is None else who
-    found = list(lacking(analysis, model, name, held, part))
+    refuse(list(lacking(analysis, model, name, held, part)), name)
+
+
+def refuse(found: list[tuple[Lack, list[str]]], name: str) -> None:
+    """Refuse what is lacking, if anything is; found: as of `told`; name: of the call.
+
+    Raises
+    ------
+    SceneError
+        The first that was found, with all others that say the same.
+    """
     if found:
         lack = found[0][0]
         names = [x for other, own in found if (other.text, other.instead) == (lack.text, lack.instead) for x in own]

@@ -13,7 +13,7 @@ from fastbeam.kernels.beams.section_laws import ELASTIC, KELVIN_VOIGT
 from fastbeam.kernels.beams.strain_measures import GreenLagrange, SimoReissner
 from fastbeam.kernels.forces.drag import AirSchedule, Drag, NoWind, Wind
 from fastbeam.kernels.layout import LIST
-from fastbeam.model.analyses import Analysis, Lack, dissipating, unknown_to_methods, without_adjoint
+from fastbeam.model.analyses import Analysis, Lack, dissipating, timed_loads, unknown_to_methods, without_adjoint
 from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.forces.loads import factor_at, mean_factors
 from fastbeam.model.forces.user_forces import wind_of
@@ -133,6 +133,11 @@ class Dragged(Feature):
              lambda dragged, asked: dragged.labels[:dragged.windy]),
         unknown_to_methods("drag", lambda dragged, asked: dragged.labels),
         dissipating("drag", lambda dragged, asked: dragged.labels),
+        timed_loads(lambda dragged, asked: dragged.labels if dragged.blows and dragged.timed else ()),
+        Lack((Analysis.TIME_SPAN,), "air that changes in time",
+             "{who}: the air of {name} changes in time, and two times tell no path of its force",
+             "give one time, with which it grows from zero",
+             lambda dragged, asked: dragged.labels if dragged.blows and (dragged.timed or dragged.windy) else ()),
         Lack((Analysis.STEADY,), "drag", "{who}: drag of {name} resists the steady motion itself, which would not go on",
              "leave it out", lambda dragged, asked: dragged.labels),
         _air_moves("wind=", "{name}: its air moves by wind=, and what it adds to the damping of small motions is not known",

@@ -9,6 +9,7 @@ import numpy as np
 from fastbeam.interface.arguments import LARGEST, Number, Numbers, real, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.loads import LoadWork
+from fastbeam.model.analyses import Analysis, require, timed_loads
 from fastbeam.model.feature import Feature, OfRun, Stand
 from fastbeam.model.model import Model
 
@@ -31,6 +32,8 @@ class LoadAccount(Feature):
     """Loads that have no potential, whose work is booked: they change in time, are moments, or follow laws."""
 
     key, title, order, opens = "load_account", "loads that change in time, moments", 20, True
+    lacks = (timed_loads(lambda account, asked: [
+        name for name, time in zip(asked.model.load_names, asked.model.load_times) if time is not None]),)
 
     @property
     def history_size(self) -> int:
@@ -58,10 +61,8 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
     for one in model.controllers:
         # what a run has left does not count at rest
         one.held[0] = one.start
-    laws = model.uneliminated.scene.user_forces if model.user_forces and model.uneliminated is not None else []  # type: ignore
-    timed = any(time is not None for time in (*model.load_times, *(getattr(law, "time", None) for law in laws)))
-    if at_time is None and (timed or model.blows and model.dragged.timed):
-        raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
+    if at_time is None:
+        require(Analysis.TIMELESS_LOADS, model, who)
     return np.array([1.0 if time is None else factor_at(time, at_time or 0.0, f"of {name}")
                      for time, name in zip(model.load_times, model.load_names)])
 
@@ -92,9 +93,7 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
     if not isinstance(at_time, tuple):
         factors = load_factors_at(who, model, at_time)
         return np.zeros_like(factors), factors
-    if model.blows and (model.dragged.timed or model.dragged.windy):
-        raise SceneError(f"{who}: at_time={at_time}: the air of {model.dragged.labels[0]} changes in time, and two times tell no "
-                         "path of its force; give one time, with which it grows from zero")
+    require(Analysis.TIME_SPAN, model, f"{who}: at_time={at_time}")
     first, last = (load_factors_at(who, model, t) for t in at_time)
     if np.array_equal(first, last) and not others_change:
         raise SceneError(f"{who}: at_time={at_time}: no load changes between these times; give those that grow a time function, "

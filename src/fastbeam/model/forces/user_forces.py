@@ -14,7 +14,7 @@ from fastbeam.kernels.forces.force_element import ForceElements
 from fastbeam.kernels.forces.line_force import LineForces
 from fastbeam.kernels.forces.planar_follower import PlanarFollowers
 from fastbeam.kernels.forces.user_force import Laws, UserForces
-from fastbeam.model.analyses import Analysis, Lack, dissipating, unknown_to_methods, without_adjoint
+from fastbeam.model.analyses import Analysis, Lack, dissipating, timed_loads, unknown_to_methods, without_adjoint
 from fastbeam.model.feature import Feature, OfRun
 from fastbeam.model.forces.compiled_laws import (compiled_differences, compiled_force, compiled_slopes, compiled_tension,
     compiled_tension_slopes, compiled_wind, machine_code)
@@ -55,6 +55,7 @@ class UserLaws(Feature):
         Lack((Analysis.TWO_TIMES,), "laws of the user's own",
              "{who}: {name} has a law of its own, of which two times of at_time= tell no path",
              "give one time, or write it as a load with follower=True", lambda laws, asked: laws.pathless),
+        timed_loads(lambda laws, asked: [label_of(x) for x in laws.forces if getattr(x, "time", None) is not None]),
         Lack((Analysis.STEADY,), "user forces", "{who}: {name} is not known in a steady motion", "leave it out",
              lambda laws, asked: laws.labels),
         Lack((Analysis.SENSITIVITY,), "user forces", "{who}: derivatives with {name} are not known",

@@ -79,6 +79,8 @@ class Hoists(Feature):
         Lack(UNKNOWN, "winches", "{who} does not know winches",
              "use simulate or solve_static, or a Spring of the same length and stiffness, and a mass, in its place",
              always("winches")),
+        Lack((Analysis.PROJECTION,), "winches", "{who}: project_velocities does not know winches", "give velocities that agree",
+             always("winches")),
         Lack((Analysis.INNER,), "ropes", "observe: 'inner' does not know the ropes of winches", "leave it out",
              always("winches")),
         Lack((Analysis.GRAVITY_IN_TIME,), "ropes", "{name}: ropes know constant gravity alone", "leave gravity_time out",
