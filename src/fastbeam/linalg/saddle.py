@@ -261,7 +261,7 @@ class Saddle:
         matrix, b = self.matrix, row * right
         for again in (False, True):
             if factors.factor(matrix, again):
-                x, self.residual = self._quickly(factors, b, row, column)
+                x, self.residual = self._by_factors(factors, b, row, column)
                 if self.residual <= REGULAR and not factors.perturbed:
                     return np.asarray(column * x)
                 if self._is_fair(x, b, row, column) and least_singular_value(
@@ -273,16 +273,17 @@ class Saddle:
         factors.refused += 1
         return None
 
-    def _quickly(self, factors: Factors, b: Array, row: Array, column: Array) -> tuple[Array, float]:
+    def _by_factors(self, factors: Factors, b: Array, row: Array, column: Array) -> tuple[Array, float]:
         """As `_refine`, with residuals in compiled code; b, and the solution, scaled by row, column."""
         matrix, size, rest = self.matrix, _norm(b) or 1.0, np.empty_like(b)
+        structure = [x.astype(np.int32, copy=False) for x in (matrix.indptr, matrix.indices)]
         x = factors.solve(b / row) / column
-        left = leave(matrix.data, matrix.indptr, matrix.indices, row, column, x, b, rest) / size
+        left = leave(matrix.data, *structure, row, column, x, b, rest) / size
         for _ in range(2):
             if not GOOD < left < 1e3:
                 break
             better = x + factors.solve(rest / row) / column
-            found = leave(matrix.data, matrix.indptr, matrix.indices, row, column, better, b, rest) / size
+            found = leave(matrix.data, *structure, row, column, better, b, rest) / size
             if not found < left:
                 break
             x, left = better, found

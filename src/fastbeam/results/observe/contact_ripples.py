@@ -237,7 +237,7 @@ class Contacts:
         self.sleeves = [(k, x) for k, x in enumerate(sliders) if isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
         points = [(k, x) for k, x in enumerate(sliders) if not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
         self.rounded = [(k, x) for k, x in points if x.curve == "c1" and x.beams[0].interpolation == "lagrange"][:MOST]
-        self.own = {beam: beam.basis.curve("own") for _, x in self.rounded for beam in x.beams}
+        self.own = {beam: beam.basis.curve("own") for beam in dict.fromkeys(beam for _, x in self.rounded for beam in x.beams)}
         of = dict[Any, list[tuple[int, Slider]]]()
         for k, x in points:
             of.setdefault(_owner(x), []).append((k, x))
