@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from types import SimpleNamespace
-from typing import Any, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,11 @@ from fastbeam.kernels.joints.coordinates import VALUE
 from fastbeam.kernels.state import State
 from fastbeam.model.feature import Feature
 from fastbeam.model.loading import Loading, Remarks
+
+if TYPE_CHECKING:
+    from fastbeam.compile.links import Lines
+    from fastbeam.model.contact.sliders import SlidingContact
+    from fastbeam.scene import Controller
 
 T = TypeVar("T")
 Array = np.ndarray
@@ -92,16 +97,16 @@ class WithFeatures:
         found = [*self.features, *(x for x in more if x is not None)]
         return replace(self, features=tuple(sorted(found, key=lambda x: x.order)))  # type: ignore[type-var]
 
-    def with_loading(self, **changes: Any) -> Self:
+    def with_loading(self, **changes: object) -> Self:
         """The model with other loads; changes: of the attributes of `Loading`."""
         return replace(self, loading=replace(self.loading, **changes))  # type: ignore[type-var]
 
-    def with_remarks(self, **changes: Any) -> Self:
+    def with_remarks(self, **changes: object) -> Self:
         """The model with other remarks; changes: of the attributes of `Remarks`."""
         return replace(self, remarks=replace(self.remarks, **changes))  # type: ignore[type-var]
 
     @property
-    def sliding(self) -> Any:
+    def sliding(self) -> SlidingContact | SimpleNamespace:
         """Sliders and sleeves; without any, what there is of none."""
         return self.by_key.get("sliding", NO_SLIDERS)
 
@@ -124,13 +129,13 @@ class WithFeatures:
         return () if found is None else found.labels
 
     @property
-    def controllers(self) -> tuple[Any, ...]:
+    def controllers(self) -> tuple[Controller, ...]:
         """Controllers of the scene."""
         found: Any = self.by_key.get("control")
         return () if found is None else found.parts
 
     @property
-    def lines(self) -> Any:
+    def lines(self) -> Lines | None:
         """Springs, dampers and line forces whose ends may pass each other (links.Lines), or None."""
         found: Any = self.by_key.get("link_forces")
         return None if found is None else found.lines
