@@ -19,6 +19,7 @@ from fastbeam.compile.order import Ordered, order
 from fastbeam.compile.planar import Found, find_plane
 from fastbeam.compile.unpack import Unpacked, unpack
 from fastbeam.model import tables
+from fastbeam.model.feature import Feature
 from fastbeam.model.model import Model
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -33,7 +34,7 @@ STAGES = {*(f"compile/{name}.py" for name in ("compile", "numbered", "unpack", "
 
 
 # fields of a model that are no arrays of a run: numbers of the parts of the scene, other forms of it, names
-NO_ARRAYS = ("numbers", "uncondensed", "uneliminated", "labels")
+NO_ARRAYS = ("numbers", "uncondensed", "uneliminated")
 
 
 def contents(x: Any, seen: Any) -> None:
@@ -47,6 +48,8 @@ def contents(x: Any, seen: Any) -> None:
     elif isinstance(x, (tuple, list)):
         for y in x:
             contents(y, seen)
+    elif isinstance(x, Feature):
+        contents([y for name, y in vars(x).items() if name != "parts"], seen)
 
 
 def digest(model: Model) -> str:

@@ -72,11 +72,12 @@ def ring(elements: int, **how: str) -> fb.Result:
 
 
 def test_a_place_of_rest_that_the_mesh_decides_is_told_of_with_its_error() -> None:
-    for elements in (21, 80):
+    # of 80 elements several hold the ring, and round-off decides which: the middle is a node
+    for elements, least in ((21, 0.03), (80, 0.0)):
         found = ring(elements)
         (text,) = contact(found)
         off = abs(found.slider("on")["s"][-1] - 2.0)
-        assert 0.03 < off < number(text, "may be off by about ") < 0.25 and "contacts='exact'" in text
+        assert least < off < number(text, "may be off by about ") < 0.25 and "contacts='exact'" in text
     found = ring(21, contacts="exact")
     assert abs(found.slider("on")["s"][-1] - 2.0) < 1e-6 and not contact(found)
 

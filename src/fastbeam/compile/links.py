@@ -401,7 +401,8 @@ class Links:
         lines = self.lines
         springs = self.of(Spring, Damper, Bushing)[0]
         outside = [type(part).__name__ for group in self.groups for part in group.parts[:1] if is_outside(group.entry.noun)]
-        return [*([LinkForces(self.losses, partial(_rows_of, self), lines)] if springs or lines or self.ropes.winches else []),
+        tells = self.losses or springs or lines or self.ropes.winches
+        return [*([LinkForces(self.losses, partial(_rows_of, self), lines)] if tells else []),
                 *([Hoists(self.ropes.winches)] if self.ropes.winches else []),
                 *([BushingForces()] if self.of(Bushing)[0] else []), *([OutsideLinks(outside)] if outside else []),
                 *self._laws()]

@@ -158,9 +158,11 @@ class PathStep:
             size, ahead, behind = self._around(limit[0])
             # where another path crosses there, no equilibrium of this one may be found so near
             behind = counted if behind is None else behind
-            if ahead == behind and abs((behind or 0) - (unstable or 0)) == 1:
-                # next to a limit point the number has to differ on both sides: round-off hides on which it changes
-                ahead = unstable
+            if ahead == behind:
+                # next to a limit point the number has to differ on both sides: round-off hides where it changes
+                near = behind if abs((behind or 0) - (unstable or 0)) == 1 else counted
+                if abs((near or 0) - (unstable or 0)) == 1:
+                    ahead, behind = unstable, near
             if ahead is not None and ahead != unstable and self.to(size):
                 found = self._bifurcations(unstable, ahead, size, self.solver.saved())  # type: ignore[arg-type]
         elif known and counted != unstable:
