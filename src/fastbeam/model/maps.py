@@ -191,7 +191,7 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
 
 
 def free_of_rows(model: Model) -> Array:
-    """1 for unknowns of rows that are free in statics, 0 for held ones, float64 [n rows]; in the tables of a plane of theirs."""
+    """Mark unknowns of rows that are free in statics by 1, held ones by 0, float64 [n rows]."""
     size = len(model.dofs)
     free = np.ones((model.pattern.n, size))
     if model.static_held is not None:
@@ -201,7 +201,7 @@ def free_of_rows(model: Model) -> Array:
 
 
 class RowMap:
-    """Unknowns of the rows of nodes in statics, and what they move.
+    """Maps from the unknowns of the rows of nodes in statics to what they move.
 
     Parameters
     ----------

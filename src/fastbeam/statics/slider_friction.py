@@ -195,7 +195,7 @@ class StaticAlong:
 
 
 def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Equations:
-    """Equations with what presses and rubs; slip [S]: coefficients of friction with the sign of the slip."""
+    """Add to equations what presses and rubs; slip [S]: coefficients of friction with the sign of the slip."""
     core, force = constraints.stepper.core, constraints.stepper.core_state.force
     t, (s, d) = found.tangent, found.tangent.shape
     f = force[:s * d].reshape(s, d)
@@ -221,7 +221,7 @@ def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Eq
 
 
 def edges_of(core: Model, force: Array) -> tuple[Array, Entries]:
-    """What the moments of sleeves press on the edges of their bores, N [S], and its derivative by the multipliers [S, F]."""
+    """Evaluate what moments of sleeves press on the edges of bores, N [S], and its derivative by the multipliers [S, F]."""
     press, value, row, column = np.zeros(core.n_sliders), [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for o, (k, c) in enumerate(core.sleeve_pairs.tolist()):
         at = core.first_force[c] + np.arange(core.forces[c])
@@ -235,8 +235,8 @@ def edges_of(core: Model, force: Array) -> tuple[Array, Entries]:
 
 
 def turned_with_sleeves(of: RowMap, angles: dict[int, float], state: State) -> Entries:
-    """What the moments of sleeves in space get from the second change of directors with the spins, on the unknowns of the rows,
-    N m; angles: of sections that friction holds."""
+    """Form the stiffness that moments of sleeves have from the second change of directors with the spins, on the unknowns of the
+    rows, N m; angles: of sections that friction holds."""
     model, space = of.model, state.force
     n, at = model.n_nodes, state.force.size - 3 * len(model.sleeve_pairs)
     every = sections(model, state.s, state.q.reshape(-1, 4, 3))

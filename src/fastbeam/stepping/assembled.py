@@ -32,18 +32,18 @@ MOST_IDLE = 3
 
 
 class Entries(NamedTuple):
-    """Of a sparse matrix; several at one place are added."""
+    """Entries of a sparse matrix; several at one place are added."""
 
     row: Array      # int64 [*]
     column: Array   # int64 [*]
     value: Array    # float64 [*]
 
     def with_more(self, other: Entries) -> Entries:
-        """These and others."""
+        """Append other entries."""
         return Entries(*(np.concatenate(both) for both in zip(self, other)))
 
     def matrix(self, rows: int, columns: int) -> Any:
-        """By rows, [rows, columns]."""
+        """Put the entries into a sparse matrix by rows, [rows, columns]."""
         from scipy import sparse
         return sparse.csr_matrix((self.value, (self.row, self.column)), shape=(rows, columns))
 
@@ -52,13 +52,13 @@ NO_ENTRIES = Entries(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
 
 def entries_of_matrix(matrix: Any) -> Entries:
-    """Those of a sparse matrix."""
+    """Read the entries of a sparse matrix."""
     found = matrix.tocoo()
     return Entries(found.row, found.col, found.data)
 
 
 class Equations(NamedTuple):
-    """Constraints at one shape: S sliders, F multipliers, positions of d components, m unknowns of the nodes."""
+    """Equations of constraints at one shape: S sliders, F multipliers, positions of d components, m unknowns of the nodes."""
 
     gap: Array         # float64 [S, d]: of sliders, m
     tangent: Array     # float64 [S, d]: c'(s)
@@ -78,7 +78,7 @@ class Equations(NamedTuple):
 
 
 class Constraints:
-    """The constraints of a stepper in statics.
+    """Reads the equations of the constraints of a stepper in statics.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Constraints:
             self._begin()
 
     def _begin(self) -> None:
-        """What stays the same at all shapes."""
+        """Prepare what is the same at all shapes."""
         core, contact = self.stepper.core, self._contact
         n = len(core.dofs)
         count, most = contact.row.shape
@@ -141,7 +141,7 @@ class Constraints:
             self._drives.given[:] = values[self.stepper.core.motions.holds.left_of_held()]
 
     def _loose_forces(self) -> Array:
-        """Numbers of the multipliers of coordinates that are free."""
+        """Number the multipliers of coordinates that are free."""
         if self.loose is None or self._drives is None or not self.loose.any():
             return np.zeros(0, np.int64)
         holds = self.stepper.core.motions.holds
@@ -150,7 +150,7 @@ class Constraints:
         return np.asarray(self._contact.first_force[self._drives.first[0] + free])
 
     def _idle_moments(self) -> Array:
-        """Numbers of the multipliers of twists that nothing holds."""
+        """Number the multipliers of twists that nothing holds."""
         contact, sleeves = self._contact, self._sleeves
         if not self._third.size:
             return np.zeros(0, np.int64)
@@ -167,7 +167,7 @@ class Constraints:
 
     # --- equations ------------------------------------------------------------------------------------------------------
     def at(self, force: Array | None = None) -> Equations:
-        """The equations at the present shape; force: other forces of all constraints [F] than those of the state."""
+        """Evaluate the equations at the present shape; force: other forces of all constraints [F] than those of the state."""
         stepper = self.stepper
         state, work = stepper.core_state, stepper.work
         if self._contact is None:
@@ -184,7 +184,7 @@ class Constraints:
         return self._found()
 
     def gaps_at(self, q: Array) -> Array:
-        """Those of all constraints at coordinates q [12 N] in space, [F]."""
+        """Evaluate the gaps of all constraints at coordinates q [12 N] in space, [F]."""
         stepper = self.stepper
         own, residual = stepper.core_state.q, self._contact.residual.copy()
         before, there = own.copy(), stepper.state._replace(q=q)
@@ -194,13 +194,13 @@ class Constraints:
         return found
 
     def _none(self) -> Equations:
-        """Of a scene without constraints."""
+        """Return the equations of a scene without constraints."""
         none = np.zeros((0, self.stepper.core.dim))
         return Equations(none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES,
                          np.zeros(0, np.int64), np.zeros_like(self.stepper.work.r))
 
     def _found(self) -> Equations:
-        """The equations as compiled code has left them."""
+        """Read the equations that compiled code has left."""
         core, contact = self.stepper.core, self._contact
         s, d = core.n_sliders, core.dim
         touched = contact.entries.tobytes(), contact.row[self._inside].tobytes()
@@ -223,7 +223,7 @@ class Constraints:
                          gaps, gradient, slide, turns, np.concatenate((loose, idle)), -self.stepper.work.r)
 
     def _look(self) -> None:
-        """Which numbers of the lines are entries: those that are not zero, and others that become so as nodes move."""
+        """Find which numbers of the lines are entries: those that are not zero, and others that become so as nodes move."""
         core, contact = self.stepper.core, self._contact
         n, d = len(core.dofs), core.dim
         assert not contact.full[0]
@@ -290,7 +290,7 @@ class SaddleMatrix:
         self._matrix: Any = None
 
     def _merge(self, keys: Array) -> None:
-        """The structure with entries of constraints at these keys, row n + column, ascending."""
+        """Form the structure with entries of constraints at these keys, row n + column, ascending."""
         from scipy import sparse
         at = np.searchsorted(self._keys, keys)
         there = self._keys[np.minimum(at, self._keys.size - 1)] == keys
@@ -310,7 +310,7 @@ class SaddleMatrix:
         self._known = keys
 
     def of(self, blocks: Array, equations: Equations, sliding: Array, drag: float) -> Any:
-        """The matrix, sparse [n, n], of blocks as assembled, which are half the static tangent.
+        """Form the matrix, sparse [n, n], of blocks as assembled, which are half the static tangent.
 
         Parameters
         ----------
@@ -341,7 +341,7 @@ class SaddleMatrix:
         return with_values(self._matrix, data)
 
     def _find_places(self, equations: Equations, dim: int) -> None:
-        """Where what constraints add stands in the matrix, in the order of `of`."""
+        """Find where what constraints add stands in the matrix, in the order of `of`."""
         m, s = self.nodes, self.sliders
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
         rubbing, by_force = equations.rubbing, equations.by_force
