@@ -202,7 +202,9 @@ class SlidingSolver(SaddleSolver):
                     if np.min(off) <= JUMPS:
                         self.stuck, self.last_s = int(np.argmin(off)), state.s.copy()
                         return SLIDER_END, sizes
-                    return (NOT_CONVERGED if status == SLIDER_END else status), sizes
+                    # on a jump itself a step downhill tells
+                    if not (work < 0.0 and np.isfinite(beyond).any()):
+                        return (NOT_CONVERGED if status == SLIDER_END else status), sizes
                 near = 0.25 * largest
             steps, out = self._steps(x.s, slope, beyond)
             steps *= trust
