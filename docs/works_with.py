@@ -38,7 +38,9 @@ def advice(lack: Lack) -> str:
 
 def cell(feature: type[Feature], analysis: Analysis) -> str:
     """Return '+', or what is not known and what to do instead."""
-    found = [f"{lack.what}: {advice(lack)}" for lack in lacks_of(feature, analysis)]
+    # of all of a feature the advice is enough
+    whole = feature.title, feature.title.partition(" (")[0]
+    found = [advice(lack) if lack.what in whole else f"{lack.what}: {advice(lack)}" for lack in lacks_of(feature, analysis)]
     return "; ".join(found).replace("|", r"\|") or WORKS
 
 
