@@ -36,12 +36,15 @@ def advice(lack: Lack) -> str:
     return re.sub(r"\{(name|names)(!r)?\}", lambda found: "'name'" if found[2] else "it", lack.instead)
 
 
-def cell(feature: type[Feature], analysis: Analysis) -> str:
-    """Return '+', or what is not known and what to do instead."""
-    # of all of a feature the advice is enough
+def said(feature: type[Feature], lack: Lack) -> str:
+    """Return what is not known of a feature and what to do instead; where all of it is not known, the advice alone."""
     whole = feature.title, feature.title.partition(" (")[0]
-    found = [advice(lack) if lack.what in whole else f"{lack.what}: {advice(lack)}" for lack in lacks_of(feature, analysis)]
-    return "; ".join(found).replace("|", r"\|") or WORKS
+    return advice(lack) if lack.what in whole else f"{lack.what}: {advice(lack)}"
+
+
+def cell(feature: type[Feature], analysis: Analysis) -> str:
+    """Return '+', or all that an analysis does not know of a feature."""
+    return "; ".join(said(feature, lack) for lack in lacks_of(feature, analysis)).replace("|", r"\|") or WORKS
 
 
 def grid(analyses: tuple[Analysis, ...]) -> str:

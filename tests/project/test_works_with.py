@@ -45,7 +45,7 @@ def test_every_declaration_is_on_the_page() -> None:
     text = PAGE.page()
     assert len(LACKS) > 50
     for feature, lack in LACKS:
-        assert lack.analyses and f"{lack.what}: {PAGE.advice(lack)}" in text, (feature.title, lack.what)
+        assert lack.analyses and f"- {feature.title}: " in text and PAGE.said(feature, lack) in text, (feature.title, lack.what)
 
 
 def test_features_have_names_and_numbers_of_their_own() -> None:
