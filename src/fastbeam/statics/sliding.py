@@ -169,7 +169,7 @@ class SlidingSolver(SaddleSolver):
         state = self.stepper.core_state
         held = np.zeros(self.held.size, bool)
         sizes: list[float] = []
-        drag, trust, near = 0.0, 1.0, NEWTON_FROM
+        drag, trust, near, is_probed = 0.0, 1.0, NEWTON_FROM, False
         # where they had gone too far, from where they came
         beyond = np.full(self.held.size, np.nan)
         for _ in range(MOST_SLIDES):
@@ -202,10 +202,12 @@ class SlidingSolver(SaddleSolver):
                     if np.min(off) <= JUMPS:
                         self.stuck, self.last_s = int(np.argmin(off)), state.s.copy()
                         return SLIDER_END, sizes
-                    # on a jump itself a step downhill tells
-                    if not (work < 0.0 and np.isfinite(beyond).any()):
+                    if is_probed:
                         return (NOT_CONVERGED if status == SLIDER_END else status), sizes
-                near = 0.25 * largest
+                    # a short step tells whether the slope jumps there
+                    is_probed = True
+                else:
+                    near = 0.25 * largest
             steps, out = self._steps(x.s, slope, beyond)
             steps *= trust
             met = self._met(x.s, steps)
