@@ -5,6 +5,8 @@ OUT ?= out
 BIN := $(VENV)/bin
 # the order of files is that of tests/conftest.py; a process that crashes is a defect (CONTRIBUTING.md): the run ends there
 PARALLEL := -q -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart=0
+# the tests of a half in processes of their own: one that has compiled hundreds of kinds of scenes may crash in llvmlite
+FIRST_HALF := tests/validation/test_[a-m]*.py
 # what `make test-plain` runs: masses on rods by every method and solver; numba alone compiles for minutes
 PLAIN_TESTS ?= tests/validation/test_distance_joint.py
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
@@ -32,10 +34,12 @@ demo: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest $(PARALLEL) --ignore tests/validation --ignore tests/house tests
-	$(BIN)/python -m pytest $(PARALLEL) tests/validation tests/house
+	$(BIN)/python -m pytest $(PARALLEL) $(FIRST_HALF)
+	$(BIN)/python -m pytest $(PARALLEL) $(addprefix --ignore=,$(wildcard $(FIRST_HALF))) tests/validation tests/house
 
 test-slow: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest $(PARALLEL) -m slow
+	$(BIN)/python -m pytest $(PARALLEL) -m slow $(FIRST_HALF)
+	$(BIN)/python -m pytest $(PARALLEL) -m slow $(addprefix --ignore=,$(wildcard $(FIRST_HALF))) tests
 
 test-plain: $(VENV)/.installed-dev
 	FASTBEAM_PLAIN_NUMBA=1 $(BIN)/python -m pytest -q $(PLAIN_TESTS)
