@@ -45,7 +45,7 @@ def iteration(stepper: Stepper, repeat: int) -> float:
     for _ in range(repeat):
         kernels.assemble_all(terms, system, STEP)
         kernels.fill_right(terms, system)
-        kernels.solve_right(system)
+        kernels.solve_right(terms, system)
         kernels.close_right(terms, system)
     return 1e6 * (time.thread_time() - begin) / repeat
 

@@ -230,13 +230,14 @@ def test_statics_of_a_ball_net_holds_the_spin_that_nothing_holds() -> None:
     result = fb.solve_static(model)
     # all equations hold at the equilibrium, also those that were left out
     from fastbeam.kernels import loop as kernels
-    from fastbeam.kernels.jit.records import Record
+    from fastbeam.kernels.call_tables import AT_REST, Calls, SystemRecord
     from fastbeam.kernels.terms import AtRest
     from fastbeam.stepping.terms import system_of, terms_of
     work = work_of(model, rates=True)
     kernels.external_forces(model.loads, np.ones(1), work.f_ext)
     work.u[:] = 0.0
-    kernels.assemble_all(Record(terms_of(OfRun(model))), Record(system_of(model, AtRest(), None, None, result.state, work)), 0.0)
+    system = SystemRecord(system_of(model, AtRest(), None, None, result.state, work), AT_REST)
+    kernels.assemble_all(*Calls(terms_of(OfRun(model)), AT_REST).on(system), 0.0)
     assert np.abs(work.r[:-8]).max() < 1e-9 * 20.0
     top = position(net, model, result.state)[0]
     assert np.linalg.norm(top - nodes[0]) > 1e-5

@@ -11,7 +11,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.call_tables import ASSEMBLY, AT_REST, Calls, SystemRecord
 from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model.feature import OfRun
@@ -288,12 +288,12 @@ class Assembled:
     def step(self, h: float) -> None:
         m = self.model
         system = system_of(m, Conserving(), self.contact, m.pattern.plan, self.state, self.work)
-        kernels.assemble_all(Record(terms_of(OfRun(m))), Record(system), h)
+        kernels.assemble_all(*Calls(terms_of(OfRun(m)), ASSEMBLY).on(SystemRecord(system, ASSEMBLY)), h)
 
     def static(self) -> None:
         m = self.model
-        terms = Record(terms_of(OfRun(m, static=True)))
-        system = Record(system_of(m, Equilibrium(), None, None, self.state, self.work))
+        system = SystemRecord(system_of(m, Equilibrium(), None, None, self.state, self.work), AT_REST)
+        terms, system = Calls(terms_of(OfRun(m, static=True)), AT_REST).on(system)
         kernels.begin(terms, system, 0.0)
         kernels.assemble_all(terms, system, 0.0)
 

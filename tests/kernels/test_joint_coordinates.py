@@ -10,7 +10,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord
 from fastbeam.kernels.joints.coordinates import VALUE
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model.joints.coordinates import Coordinate
@@ -80,8 +80,8 @@ class Forces:
         work.q_mid[:work.q_mid.size], work.q_end[:] = middle.reshape(-1), end.reshape(-1)
         method = Equilibrium() if self.static else Conserving()
         contact = None if self.static else contact_of(model, 64)
-        system = Record(system_of(model, method, contact, model.pattern.plan, state, work))
-        kernels.assemble_some(Record(self.tables.static_terms), system, 0.0 if self.static else self.h)
+        system = SystemRecord(system_of(model, method, contact, model.pattern.plan, state, work), ASSEMBLY)
+        kernels.assemble_some(*Calls(self.tables.static_terms, ASSEMBLY).on(system), 0.0 if self.static else self.h)
         rows = model.pattern.row_of
         full = np.zeros((6 * model.pattern.n,) * 2)
         blocks = work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8)

@@ -16,9 +16,9 @@ import pytest
 
 from fastbeam.compile.compile import compile_scene
 from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.call_tables import Calls, SystemRecord
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.contact.slider import predict_sliders
-from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.loads import load_factors
@@ -235,7 +235,7 @@ class Kernels:
         """Terms and the record of what they share."""
         m, static = self.model, isinstance(method, Equilibrium)
         contact, solver = (None, m.pattern.plan) if static else (self.contact, self.solver)
-        return Record(terms_of(OfRun(m, static))), Record(system_of(m, method, contact, solver, self.state, self.work))
+        return Calls(terms_of(OfRun(m, static))).on(SystemRecord(system_of(m, method, contact, solver, self.state, self.work)))
 
     def load(self) -> None:
         """Loads at factor 1."""
@@ -431,7 +431,7 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     work, m = kernel.work, model
     terms, system = kernel.parts()
     kernels.fill_right(terms, system)
-    assert kernels.solve_right(system)
+    assert kernels.solve_right(terms, system)
     assert np.all(kernel.solver.factors.failed == (0, -1))
     # the kernel's compliance leaves out the moment of the frame, and what nodes behind the slider in the elimination give
     share = kernel.contact.compliance / compliances(tangent, len(ends))
@@ -525,7 +525,7 @@ def test_a_converged_step_is_a_root_of_the_twin(name: str) -> None:
     # velocities that the contact does not allow: it has to push
     state.v[:] = random_velocity(twin, np.random.default_rng(5)).reshape(-1)
     counts = np.zeros(4, np.int64)
-    kernels.run((), *kernel.parts(), np.ones(1), H, 1, 30, counts, np.zeros(30), np.zeros((2, 3 * model.n_sliders)))
+    kernels.run(*kernel.parts(), np.ones(1), H, 1, 30, counts, np.zeros(30), np.zeros((2, 3 * model.n_sliders)))
     status, _, iterations, _ = counts
     assert status == kernels.OK
     assert iterations < 12

@@ -10,7 +10,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.call_tables import Calls
 from fastbeam.kernels.state import State
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.maps import RowMap
@@ -128,9 +128,9 @@ def test_compiled_rows_of_a_step_with_equal_ends_are_the_static_equations(make: 
         found = found._replace(bent=turned_with_sleeves(RowMap(model, twin.axes), {}, stepper.state))
     stepper.parts.assemble(0.0)
     r, matrix = work.r.copy(), matrix_of(stepper, found)
-    others = Record(tuple(term for term in stepper.terms if not isinstance(term, CONSTRAINTS)))
+    others = Calls(tuple(term for term in stepper.terms if not isinstance(term, CONSTRAINTS)))
     work.f_ext[:] = twin.loads(weights, stepper.state.q, state.force)
-    kernels.assemble_all(others, stepper.records[1], 0.0)
+    kernels.assemble_all(*others.on(stepper.records[1]), 0.0)
     rows, n = core.pattern.n, len(core.dofs)
     np.testing.assert_allclose(*(x.reshape(-1, 8)[:rows, :n] for x in (r, work.r)), rtol=1e-12, atol=1e-11)
     as_loads = matrix_of(stepper, found._replace(bent=entries_of_matrix(border.bent)))

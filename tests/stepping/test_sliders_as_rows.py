@@ -155,14 +155,14 @@ def iterate(stepper: Stepper, scale: float) -> tuple[Array, ...]:
 def solve_with_rows(stepper: Stepper) -> None:
     """Of an assembled iteration; with more room where there is too little."""
     kernels.fill_right(*stepper.records)
-    solved = kernels.solve_right(stepper.records[1])
+    solved = kernels.solve_right(*stepper.records)
     while stepper.rows.factors.failed[0]:
         first = stepper.contact.augmented[2]
         stepper._enlarge()
         stepper.contact.augmented[2] = first
         stepper.parts.assemble(STEP)
         kernels.fill_right(*stepper.records)
-        solved = kernels.solve_right(stepper.records[1])
+        solved = kernels.solve_right(*stepper.records)
     assert solved and stepper.rows.factors.failed[1] == -1, stepper.rows.factors.failed
 
 

@@ -397,7 +397,7 @@ def iterate(stepper: Stepper, h: float) -> None:
     for _ in range(25):
         kernels.assemble_all(*stepper.records, h)
         kernels.fill_right(*stepper.records)
-        assert kernels.solve_right(stepper.records[1])
+        assert kernels.solve_right(*stepper.records)
         if stepper.parts.update() < 1e-14 and kernels.all_settled(*stepper.records):
             return
     raise AssertionError("it did not converge")

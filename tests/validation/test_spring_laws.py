@@ -10,9 +10,9 @@ from scipy.integrate import quad
 
 import fastbeam as fb
 from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.forces.spring_laws import SpringLaws, damping_force, mean_force
-from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.terms import Conserving
 from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.spring_laws import laws_of
@@ -135,7 +135,7 @@ def trial(model: Any, dphi: Array, theta: Array, h: float) -> tuple[Array, Array
     work.dphi[:], work.theta[:] = dphi.reshape(-1), theta.reshape(-1)
     system = system_of(model, Conserving(), None, None, model.state(), work)
     terms = tuple(t for t in terms_of(OfRun(model)) if any(t is x for x in model.links))
-    kernels.assemble_all(Record(terms), Record(system), h)
+    kernels.assemble_all(*Calls(terms, ASSEMBLY).on(SystemRecord(system, ASSEMBLY)), h)
     return work.r.copy(), work.blocks.copy()
 
 

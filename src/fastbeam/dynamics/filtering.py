@@ -134,7 +134,7 @@ class FilteringStepper(Stepper):
         found = []
         for way in (h, -h):
             work.dphi[:], work.theta[:] = way * v[:, 0].reshape(-1), way * spin.reshape(-1)
-            changes_of(self.filters, self.records[1], h)
+            changes_of(self.filters, self.records[1].typed, h)
             found.append([term.change.copy() for term in self.filters])
         for term, ahead, back in zip(self.filters, *found):
             term.rate[:] = term.smooth[:] = (ahead - back) / (2.0 * h)

@@ -8,10 +8,10 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord, system_record
 from fastbeam.kernels.contact.slider import Sliding
 from fastbeam.kernels.empty_arrays import aligned_empty
 from fastbeam.kernels.forces.drag import Drag
-from fastbeam.kernels.jit.records import Record, record_of
 from fastbeam.kernels.joints.conditions import JointConditions
 from fastbeam.kernels.joints.coordinates import JointMotion
 from fastbeam.kernels.loop import OK
@@ -62,12 +62,12 @@ class Reactions:
         running = {type(term): term for term in of.terms}
         known = with_known_twist(tuple(_as_running(term, running.get(type(term))) for term in terms), of.terms)
         known = tuple(term for term in known if term is not core.ties and term is not held)
-        self.terms = Record(tuple(_at_nodes(term, core.pattern.row_of) for term in known))
+        self.terms = Calls(tuple(_at_nodes(term, core.pattern.row_of) for term in known), ASSEMBLY)
         some = [x for x in sections if x is not None]
-        self.bodies = FreeBodies(stepper.model, self.terms.of, some, stepper.plane, core.pattern.n) if some else None
-        self._sliding = Record(tuple(term for term in self.terms.of if isinstance(term, Sliding)))
-        self.ties = None if core.ties is None else Record((core.ties,))
-        self._system: Record | None = None
+        self.bodies = FreeBodies(stepper.model, self.terms.terms, some, stepper.plane, core.pattern.n) if some else None
+        self._sliding = Calls(tuple(term for term in self.terms.terms if isinstance(term, Sliding)), ASSEMBLY)
+        self.ties = None if core.ties is None else Calls((core.ties,), ASSEMBLY)
+        self._system: SystemRecord | None = None
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
         # joints with multipliers, and which of them every link belongs to; -1: what acts on the places of contacts on moving
         # meshes is no force in space
@@ -141,18 +141,18 @@ class Reactions:
         first = np.full_like(system.contact.first, -1)
         first[k] = self.own.contact.first[k]
         work = system.work._replace(r=aligned_empty(8 * (n + 1)))
-        one = Record(system._replace(contact=system.contact._replace(first=first), work=work, row_of=np.arange(n)))
-        kernels.assemble_some(self._sliding, one, 0.0)
+        one = SystemRecord(system._replace(contact=system.contact._replace(first=first), work=work, row_of=np.arange(n)), ASSEMBLY)
+        kernels.assemble_some(*self._sliding.on(one), 0.0)
         return -work.r[:8 * n].reshape(-1, 8)
 
     def _evaluate(self, system: Any, q: Array, h: float, factors: Array, second: Array | None) -> Array:
         holding, x = self.holding, q[:, 0]
-        self._system = record_of(system, self._system)
+        self._system = system_record(system, self._system, ASSEMBLY)
         # nodes that share the spin of another turn like it
         theta = self.own.work.theta.reshape(len(x), -1)
         before = theta.copy()
         theta[:] = theta[self.own.model.spin_root]
-        kernels.assemble_all(self.terms, self._system, h)
+        kernels.assemble_all(*self.terms.on(self._system), h)
         sections = np.zeros((0, 2, 3))
         if self.bodies is not None:
             sections = self.bodies.forces(system, q, h, factors, second, lambda k: self._of_slider(k, system))
@@ -163,7 +163,7 @@ class Reactions:
         if len(holding.joints):
             out[s:s + len(holding.joints)] = self._joints(force, moment, x)
         if self.ties is not None:
-            kernels.assemble_some(self.ties, self._system, h)
+            kernels.assemble_some(*self.ties.on(self._system), h)
             force, moment = self._rows()
         out[:s, 0], out[:s, 1] = force[holding.supports], moment[holding.supports]
         np.add.at(out[:s, 1], holding.turning[:, 0], moment[holding.turning[:, 1]])

@@ -310,8 +310,6 @@ class _Run(Encounters):
         error: BaseException | None = None
         begun = False
         try:
-            # the first row compiles the kernels of its quantities
-            self.stepper.begin_compilation()
             if self.happen(clock.now):
                 clock.before = clock.before_size = None
             self.rows.first()

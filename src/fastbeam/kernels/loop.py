@@ -1,6 +1,6 @@
 """One step and the compiled time loop: the conserving step (theory.md 4 to 6), the methods it is compared with (7), statics (8).
 
-The loop goes over the terms of a scene; the method, the kind of nodes, contact and solver are types that decide what is called.
+The loop is compiled once: terms, method, kind of nodes, contact and solver are called through a table (jit/calls.py).
 
 Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [MORE_ITERATIONS max_iterations]; counts_out [4 or 5];
 mean_force_out [2, F]; vectors [K, 8 (rows + 1)], factors [K], f_ext_out [8 (rows + 1)]; out [1].
@@ -9,22 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from fastbeam.kernels.beams import beam_term as beams
-from fastbeam.kernels.jit.decorators import compile_in_background, kernel
-from fastbeam.kernels.jit.records import in_memory, item_type
-from fastbeam.kernels.linalg import constraints  # noqa: F401
-from fastbeam.kernels.contact import slider  # noqa: F401
-from fastbeam.kernels.algebra.dimensions import dim
+from fastbeam.kernels.algebra.dimensions import Plane, Space
 from fastbeam.kernels.beams.nodes import extrapolation, remember
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FactoredContact
+from fastbeam.kernels.jit.decorators import kernel
+from fastbeam.kernels.jit.records import in_memory
 from fastbeam.kernels.linalg.border import fill_panel, fill_residual, solve_border, take_solution
 from fastbeam.kernels.linalg.chain import Elimination, OneSide, RightSides, back_substitute, factor
 from fastbeam.kernels.linalg.pardiso import PardisoTables, begin_step as begin_pardiso_step, solve_sparse
 from fastbeam.kernels.state import (IN_DOUBT, MORE_ITERATIONS, clear_equations, copy, follow_increment, keep_arrays,
     restore_arrays, start_increment)
 from fastbeam.kernels.terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, account, advance_nodes,
-    assemble, begin_contact, begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill,
+    assemble, axes_of, begin_contact, begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill,
     first_guess, follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
     push_increments, put_loads, recover, restore, save, scale_residual, scale_solutions, solve, spread_nodes, take_increments,
     take_unknowns, within_limits)
@@ -45,6 +42,18 @@ def begin_in_time(method, terms, system, h):
     start_increment(system.work)
     begin_contact.call(system.contact)
     first_guess.each(terms, system, h, c)
+
+
+@axes_of.register(Space)
+@kernel
+def three_axes(dofs):
+    return 3
+
+
+@axes_of.register(Plane)
+@kernel
+def two_axes(dofs):
+    return 2
 
 
 @begin_contact.register(NoContact)
@@ -315,7 +324,7 @@ def finish_step(terms, system, h):
     state, work = system.state, system.work
     account.each(terms, system, h)
     work.past[work.past.shape[0] - 1] = work.increment.control[2]
-    remember(state.s, work.s_end, state.force, dim(system.dofs), h, work.past)
+    remember(state.s, work.s_end, state.force, axes_of.call(system.dofs), h, work.past)
     advance_nodes.call(system.dofs, system.method, state, work, h, 0, system.row_of.shape[0], work.scratch)
     accept.each(terms, system.method, system)
     copy(work.s_end, state.s)
@@ -332,9 +341,9 @@ def external_forces(vectors, factors, f_ext_out):
 
 
 @kernel
-def run(given, all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out, sizes_out, mean_force_out):
+def run(terms, system, weights, h, n_steps, max_iterations, counts_out, sizes_out, mean_force_out):
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
-    iteration. given: tuple of what has loads, motors and the like in every substep.
+    iteration.
 
     mean_force_out [2, F]: mean forces of all constraints in the first and the last step. counts_out: status, steps done, Newton
     iterations, slider of an event, where asked for iterations before the last step. On a failure the state is the last good one.
@@ -343,7 +352,6 @@ def run(given, all_terms, whole_system, weights, h, n_steps, max_iterations, cou
     counts_out[1] = 0
     counts_out[2] = 0
     counts_out[3] = -1
-    terms, system = in_memory(all_terms), in_memory(whole_system)
     force = system.state.force
     for n in range(n_steps):
         if counts_out.shape[0] > 4:
@@ -354,7 +362,7 @@ def run(given, all_terms, whole_system, weights, h, n_steps, max_iterations, cou
         status = OK
         for m in range(weights.shape[0]):
             hm = weights[m] * h
-            put_loads.each(given, system, n * weights.shape[0] + m)
+            put_loads.each(terms, system, n * weights.shape[0] + m)
             begin_step.call(system.method, terms, system, hm)
             status, iterations = newton(terms, system, hm, max_iterations, LARGEST_IN_TIME, sizes_out)
             counts_out[2] += iterations
@@ -375,112 +383,89 @@ def run(given, all_terms, whole_system, weights, h, n_steps, max_iterations, cou
                 mean_force_out[0, k] = mean_force_out[1, k]
 
 
-def _jobs_of_run(given, terms, system, weights, h, *others):
-    """Calls in `run` that together take as long to compile as all others, in their order, from the types of its arguments."""
-    of = system.of
-    method, contact, solver = (item_type(of.types[of.fields.index(x)]) for x in ("method", "contact", "solver"))
-    heavy = (slider.Sliding, beams.Beams)
-    calls = [(function, some) for function, some in assemble.calls(terms, method, system, h)
-             if issubclass(some[0].instance_class, heavy)]
-    for function, some in ((solve, (solver, contact, system)), (close, (contact, terms, system))):
-        calls.append((function.find(some), some))
-    return calls
-
-
-compile_in_background(run, _jobs_of_run)
-
-
 @kernel
-def solve_equilibrium(all_terms, whole_system, max_iterations, largest, sizes_out):
+def solve_equilibrium(terms, system, max_iterations, largest, sizes_out):
     """Newton iteration to an equilibrium under the loads in work.f_ext: (status, iterations)."""
-    terms, system = in_memory(all_terms), in_memory(whole_system)
     begin_step.call(system.method, terms, system, 0.0)
     return newton(terms, system, 0.0, max_iterations, largest, sizes_out)
 
 
 # --- the parts of an iteration for loops in Python ----------------------------------------------------------------------
 @kernel
-def keep_now(system):
-    keep_state(in_memory(system))
+def keep_now(terms, system):
+    keep_state(system)
 
 
 @kernel
-def restore_kept(system):
-    restore_state(in_memory(system))
+def restore_kept(terms, system):
+    restore_state(system)
 
 
 @kernel
 def begin(terms, system, h):
-    record = in_memory(system)
-    begin_step.call(record.method, in_memory(terms), record, h)
+    begin_step.call(system.method, terms, system, h)
 
 
 @kernel
 def assemble_all(terms, system, h):
-    assemble_step(in_memory(terms), in_memory(system), h)
+    assemble_step(terms, system, h)
 
 
 @kernel
 def assemble_some(terms, system, h):
     """What these terms add to residual and tangent."""
-    record = in_memory(system)
-    assemble.each(in_memory(terms), record.method, record, h)
+    assemble.each(terms, system.method, system, h)
 
 
 @kernel
 def guess_some(terms, system, h, c):
-    record = in_memory(system)
-    begin_contact.call(record.contact)
-    first_guess.each(in_memory(terms), record, h, c)
+    begin_contact.call(system.contact)
+    first_guess.each(terms, system, h, c)
 
 
 @kernel
 def clear_some(terms, system):
-    record = in_memory(system)
-    clear.each(in_memory(terms), record.method, record)
+    clear.each(terms, system.method, system)
 
 
 @kernel
 def follow_some(terms, system):
-    follow_nodes.each(in_memory(terms), in_memory(system))
+    follow_nodes.each(terms, system)
 
 
 @kernel
 def fill_right(terms, system):
-    record = in_memory(system)
-    fill.call(record.contact, in_memory(terms), record)
+    fill.call(system.contact, terms, system)
 
 
 @kernel
 def all_regular(terms, system):
-    return is_regular.all(in_memory(terms), in_memory(system))
+    return is_regular.all(terms, system)
 
 
 @kernel
 def all_settled(terms, system):
-    return is_settled.all(in_memory(terms), in_memory(system))
+    return is_settled.all(terms, system)
 
 
 @kernel
-def solve_right(system):
-    record = in_memory(system)
-    return solve.call(record.solver, record.contact, record)
+def solve_right(terms, system):
+    return solve.call(system.solver, system.contact, system)
 
 
 @kernel
 def close_right(terms, system):
-    record = in_memory(system)
-    return close.call(record.contact, in_memory(terms), record)
+    return close.call(system.contact, terms, system)
 
 
 @kernel
 def update(terms, system):
-    return update_step(in_memory(terms), in_memory(system))
+    return update_step(terms, system)
 
 
 @kernel
 def finish(terms, system, h):
-    finish_step(in_memory(terms), in_memory(system), h)
+    finish_step(terms, system, h)
 
 
 @kernel
@@ -490,9 +475,9 @@ def energy_of(terms, q, dofs, out):
 
 @kernel
 def account_all(terms, system, h):
-    account.each(in_memory(terms), in_memory(system), h)
+    account.each(terms, system, h)
 
 
 @kernel
 def all_within_limits(terms, system, counts_out):
-    return within_limits.all(in_memory(terms), in_memory(system), counts_out)
+    return within_limits.all(terms, system, counts_out)

@@ -2,8 +2,9 @@
 
 A scene is a tuple of terms, named tuples of arrays: beams of each strain set, the nodes eliminated inside elements, bodies, tied
 nodes, held unknowns, sliders, loads that change. What a scene lacks is not in its tuple, and no code of it is compiled. The step
-(loop.py) calls the generic functions below for all terms; each file of physics registers implementations of those that concern
-it. `System` holds what all terms share.
+(loop.py) calls the generic functions below for all terms, through a table of addresses (questions.py); each file of physics
+registers implementations of those that concern it. `System` holds what all terms share; what reads more of it than `WithMethod` has
+says so by its class attribute `reads`.
 
 Order of the tuple: sliders, which act on nodes inside elements, elements, bodies; then what gathers the equations of nodes, ties
 and held unknowns.
@@ -18,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.kernels.jit.calls import Unknown
 from fastbeam.kernels.jit.decorators import inlined
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.state import State, Work
@@ -55,19 +57,66 @@ class AtRest(NamedTuple):
 class System(NamedTuple):
     """What all terms share."""
 
+    calls: Unknown        # the table of what is asked of the scene as a whole (jit/calls.py)
+    row_of: np.ndarray    # int64 [N]: row of every node
+    spinless: np.ndarray  # int8 [N]: 1 where a triad does not turn
+    state: State
+    width: int            # columns of the panel of right-hand sides
+    length: float         # size of the scene, m
+    work: Work
+    # from here on scenes differ in more than sizes of arrays
     dofs: Any             # dimensions.Space or dimensions.Plane
     method: Any           # Conserving, Midpoint, generalized_alpha.Alpha, Equilibrium or AtRest
     contact: Any          # slider.Contact or NoContact
     solver: Any           # chain.Elimination, pardiso.PardisoTables or SolverOutside
-    row_of: np.ndarray    # int64 [N]: row of every node
-    spinless: np.ndarray  # int8 [N]: 1 where a triad does not turn
+
+
+# the first fields of `System`, for code that reads no more of it: `Unknown` stands for the others
+class Shared(NamedTuple):
+    """For the loop of the steps."""
+
+    calls: Unknown
+    row_of: np.ndarray
+    spinless: np.ndarray
     state: State
+    width: int
+    length: float
     work: Work
-    width: int            # columns of the panel of right-hand sides
-    length: float         # size of the scene, m
 
 
-System.stays_in_memory = Work.stays_in_memory = State.stays_in_memory = True  # type: ignore[attr-defined]
+class WithMethod(NamedTuple):
+    """For most terms."""
+
+    calls: Unknown
+    row_of: np.ndarray
+    spinless: np.ndarray
+    state: State
+    width: int
+    length: float
+    work: Work
+    dofs: Any
+    method: Any
+
+
+class WithContact(NamedTuple):
+    """For constraints."""
+
+    calls: Unknown
+    row_of: np.ndarray
+    spinless: np.ndarray
+    state: State
+    width: int
+    length: float
+    work: Work
+    dofs: Any
+    method: Any
+    contact: Any
+
+
+for part in (Shared, WithMethod, WithContact, System):
+    part.stays_in_memory = True  # type: ignore[attr-defined]
+    part.stands_for = dict.fromkeys(System._fields[len(part._fields):], "calls")  # type: ignore[attr-defined]
+Work.stays_in_memory = State.stays_in_memory = True  # type: ignore[attr-defined]
 
 
 class Loads(NamedTuple):
@@ -178,6 +227,11 @@ def spread_nodes(dofs, method, state, work, h, first, last):
 @generic
 def move_nodes(dofs, row_of, work, first, last, scratch):
     """Add the rows of increments to these nodes. Returns the largest of positions and of spins."""
+
+
+@generic
+def axes_of(dofs):
+    """Number of components of a position."""
 
 
 @generic

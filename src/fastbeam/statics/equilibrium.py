@@ -209,7 +209,7 @@ class StaticSolver:
             kernels.fill_right(terms, system)
             self.linear.begin_step()
             with self.linear.threads():
-                good = kernels.all_regular(terms, system) and kernels.solve_right(system)
+                good = kernels.all_regular(terms, system) and kernels.solve_right(terms, system)
         else:
             good = stepper.parts.solve()
         if not good:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.connections import held_axes
@@ -368,21 +368,21 @@ class Carrying:
     def __init__(self, stepper: Any, own: Array) -> None:
         core = stepper.core
         held, pattern = core.static_held, core.pattern
-        self.free = Record(tuple(term for term in stepper.terms if term is not held))
-        self.held = Record((held,))
+        self.free = Calls(tuple(term for term in stepper.terms if term is not held), ASSEMBLY)
+        self.held = Calls((held,), ASSEMBLY)
         columns = pattern.columns
         self.block = np.flatnonzero(np.isin(columns, pattern.row_of[own]))
         self.row, self.column = pattern.rows[self.block], columns[self.block]
 
-    def assemble(self, stepper: Any, system: Record, x: Array) -> None:
+    def assemble(self, stepper: Any, system: SystemRecord, x: Array) -> None:
         """Half the static tangent and the residual of the rows, as `Iteration.assemble` does, for increments of which those of
         held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
         work, size = stepper.work, x.shape[1]
-        kernels.assemble_all(self.free, system, 0.0)
+        kernels.assemble_all(*self.free.on(system), 0.0)
         blocks = work.blocks[:8 * size * stepper.core.pattern.keys.size].reshape(-1, size, 8)[self.block, :, :size]
         r = work.r[:8 * len(x)].reshape(-1, 8)[:, :size]
         np.add.at(r, self.row, 2.0 * np.einsum("kij,kj->ki", blocks, x[self.column]))
-        kernels.assemble_some(self.held, system, 0.0)
+        kernels.assemble_some(*self.held.on(system), 0.0)
 
 
 def _axial(turn: Array) -> Array:

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.call_tables import ASSEMBLY, Calls
 from fastbeam.kernels.contact.slider import NoSleeves, Sliding
-from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.conditions import JointConditions
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
@@ -96,13 +96,13 @@ class Constraints:
     def __init__(self, stepper: Stepper) -> None:
         self.stepper = stepper
         core, self._contact = stepper.core, stepper.contact
-        self._terms = Record(tuple(term for term in stepper.terms if isinstance(term, CONSTRAINTS)))
+        self._terms = Calls(tuple(term for term in stepper.terms if isinstance(term, CONSTRAINTS)), ASSEMBLY)
         self._free = free_of_rows(core) != 0.0
         self.loose: Array | None = None
         self.angles: dict[int, float] = {}
         self._given: Array | None = None
-        self._drives = next((term for term in self._terms.of if isinstance(term, JointDrives)), None)
-        self._sleeves = next((term.sleeves for term in self._terms.of if isinstance(term, Sliding)), NoSleeves())
+        self._drives = next((term for term in self._terms.terms if isinstance(term, JointDrives)), None)
+        self._sleeves = next((term.sleeves for term in self._terms.terms if isinstance(term, Sliding)), NoSleeves())
         self._axes = self._keyed = np.zeros(0)
         if not isinstance(self._sleeves, NoSleeves):
             self._axes, self._keyed = self._sleeves.axes.copy(), self._sleeves.keyed.copy()
@@ -179,7 +179,7 @@ class Constraints:
             state.force[:] = force
         work.q_mid[:] = work.q_end[:] = state.q
         work.r[:] = 0.0
-        kernels.assemble_some(self._terms, stepper.records[1], 0.0)
+        kernels.assemble_some(*self._terms.on(stepper.records[1]), 0.0)
         state.force[:] = before
         return self._found()
 

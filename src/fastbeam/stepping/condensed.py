@@ -24,8 +24,8 @@ from fastbeam.kernels.beams.moving_supports import MovedRows
 from fastbeam.kernels.beams.nodes import Bodies, Held, extrapolation
 from fastbeam.kernels.beams.planar_nodes import PlanarBodies, PlanarTies
 from fastbeam.kernels.beams.ties import COLUMN_ENTRY, ROW_ENTRY, TARGET, Ties
+from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord, Table
 from fastbeam.kernels.contact.slider import Sliding
-from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.layout import LIST
 from fastbeam.kernels.linalg import substructures as beams
 from fastbeam.kernels.linalg.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
@@ -144,13 +144,13 @@ class CondensedIteration(Iteration):
             n = self.owner.core.pattern.n
             own = [_held_of_solver(x, n) if isinstance(x, Held) else self._ties if isinstance(x, (Ties, PlanarTies)) else x
                    for x in own]
-            self._panel = Record(tuple(own))
-        self._held = Record(tuple(x for x in own if isinstance(x, (MovedRows, Held))))
+            self._panel = Calls(tuple(own))
+        self._held = Calls(tuple(x for x in own if isinstance(x, (MovedRows, Held))), ASSEMBLY)
 
     @property
-    def records(self) -> tuple[Record, Record]:
+    def records(self) -> tuple[Table, SystemRecord]:
         terms, system = self.owner.records
-        return self._panel if self._carriers else terms, system
+        return self._panel.on(system) if self._carriers else (terms, system)
 
     def __init__(self, owner: Owner, threads: int) -> None:
         super().__init__(owner)
@@ -189,7 +189,7 @@ class CondensedIteration(Iteration):
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
         self._take_terms()
-        self._rest = Record((*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies, *others))
+        self._rest = Calls((*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies, *others), ASSEMBLY)
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
         for tables, groups in zip((model.simo, model.green), parts):
@@ -259,7 +259,7 @@ class CondensedIteration(Iteration):
         s, m = self.owner, self.owner.core
         state, work, n, system = s.core_state, s.work, 8 * len(m.dofs), s.system
         shared = s.records[1]
-        step.clear_some(self._rest, shared)
+        step.clear_some(*self._rest.on(shared))
 
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
@@ -280,7 +280,7 @@ class CondensedIteration(Iteration):
         def condense(thread: int, x: tuple[ElementTables, Any, Chunk] | Group | None) -> bool:
             if x is None:
                 # what acts on inner nodes stands in the residual before they are eliminated
-                step.assemble_some(self._rest, shared, h)
+                step.assemble_some(*self._rest.on(shared), h)
                 return True
             if isinstance(x, Group):
                 return x.condense(system, h, self.subs.ends, self._spaces[thread])
@@ -297,8 +297,8 @@ class CondensedIteration(Iteration):
             apply_ties(t, 0, t.slave.size, 0, 0, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
             self.team.each(lambda thread, x: apply_ties(t, 0, 0, *x, work.q_mid, work.q_end, work.r, work.blocks,
                                                         self._scratch[thread]), self._moves)
-        if self._held.of:
-            step.assemble_some(self._held, shared, h)
+        if self._held.terms:
+            step.assemble_some(*self._held.on(shared), h)
 
     @property
     def is_regular(self) -> bool:
@@ -318,7 +318,7 @@ class CondensedIteration(Iteration):
             return super().solve_panel()
         if s.linear.pardiso is not None:
             return s.linear.pardiso.solve(s.work.blocks, s.work.panel, m.width, m.dofs, self.team.each)
-        return bool(step.solve_right(s.records[1]))
+        return bool(step.solve_right(*s.records))
 
     # --- increments ---------------------------------------------------------------------------------------------------
     def update(self) -> float:

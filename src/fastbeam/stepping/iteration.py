@@ -8,8 +8,8 @@ import numpy as np
 
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.beams.inner_nodes import Inner
+from fastbeam.kernels.call_tables import SystemRecord, Table
 from fastbeam.kernels.entries.dense import Contact
-from fastbeam.kernels.jit.records import Record
 from fastbeam.kernels.loop import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from fastbeam.kernels.state import IN_DOUBT, MORE_ITERATIONS, State, Work
 from fastbeam.kernels.terms import System
@@ -37,7 +37,7 @@ class Owner(Protocol):
         """What all terms share."""
 
     @property
-    def records(self) -> tuple[Record, Record]:
+    def records(self) -> tuple[Table, SystemRecord]:
         """Terms and system as compiled code takes them."""
 
 
@@ -94,11 +94,11 @@ class Iteration:
 
     def keep(self) -> None:
         """Remember the state before a step."""
-        kernels.keep_now(self.owner.records[1])
+        kernels.keep_now(*self.owner.records)
 
     def restore(self) -> None:
         """Go back to it."""
-        kernels.restore_kept(self.owner.records[1])
+        kernels.restore_kept(*self.owner.records)
 
     def start(self, h: float) -> None:
         """First guess of a step of size h."""
@@ -148,7 +148,7 @@ class Iteration:
         return self.is_regular and self.solve_panel()
 
     @property
-    def records(self) -> tuple[Record, Record]:
+    def records(self) -> tuple[Table, SystemRecord]:
         """Terms and system, as they have to do with the panel of right-hand sides."""
         return self.owner.records
 

@@ -11,14 +11,15 @@ import numpy as np
 from fastbeam.interface.arguments import count, number
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.call_tables import AT_REST, EVERYTHING, ITERATION, Calls, SystemRecord, Table, system_record
 from fastbeam.kernels.contact.slider_forces import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.energies import slider_motion
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.forces.user_force import UserForceTimes
-from fastbeam.kernels.jit.decorators import announce_first_use, begin_background
-from fastbeam.kernels.jit.records import Record, record_of
+from fastbeam.kernels.jit.decorators import announce_first_use
+from fastbeam.kernels.jit.records import same_record
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.loop import BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import MORE_ITERATIONS, State
@@ -247,13 +248,16 @@ class Stepper:
                          self.core_state, self.work)
 
     @property
-    def records(self) -> tuple[Record, Record]:
-        """The terms and what they share, as compiled code takes them."""
+    def records(self) -> tuple[Table, SystemRecord]:
+        """The terms and what they share, as compiled loops take them."""
         of = self.terms, self.core, self.contact, self.rows, self.core_state, self.work, self.alpha, self.linear.tables
         if not all(map(is_, of, self._recorded)):
-            terms, system = self._records
-            self._records, self._recorded = (record_of(self.terms, terms), record_of(self.system, system)), of
-        return self._records
+            calls, system = self._records
+            if calls is None or not same_record(self.terms, calls.terms):
+                calls = Calls(self.terms, ITERATION if self._static else EVERYTHING)
+            self._records, self._recorded = (calls, system_record(self.system, system)), of
+        calls, system = self._records
+        return calls.on(system)  # type: ignore[no-any-return]
 
     @property
     def _remembered(self) -> tuple[Array, ...]:
@@ -278,7 +282,7 @@ class Stepper:
         model, work = self.model, self.work
         work.u[:] = u
         system = self.system._replace(method=AtRest())
-        whole = Record(terms_of(OfRun(model))), Record(system)
+        whole = Calls(terms_of(OfRun(model)), AT_REST).on(SystemRecord(system, AT_REST))
         kernels.begin(*whole, 0.0)
         kernels.assemble_all(*whole, 0.0)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
@@ -441,7 +445,9 @@ class Stepper:
         self.begun = True
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():
-                kernels.run(*self._loop(loads, factors, schedules, h, n, counts, sizes, force))
+                table, system = self.records
+                table.give((*schedules, *(() if loads is None else (Loads(loads, factors),))))
+                kernels.run(table, system, self.weights, h, n, self.max_iterations, counts, sizes, force)
             result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         else:
             result = self._python_run(factors if self._timed else None, h, n, schedules)
@@ -490,20 +496,6 @@ class Stepper:
 
     def _span(self, t: float, h: float, n: int, done: int) -> Span:
         return Span(self.own, self.terms, self.plane, self.weights, t, h, n, done)
-
-    def _loop(self, loads: Array | None, factors: Array, schedules: tuple[Any, ...], h: float, n: int, counts: Array,
-              sizes: Array, force: Array) -> tuple[Any, ...]:
-        """The arguments of the compiled loop."""
-        given = (*schedules, *(() if loads is None else (Loads(loads, factors),)))
-        return given, *self.records, self.weights, h, n, self.max_iterations, counts, sizes, force
-
-    def begin_compilation(self) -> None:
-        """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
-        if self.linear.is_compiled and self.core.substructures is None:
-            empty = np.zeros(0)
-            begin_background(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors,
-                                                     self._schedules(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
-                                                     np.zeros((0, 0))))
 
     def _in_space(self, force: Array) -> Array:
         return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])

@@ -12,6 +12,7 @@ from fastbeam.kernels.contact.slider_forces import Along
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.forces.drag import Drag
+from fastbeam.kernels.jit.calls import Unknown
 from fastbeam.kernels.state import State, Work
 from fastbeam.kernels.terms import NoContact, SolverOutside, System
 from fastbeam.model.feature import OfRun, Stand
@@ -97,5 +98,5 @@ def system_of(model: Model, method: Any, contact: Contact | FactoredContact | No
               work: Work) -> System:
     """The record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one that
     compiled code calls, or None."""
-    return System(model.dofs, method, NoContact() if contact is None else contact, SolverOutside() if solver is None else solver,
-                  model.pattern.row_of, model.spinless, state, work, model.width, model.length)
+    return System(Unknown(0), model.pattern.row_of, model.spinless, state, model.width, model.length, work, model.dofs, method,
+                  NoContact() if contact is None else contact, SolverOutside() if solver is None else solver)

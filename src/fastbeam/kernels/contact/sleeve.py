@@ -33,7 +33,7 @@ from fastbeam.kernels.contact.slider_forces import Along, force_of_edges, last_p
 from fastbeam.kernels.entries.dense import Weights, entry_of
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.terms import account, first_guess, is_settled, take_unknowns
+from fastbeam.kernels.terms import WithContact, account, first_guess, is_settled, take_unknowns
 
 # conditions that iterations leave open by round-off of directions
 SETTLED = 4e-15
@@ -51,6 +51,7 @@ class Sleeves(NamedTuple):
     twist: Any             # sleeve_twist.Twist or NoTwist
 
 
+Sleeves.reads = WithContact  # type: ignore[attr-defined]
 Sleeves.stays_in_memory = True  # type: ignore[attr-defined]
 
 
@@ -67,6 +68,9 @@ class Rubbing(NamedTuple):
 
     sleeves: Any           # Sleeves with a Twist
     sliding: Sliding
+
+
+Rubbing.reads = WithContact  # type: ignore[attr-defined]
 
 
 @generic

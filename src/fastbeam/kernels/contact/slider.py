@@ -29,8 +29,8 @@ from fastbeam.kernels.contact.curves import add_basis, find_element, node_of, no
 from fastbeam.kernels.entries.dense import Frame, Weights, put_corner, put_frame, put_node, put_translation
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.terms import (Conserving, Equilibrium, account, assemble, first_guess, is_settled, take_unknowns,
-    within_limits)
+from fastbeam.kernels.terms import (Conserving, Equilibrium, WithContact, account, assemble, first_guess, is_settled,
+    take_unknowns, within_limits)
 
 
 END_SLACK = 1e-12
@@ -60,6 +60,7 @@ class Sliding(NamedTuple):
     sleeves: Any            # sleeve.Sleeves or NoSleeves
 
 
+Sliding.reads = WithContact  # type: ignore[attr-defined]
 Sliding.stays_in_memory = True  # type: ignore[attr-defined]
 
 

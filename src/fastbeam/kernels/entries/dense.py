@@ -18,7 +18,7 @@ from fastbeam.kernels.algebra.vectors import vld, vst
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import ARM, POSITION
-from fastbeam.kernels.terms import NoTies
+from fastbeam.kernels.terms import NoTies, System
 
 
 class Contact(NamedTuple):
@@ -52,6 +52,9 @@ class Contact(NamedTuple):
 
 class ContactInRows(Contact):
     """Contact of scenes whose constraints are rows of the block matrix (linalg/constraints.py), not a dense border."""
+
+
+ContactInRows.reads = System  # type: ignore[attr-defined]
 
 
 class ContactAtRest(Contact):

@@ -22,6 +22,7 @@ from fastbeam.kernels.algebra.vectors import vst
 from fastbeam.kernels.entries.dense import (add_column, add_column_times, add_line, add_line_rows, first_of_own_block,
     largest_share, put_arm, put_corner, put_frame, put_idle_corner, put_node, put_own_block, put_position)
 from fastbeam.kernels.jit.decorators import kernel
+from fastbeam.kernels.terms import System
 
 # what an entry of `FactoredContact` has: the position of a node, its spin, both, or the spin of one that carries it on an arm
 POSITION, SPIN, BOTH, ON_ARM = 1.0, 2.0, 3.0, 4.0
@@ -53,6 +54,9 @@ class FactoredContact(NamedTuple):
     full: np.ndarray        # int64 [1]
     augmented: np.ndarray   # float64 [4]
     pair: np.ndarray        # int64 [0, 2]: no sleeves
+
+
+FactoredContact.reads = System  # type: ignore[attr-defined]
 
 
 @kernel

@@ -1,7 +1,7 @@
-"""A second process that compiles part of what one kernel needs, while the first compiles the rest.
+"""A second process that compiles part of the entries of a table, while the first compiles the rest.
 
-Which parts, the kernel says (`compile_in_background`); both processes share the folder of compiled kernels. Nothing depends on
-the second: what it does not deliver the first compiles itself.
+Both processes share the folder of compiled kernels. Nothing depends on the second: what it does not deliver the first compiles
+itself.
 """
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any
 
 from fastbeam.kernels.jit import sources as _outside
 
@@ -21,30 +21,20 @@ Job = tuple[Any, tuple[Any, ...]]
 PATIENCE = 60.0
 PROGRAM = ("import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
            "from fastbeam.kernels.jit.decorators import work; work(sys.stdin.buffer)")
-_JOBS: dict[Any, Callable[..., list[Job]]] = {}
 # of each part: when it is there, when it is begun
 _COMING: dict[Any, tuple[threading.Event, threading.Event | None]] = {}
 
 
-def compile_in_background(kernel: Any, jobs: Callable[..., list[Job]]) -> None:
-    """While `kernel` is compiled, a second process compiles `jobs`(*types of its arguments)."""
-    _JOBS[kernel.py_func] = jobs
-
-
-def jobs_of(function: Any, arguments: tuple[Any, ...]) -> list[Job]:
-    """What a second process could compile for a kernel, is not on the disk yet, and is not in the works."""
-    jobs = _JOBS[function](*arguments) if function in _JOBS else []
+def missing(jobs: list[Job]) -> list[Job]:
+    """Those that are not on the disk yet, and not in the works."""
     return [(kernel, some) for kernel, some in jobs if (kernel.py_func, some) not in _COMING and not kernel.part.is_kept(some)]
 
 
-def start(function: Any, arguments: tuple[Any, ...], folder: str) -> None:
-    """Start the second process for a kernel where there is something to do for it and a processor to do it."""
+def start(jobs: list[Job], folder: str) -> None:
+    """Start the second process where there is a processor for it."""
     if _processors() < 2 or not os.path.basename(sys.executable or "").lower().startswith("python"):
         return
-    jobs = jobs_of(function, arguments)
-    if not jobs:
-        return
-    modules = _outside.modules(arguments)
+    modules = _outside.modules([x for _, some in jobs for x in some])
     if "__main__" in modules:
         return  # the program itself is not run a second time
     names = [(kernel.py_func.__module__, kernel.py_func.__qualname__, some) for kernel, some in jobs]

@@ -12,6 +12,7 @@ or cannot be loaded; `FASTBEAM_PLAIN_NUMBA=0` tries the fast one in any case.
 """
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
 import inspect
@@ -26,14 +27,12 @@ import numba
 from numba import config, version_info
 
 from fastbeam.kernels.jit import background as _background, sources as _outside
-from fastbeam.kernels.jit.background import compile_in_background
 from fastbeam.kernels.jit.cache import cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-__all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "around_user", "begin_background", "compile_counts",
-           "compile_in_background", "inlined", "kernel", "link_library", "of_user", "one_variant", "separate", "with_address",
-           "work"]
+__all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "address_of", "announce_first_use", "around_user", "compile_counts", "inlined",
+           "kernel", "link_library", "of_user", "one_variant", "prepare", "separate", "table_entry", "with_address", "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -99,9 +98,35 @@ def separate(function: F) -> F:
     return _compiled(function, one=True, alone=True)
 
 
-def _compiled(function: F, one: bool = False, alone: bool = False, **options: Any) -> F:
+def table_entry(function: F) -> F:
+    """Compile like `separate`: what tables of calls point to (`calls.py`)."""
+    return _compiled(function, one=True, alone=True, is_entry=True)
+
+
+def address_of(entry: Any, arguments: tuple[Any, ...]) -> tuple[int, Any]:
+    """Where the machine code of a table's entry for argument types begins, and the numbers of the questions that it asks; None:
+    these are not known."""
+    if NUMBA_ONLY:
+        entry.compile(arguments)
+        found = entry.overloads[arguments]
+        return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name)), None
+    return entry.part.address(arguments)  # type: ignore[no-any-return]
+
+
+def prepare(jobs: list[tuple[Any, tuple[Any, ...]]], name: str) -> Any:
+    """A context in which entries (kernel, types of its arguments) are about to be compiled: a second process compiles half of those
+    that are not on the disk. name: what they are for, of `parts.STAGES`."""
+    if NUMBA_ONLY:
+        return contextlib.nullcontext()
+    missing = _background.missing(jobs)
+    if len(missing) > 1:
+        _background.start(missing[1::2], _FOLDER)
+    return _FAST[0].PROGRESS.of(name)
+
+
+def _compiled(function: F, one: bool = False, alone: bool = False, is_entry: bool = False, **options: Any) -> F:
     try:
-        compiled = _plainly(function, options) if NUMBA_ONLY else _fast(function, one, alone, options)
+        compiled = _plainly(function, options) if NUMBA_ONLY else _fast(function, one, alone, is_entry, options)
     except RuntimeError as error:
         if _outside.is_outside(function):
             raise RuntimeError(f"kernel {function.__name__}: compiled code is kept by the file that it stands in, and there is "
@@ -111,14 +136,14 @@ def _compiled(function: F, one: bool = False, alone: bool = False, **options: An
     return compiled
 
 
-def _fast(function: Any, one: bool, alone: bool, options: dict[str, Any]) -> Any:
+def _fast(function: Any, one: bool, alone: bool, is_entry: bool, options: dict[str, Any]) -> Any:
     parts, sealed = _FAST
     # numba asks twice for it, which takes a tenth of the time that kernels load in
     function.__signature__ = inspect.signature(function)
     compiled = numba.njit(_nrt=False, no_cfunc_wrapper=True, pipeline_class=parts.WholeCompiler, **OPTIONS, **options)(function)
     del function.__signature__
     compiled._cache = sealed.KernelCache(function, parts.WholeCache, _FOLDER)
-    parts.Part(compiled, one, alone, sealed.KernelCache(function, parts.PartCache, _FOLDER))
+    parts.Part(compiled, one, alone, is_entry, sealed.KernelCache(function, parts.PartCache, _FOLDER))
     if _outside.is_outside(function):
         compiled._cache.make()  # which fails for what stands in no file
     return compiled
@@ -169,17 +194,6 @@ class _NoCache:
 
 if NUMBA_ONLY:
     _outside.AT_FIRST.append(_forget_on_disk)
-else:
-    _FAST[0].WholeCompiler.folder = _FOLDER
-
-
-def begin_background(kernel: Any, arguments: tuple[Any, ...]) -> None:
-    """Where the first call of `kernel` in this process has to compile it, let a second process begin before that call."""
-    if NUMBA_ONLY or kernel.overloads:
-        return  # finding the types would cost every run a millisecond
-    types = tuple(kernel.typeof_pyval(x) for x in arguments)
-    if not kernel._cache.holds(types, kernel.targetctx.codegen()):
-        _background.start(kernel.py_func, types, _FOLDER)
 
 
 def work(source: BinaryIO) -> None:

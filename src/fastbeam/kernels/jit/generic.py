@@ -28,6 +28,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model, typeof_impl
 
 from fastbeam.kernels.jit import sources as _outside
+from fastbeam.kernels.jit.calls import CALLS, Question, Unknown
 from fastbeam.kernels.jit.records import item, item_types
 
 
@@ -45,6 +46,9 @@ class GenericFunction:
         # classes from outside that kernels were compiled for
         self._asked: set[type] = set()
         self._stub = stub
+        # where tables of calls have it
+        self.question: Question | None = None
+        self._by_classes: dict[tuple[type, ...], Any] = {}
 
     # made when the first kernel asks, as most are never asked: a hundred functions take a twentieth of the time of a start
     @cached_property
@@ -85,8 +89,32 @@ class GenericFunction:
                     raise TypeError(f"{self.name}.register: kernels for {x.__name__} have been compiled without it; register "
                                     "all implementations before the first run")
             self.implementations[classes] = function
+            self._by_classes.clear()
             return function
         return note
+
+    def entry(self, *, returns: Any = types.void, inner: bool = False, contact: bool = False, **given: Any) -> Callable[[Any], Any]:
+        """Decorator: what tables call (`calls.py`), a kernel (term, system, further arguments of these numba types).
+
+        Parameters
+        ----------
+        returns : numba type
+        inner : bool
+            Whether the loop does not ask this itself, but some entries do.
+        contact : bool
+            Whether every implementation may read `System.contact`.
+        """
+        def note(function: Any) -> Any:
+            self.question = Question(self, list(inspect.signature(self._stub).parameters), given, returns, inner, contact, function)
+            return function
+        return note
+
+    def of_classes(self, *of: type) -> Any:
+        """The implementation for first arguments of these classes, or None."""
+        if of not in self._by_classes:
+            self._asked.update(filter(_outside.is_term, of))
+            self._by_classes[of] = self._nearest([x.__mro__ for x in of[:self._depth]])
+        return self._by_classes[of]
 
     def find(self, arguments: tuple[Any, ...]) -> Any:
         """The implementation for arguments of these numba types, or None: the one registered for the nearest class of the first
@@ -97,7 +125,7 @@ class GenericFunction:
 
     def covers(self, *of: type) -> bool:
         """Whether there is an implementation for first arguments of these classes, whatever the other arguments are."""
-        return self._nearest([x.__mro__ for x in of[:self._depth]]) is not None
+        return self.of_classes(*of) is not None
 
     def implementation(self, *arguments: Any) -> Any:
         """The implementation for these values.
@@ -107,10 +135,10 @@ class GenericFunction:
         TypeError
             There is none.
         """
-        some = arguments[:self._depth]
-        function = self._nearest([type(x).__mro__ for x in some])
+        some = tuple(type(x) for x in arguments[:self._depth])
+        function = self.of_classes(*some)
         if function is None:
-            raise TypeError(f"{self.name}: there is no implementation for {', '.join(type(x).__name__ for x in some)}")
+            raise TypeError(f"{self.name}: there is no implementation for {', '.join(x.__name__ for x in some)}")
         return function
 
     def __call__(self, *arguments: Any) -> Any:
@@ -147,6 +175,8 @@ class GenericFunction:
         return intrinsic(definition)
 
     def _one(self, typingctx: Any, arguments: tuple[Any, ...]) -> Any:
+        if getattr(arguments[0], "instance_class", None) is Unknown:
+            return self._ask(arguments, "one")
         function = self.find(arguments)
         if function is None:
             return None
@@ -165,11 +195,16 @@ class GenericFunction:
                 out.append((i, term, *_typed(typingctx, function, (term, *others))))
         return out
 
+    def _ask(self, arguments: tuple[Any, ...], way: str) -> Any:
+        if self.question is None:
+            raise TypeError(f"{self.name} has no entry that tables could call")
+        return self.question.ask(arguments, way)
+
     def _forward(self, typingctx: Any, arguments: tuple[Any, ...]) -> Any:
-        return self._walk(typingctx, arguments, 1)
+        return self._ask(arguments, "each") if arguments[0] == CALLS else self._walk(typingctx, arguments, 1)
 
     def _backward(self, typingctx: Any, arguments: tuple[Any, ...]) -> Any:
-        return self._walk(typingctx, arguments, -1)
+        return self._ask(arguments, "backward") if arguments[0] == CALLS else self._walk(typingctx, arguments, -1)
 
     def _walk(self, typingctx: Any, arguments: tuple[Any, ...], step: int) -> Any:
         calls = self._typed_calls(typingctx, arguments)[::step]
@@ -182,6 +217,8 @@ class GenericFunction:
         return types.void(*arguments), codegen
 
     def _every(self, typingctx: Any, arguments: tuple[Any, ...]) -> Any:
+        if arguments[0] == CALLS:
+            return self._ask(arguments, "all")
         calls = self._typed_calls(typingctx, arguments)
 
         def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:

@@ -18,6 +18,7 @@ from typing import Any
 
 import numba.np.linalg as _linalg
 from llvmlite import binding
+from llvmlite.binding import ffi
 
 # when it starts, numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call none, and other code that
 # does finds it all the same, later
@@ -34,6 +35,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
 from fastbeam.kernels.jit import background as _background, separate as _separate
+from fastbeam.kernels.jit.calls import note_questions, noting_questions
 from fastbeam.kernels.jit.separate import WholeCache as WholeCache
 from fastbeam.kernels.jit.sources import classes_of, is_outside
 
@@ -64,6 +66,7 @@ class _CodeLibrary(JITCodeLibrary):  # type: ignore[misc]
         if PASS_BUILDERS:
             passes, builder = self._codegen._module_pass_manager()
             passes.run(self._final_module, builder)
+            ffi.lib.LLVMPY_DisposeNewModulePassManger(passes)
         else:
             super()._optimize_final_module()
         self.calls = _separate.called_in(self._final_module)
@@ -98,6 +101,8 @@ class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
             if not function.is_declaration:
                 passes, builder = self._codegen._function_pass_manager()
                 passes.run(function, builder)
+                # llvmlite does not: 32 MB for each kind of scene
+                ffi.lib.LLVMPY_DisposeNewFunctionPassManger(passes)
 
     def finalize(self) -> None:
         for library in dict.fromkeys(self._linking_libraries):
@@ -247,15 +252,12 @@ class _ShortCompiler(compiler.Compiler):  # type: ignore[misc]
 class WholeCompiler(_ShortCompiler):
     """The compiler for a kernel that Python calls."""
 
-    folder = ""
-
     def define_pipelines(self) -> list[Any]:
         return compiler.Compiler.define_pipelines(self) if is_outside(self.state.func_id.func) else super().define_pipelines()
 
     def compile_extra(self, function: Any) -> Any:
         self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
         self.state.library.enable_object_caching()
-        _background.start(function, tuple(self.state.args), self.folder)
         with memoized_typing(), PROGRESS.of(function.__name__):
             return super().compile_extra(function)
 
@@ -269,10 +271,13 @@ class _Compiled:
         By which callers find that; else empty.
     calls : list
         Kernels with machine code of their own that it calls.
+    asked : frozenset
+        Numbers of the questions that it asks tables (`calls`).
     """
 
-    def __init__(self, library: Any, fndesc: Any, signature: Any, symbol: str, calls: list[Any]) -> None:
+    def __init__(self, library: Any, fndesc: Any, signature: Any, symbol: str, calls: list[Any], asked: frozenset[int]) -> None:
         self.library, self.fndesc, self.signature, self.symbol, self.calls = library, fndesc, signature, symbol, calls
+        self.asked = asked
         # as cached results of numba have it
         self.codegen = library.codegen
 
@@ -287,17 +292,17 @@ class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
         found.fndesc.typemap = found.fndesc.calltypes = None
         library = found.library
         code = library.serialize_using_object_code() if found.symbol else library.serialize_using_bitcode()
-        return code, found.fndesc, found.signature, found.symbol, found.calls
+        return code, found.fndesc, found.signature, found.symbol, found.calls, found.asked
 
     def rebuild(self, target_context: Any, reduced: Any) -> _Compiled:
-        code, fndesc, signature, symbol, calls = reduced
+        code, fndesc, signature, symbol, calls, asked = reduced
         _separate.load(calls)
         if symbol:
-            return _Compiled(target_context.codegen().unserialize_library(code), fndesc, signature, symbol, calls)
+            return _Compiled(target_context.codegen().unserialize_library(code), fndesc, signature, symbol, calls, asked)
         name, _, bitcode = code
         library = _PartLibrary(target_context.codegen(), name)
         library._set_module(binding.parse_bitcode(bitcode))
-        return _Compiled(library, fndesc, signature, symbol, calls)
+        return _Compiled(library, fndesc, signature, symbol, calls, asked)
 
     def check_cachable(self, found: _Compiled) -> bool:
         return not found.library.has_dynamic_globals
@@ -320,12 +325,15 @@ class Part:
         Whether numbers in the source of a caller are like any others. Else they are types of their own.
     separate : bool
         Whether it has machine code of its own (`_separate`). With types of other packages it has not: their code may change.
+    is_entry : bool
+        Whether tables call it (`calls`): it has machine code of its own whatever its types.
     cache : KernelCache
         Of kind `PartCache`.
     """
 
-    def __init__(self, dispatcher: Any, one_variant: bool, separate: bool, cache: Any) -> None:
-        self.dispatcher, self.one_variant, self.separate, self.cache = dispatcher, one_variant, separate, cache
+    def __init__(self, dispatcher: Any, one_variant: bool, separate: bool, is_entry: bool, cache: Any) -> None:
+        self.dispatcher, self.one_variant, self.separate, self.is_entry = dispatcher, one_variant, separate, is_entry
+        self.cache = cache
         self.loaded: Counter[Any] = Counter()
         self.missed: Counter[Any] = Counter()
         self._known: dict[Any, _Compiled] = {}
@@ -351,7 +359,14 @@ class Part:
                     _separate.define(found.library, found.symbol, self.dispatcher.py_func, arguments)
                 context.insert_user_function(found, found.fndesc, [] if found.symbol else [found.library])
                 self._known[arguments] = found
+            note_questions(found.asked)
             return found
+
+    def address(self, arguments: tuple[Any, ...]) -> tuple[int, frozenset[int]]:
+        """Where the machine code of an entry begins, and what it asks of tables."""
+        with memoized_typing():
+            found = self.compile(arguments)
+        return int(found.library.get_pointer_to_function(found.symbol)), found.asked
 
     @property
     def signatures(self) -> list[tuple[Any, ...]]:
@@ -369,17 +384,18 @@ class Part:
         flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
         # other packages may use all of numba's language
         way = compiler.Compiler if is_outside(of.py_func) else _ShortCompiler
-        separate = self.separate and not is_outside(of.py_func) and not classes_of(arguments)
+        separate = self.is_entry or self.separate and not is_outside(of.py_func) and not classes_of(arguments)
         library = (_CodeLibrary if separate else _PartLibrary)(of.targetctx.codegen(), of.py_func.__qualname__)
         if separate:
             library.enable_object_caching()
-        done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library,
-                                      pipeline_class=way)
+        with noting_questions() as asked:
+            done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library,
+                                          pipeline_class=way)
         symbol = _separate.symbol_of(of.py_func, arguments) if separate else ""
         if separate:
             _separate.rename(library, done.fndesc, symbol)
         library._ensure_finalized()
-        return _Compiled(library, done.fndesc, done.signature, symbol, library.calls)
+        return _Compiled(library, done.fndesc, done.signature, symbol, library.calls, frozenset(asked))
 
     def _call_template(self, arguments: Any, keywords: Any) -> Any:
         """What numba asks for when it meets a call."""

@@ -30,6 +30,9 @@ class RecordType(types.Type):  # type: ignore[misc]
         kind = self.instance_class.__name__ if self.instance_class else "tuple"
         super().__init__(f"record({kind} {hashlib.blake2b(str(of).encode(), digest_size=16).hexdigest()})")
 
+    def __hash__(self) -> int:
+        return hash(self.name)
+
     @property
     def key(self) -> Any:
         """What tells it from others."""
@@ -51,8 +54,8 @@ class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
 @intrinsic
 def in_memory(typingctx, x):  # type: ignore[no-untyped-def]
     """A named tuple or a tuple of terms in memory, from now on passed as one word. Its arrays may change, itself must not. A
-    record stays where it is."""
-    if isinstance(x, RecordType):
+    record, and what stands for terms in one word, stays where it is."""
+    if not isinstance(x, types.BaseTuple):
         return x(x), lambda context, builder, signature, values: values[0]
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -104,12 +107,17 @@ class _RecordAttributes(AttributeTemplate):  # type: ignore[misc]
     key = RecordType
 
     def generic_resolve(self, kind: RecordType, name: str) -> Any:
-        return item_type(kind.of.types[kind.of.fields.index(name)])
+        return item_type(kind.of.types[_place(kind, name)])
+
+
+def _place(kind: RecordType, name: str) -> int:
+    """Of an attribute among the fields; some stand for several."""
+    return int(kind.of.fields.index(getattr(kind.instance_class, "stands_for", {}).get(name, name)))
 
 
 @lower_getattr_generic(RecordType)
 def _record_attribute(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    i = kind.of.fields.index(name)
+    i = _place(kind, name)
     # another reference where kernels count them
     return impl_ret_borrowed(context, builder, item_type(kind.of[i]), item(builder, kind, value, i))
 
@@ -144,14 +152,15 @@ class Record:
 
 def record_of(of: Any, last: Record | None) -> Record:
     """A record of a tuple: the last one where it holds the same arrays and numbers."""
-    return last if last is not None and _same(of, last.of) else Record(of)
+    return last if last is not None and same_record(of, last.of) else Record(of)
 
 
-def _same(x: Any, y: Any) -> bool:
+def same_record(x: Any, y: Any) -> bool:
+    """Whether records of two tuples are the same: they hold the same arrays and numbers."""
     if x is y:
         return True
     if isinstance(x, tuple):
-        return type(x) is type(y) and len(x) == len(y) and all(map(_same, x, y))
+        return type(x) is type(y) and len(x) == len(y) and all(map(same_record, x, y))
     return type(x) is type(y) and isinstance(x, (int, float)) and x == y
 
 

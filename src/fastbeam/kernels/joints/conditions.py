@@ -26,7 +26,8 @@ from fastbeam.kernels.entries.dense import entry_of, tied_arm
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import ARM, POSITION
-from fastbeam.kernels.terms import Conserving, Equilibrium, Midpoint, NoTies, assemble, first_guess, is_settled, take_unknowns
+from fastbeam.kernels.terms import (Conserving, Equilibrium, Midpoint, NoTies, WithContact, assemble, first_guess, is_settled,
+    take_unknowns)
 
 
 class JointConditions(NamedTuple):
@@ -43,6 +44,9 @@ class JointConditions(NamedTuple):
     #                        for a u + b J u
     first: np.ndarray      # int64 [1]: number of the first set among all constraints
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
+
+
+JointConditions.reads = WithContact  # type: ignore[attr-defined]
 
 
 @generic

@@ -14,7 +14,8 @@ from fastbeam.kernels.beams.generalized_alpha import Alpha
 from fastbeam.kernels.contact.point_entries import begin_joint, forget_gaps, joints_are_closed, put_point, take_forces
 from fastbeam.kernels.entries.pairs import add_pair, difference
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.terms import Conserving, Equilibrium, Midpoint, assemble, first_guess, is_settled, take_unknowns
+from fastbeam.kernels.terms import (Conserving, Equilibrium, Midpoint, WithContact, assemble, first_guess, is_settled,
+    take_unknowns)
 
 
 class DistanceJoints(NamedTuple):
@@ -26,6 +27,9 @@ class DistanceJoints(NamedTuple):
     length: np.ndarray     # float64 [J], m
     first: np.ndarray      # int64 [1]: number of the first among all constraints
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
+
+
+DistanceJoints.reads = WithContact  # type: ignore[attr-defined]
 
 
 @kernel

@@ -23,8 +23,8 @@ from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.joints.coordinates import (LINE, VALUE, WORK, JointMotion, grip_at_rest, grip_in_step, missing, push,
     put_entries, value_of)
 from fastbeam.kernels.joints.forces import way_of
-from fastbeam.kernels.terms import (Conserving, Equilibrium, account, assemble, first_guess, is_settled, known, put_loads,
-    take_unknowns)
+from fastbeam.kernels.terms import (Conserving, Equilibrium, WithContact, account, assemble, first_guess, is_settled, known,
+    put_loads, take_unknowns)
 
 # how a coordinate is given: its value at the end of the step, or its increment
 TO, BY = range(2)
@@ -40,6 +40,9 @@ class JointDrives(NamedTuple):
     given: np.ndarray      # float64 [D]: value at the end of the step, or its increment, m or rad
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
+
+
+JointDrives.reads = WithContact  # type: ignore[attr-defined]
 
 
 class DriveTimes(NamedTuple):
@@ -79,6 +82,9 @@ class KnownForces(NamedTuple):
     motion: JointMotion
     which: np.ndarray      # int64 [D]
     first: np.ndarray      # int64 [1]
+
+
+KnownForces.reads = WithContact  # type: ignore[attr-defined]
 
 
 @put_loads.register(DriveTimes)

@@ -28,7 +28,8 @@ from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.joints.conditions import direction
 from fastbeam.kernels.joints.coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
 from fastbeam.kernels.joints.drives import is_held
-from fastbeam.kernels.terms import Conserving, account, assemble, first_guess, is_settled, take_unknowns, within_limits
+from fastbeam.kernels.terms import (Conserving, WithContact, account, assemble, first_guess, is_settled, take_unknowns,
+    within_limits)
 
 # numbers of a coordinate with friction or rigid stops in `State.history`: sign of its velocity; 1 where friction holds it since
 # the last step, 2 since one before; energy that friction took away, J; -1 or 1 where it rests against its first or last stop,
@@ -65,6 +66,9 @@ class JointFriction(NamedTuple):
     against: np.ndarray    # int64 [D]: -1 or 1 where it rests against its first or last stop, else 0
     clock: np.ndarray      # float64 [1]: size of the step, s
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
+
+
+JointFriction.reads = WithContact  # type: ignore[attr-defined]
 
 
 @kernel

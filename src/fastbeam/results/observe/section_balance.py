@@ -10,6 +10,7 @@ import numpy as np
 from fastbeam.compile.unpack import of_elements, points_of
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.beams.beam_term import Beams
+from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord, system_record
 from fastbeam.kernels.contact.curves import Paths
 from fastbeam.kernels.contact.slider import Sliding
 from fastbeam.kernels.empty_arrays import aligned_empty
@@ -17,7 +18,6 @@ from fastbeam.kernels.forces.added_mass import AddedMass
 from fastbeam.kernels.forces.drag import Drag
 from fastbeam.kernels.forces.planar_follower import PlanarFollowers
 from fastbeam.kernels.forces.user_force import UserForces
-from fastbeam.kernels.jit.records import Record, record_of
 from fastbeam.kernels.layout import LIST, NODES
 from fastbeam.model.mapping import nodes_of_curve, nodes_passed
 from fastbeam.model.model import Model
@@ -151,14 +151,14 @@ class FreeBodies:
                 self.row_of.setdefault(node, len(self.row_of))
         rows = len(self.row_of)
         self._r = aligned_empty(8 * (rows + 1))
-        self.beams = Record(tuple(x for x in (self._elements(term, wanted, rows) for term in terms if isinstance(term, Beams))
-                                  if x is not None))
+        self.beams = Calls(tuple(x for x in (self._elements(term, wanted, rows) for term in terms if isinstance(term, Beams))
+                                  if x is not None), ASSEMBLY)
         node_row = np.full(model.n_nodes, rows)
         for key, row in self.row_of.items():
             if not isinstance(key, tuple):
                 node_row[key] = row
-        self.on_nodes = Record(tuple(_routed(term, node_row, rows) for term in terms if isinstance(term, ON_NODES)))
-        self._system: Any = None
+        self.on_nodes = Calls(tuple(_routed(term, node_row, rows) for term in terms if isinstance(term, ON_NODES)), ASSEMBLY)
+        self._system: SystemRecord | None = None
         self._lines: dict[int, tuple[Array, Array]] = {}
         # curves of sliders, which change in a run over corners of switches; in statics those of the model
         running = [term.sliders.curve for term in terms if isinstance(term, Sliding)]
@@ -282,12 +282,12 @@ class FreeBodies:
             What it exerts on nodes.
         """
         own = system._replace(work=system.work._replace(r=self._r))
-        self._system = record_of(own, self._system)
+        self._system = system_record(own, self._system, ASSEMBLY)
         rows = self._assembled(self.beams, h)
         entry = np.zeros((len(self.node), 6))
         np.add.at(entry, self.slot_entry, rows[self.slot_row])
         # what distributed loads bring into the equations has the sign of inertia
-        on_nodes = self._assembled(self.on_nodes, h) if self.on_nodes.of else np.zeros_like(rows)
+        on_nodes = self._assembled(self.on_nodes, h) if self.on_nodes.terms else np.zeros_like(rows)
         entry += self.share[:, None] * on_nodes[self.node_row]
         entry -= np.einsum("k,kec->ec", factors, self.loads)
         if h == 0.0 and second is not None:
@@ -313,10 +313,10 @@ class FreeBodies:
                 found.append(out[of])
         return np.array(found)
 
-    def _assembled(self, terms: Record, h: float) -> Array:
+    def _assembled(self, terms: Calls, h: float) -> Array:
         """Forces and moments [rows, 6] that terms put on rows of their own."""
         self._r[:] = 0.0
-        kernels.assemble_some(terms, self._system, h)
+        kernels.assemble_some(*terms.on(self._system), h)
         return self.in_space(self._r.reshape(-1, 8))
 
     def _inertia(self, q: Array, second: Array) -> Array:

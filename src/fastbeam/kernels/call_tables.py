@@ -1,0 +1,220 @@
+"""Tables of calls: how the terms of a model, and the record of what they share, are handed to loops that are compiled once
+(kernels/jit/calls.py)."""
+from __future__ import annotations
+
+import dis
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import typeof
+from numba.core import types
+
+from fastbeam.kernels import questions  # noqa: F401
+from fastbeam.kernels.jit.calls import CALLS, Question, Unknown
+from fastbeam.kernels.jit.decorators import address_of, prepare
+from fastbeam.kernels.jit.records import Record, RecordType, same_record
+from fastbeam.kernels.terms import (NoTies, Shared, System, WithContact, WithMethod, accept, account, assemble, begin_contact,
+    begin_step, clear, first_guess, put_loads, scale_residual, scale_solutions, spread_nodes, within_limits)
+
+Array = np.ndarray
+# (code, term) for each entry of a question; where lists begin and how long they are stand before
+HEAD = 1 + 2 * len(Question.all)
+# what is read of the system, from least to most
+VIEWS = WithMethod, WithContact, System
+# the first argument of what is asked of the scene as a whole, and what its entries read at least
+OF_SCENE: dict[str, Any] = {"dofs": WithMethod, "method": WithMethod, "contact": WithContact, "solver": System}
+SCENE = [x for x in Question.all if x.names[0] in OF_SCENE]
+TERMS = [x for x in Question.all if x.names[0] not in OF_SCENE and x.of is not put_loads]
+
+
+def _numbers(*asked: Any) -> frozenset[int]:
+    return frozenset(x.question.number for x in asked)
+
+
+# what is asked where equations are assembled, of a shape at rest, in an iteration, and in steps
+ASSEMBLY = _numbers(spread_nodes, clear, assemble, scale_residual, scale_solutions)
+AT_REST = ASSEMBLY | _numbers(begin_step, begin_contact, first_guess)
+EVERYTHING = frozenset(x.number for x in Question.all)
+ITERATION = EVERYTHING - _numbers(account, accept, within_limits)
+# the type of the term where the scene is asked
+NOTHING: Any = types.voidptr
+# (question, type of the term, type of the system) -> address, and what the entry asks
+_ENTRIES: dict[tuple[int, Any, Any], tuple[int, Any]] = {}
+# types of terms and system -> (words of a table, places of addresses of terms in it, their numbers)
+_PLANS: dict[Any, tuple[Array, Array, Array]] = {}
+
+
+@cache
+def _does_nothing(function: Any) -> bool:
+    """Whether an implementation is empty."""
+    steps = [x for x in dis.get_instructions(function.py_func) if x.opname not in ("RESUME", "NOP")]
+    return len(steps) < 3 and all(x.argval is None for x in steps)
+
+
+# the type of what all scenes have in common, once there is one
+_OF_ALL: list[RecordType] = []
+
+
+class SystemRecord(Record):
+    """A record of what all terms share, for loops that know nothing of the scene.
+
+    Parameters
+    ----------
+    of : System
+    only : set of int
+        Numbers of the questions that loops may ask: others are not answered.
+
+    Attributes
+    ----------
+    typed : Record
+        The same memory for code that is compiled for the scene.
+    asked : set of int, optional
+        Questions that entries of the scene ask terms; None: any.
+    """
+
+    __slots__ = "typed", "asked", "views", "_words"
+
+    def __init__(self, of: System, only: frozenset[int] = EVERYTHING) -> None:
+        super().__init__(of)
+        self.typed = Typed(self, self._numba_type_)
+        self.views, self._numba_type_ = _views(self.typed._numba_type_, of)
+        wanted = []
+        asked = [x for x in SCENE if x.number in only]
+        for question in asked:
+            of_first = [type(getattr(of, x, None)) for x in question.names[:2]]
+            function = question.of.of_classes(*of_first)
+            if function is None:
+                raise TypeError(f"{question.of.name}: there is no implementation for {of_first[0].__name__}")
+            least = max(OF_SCENE[question.names[0]], _reads(getattr(of, question.names[0])), key=VIEWS.index)
+            wanted.append((question, NOTHING, self.views[least], question.returns == types.void and _does_nothing(function)))
+        codes = _addresses(wanted)
+        self.asked = None if any(x is None for _, x in codes) else frozenset().union(*(x for _, x in codes))
+        self._words = np.zeros(HEAD + 2 * len(asked), np.int64)
+        for k, (question, (code, _)) in enumerate(zip(asked, codes)):
+            self._words[1 + 2 * question.number:3 + 2 * question.number] = HEAD + 2 * k, 1
+            self._words[HEAD + 2 * k] = code
+        self._words[0] = self.address
+        # the first number of a system
+        self._memory.view(np.int64)[0] = self._words.ctypes.data
+
+
+def system_record(of: System, last: SystemRecord | None, only: frozenset[int] = EVERYTHING) -> SystemRecord:
+    """A record of a system: the last one where it holds the same arrays and numbers."""
+    return last if last is not None and same_record(of, last.of) else SystemRecord(of, only)
+
+
+class Typed:
+    """The memory of a record as one of another type."""
+
+    __slots__ = "of", "address", "_numba_type_", "_record"
+
+    def __init__(self, record: Record, kind: RecordType) -> None:
+        self.of, self.address, self._numba_type_, self._record = record.of, record.address, kind, record
+
+
+class Calls:
+    """Terms of a model for loops that know nothing of the scene.
+
+    Parameters
+    ----------
+    terms : tuple
+    only : set of int
+        Numbers of the questions that loops may ask these terms: others find none.
+    """
+
+    def __init__(self, terms: tuple[Any, ...], only: frozenset[int] = EVERYTHING) -> None:
+        self.terms, self._only = terms, only
+        self._records = [Record(x) for x in terms]
+        self._kinds = tuple(x._numba_type_ for x in self._records)
+        self._table: Table | None = None
+
+    def on(self, system: SystemRecord) -> tuple[Table, SystemRecord]:
+        """The arguments of a loop: a table, made anew where the system is another one, and the system."""
+        if self._table is None or self._table.system is not system:
+            self._table = Table(system, self._records, *self._plan(system))
+        return self._table, system
+
+    def _plan(self, system: SystemRecord) -> tuple[Array, Array, Array]:
+        key = self._kinds, system.typed._numba_type_, self._only
+        if key not in _PLANS:
+            wanted, who = [], []
+            for question in TERMS:
+                needed = not question.inner or system.asked is None or question.number in system.asked
+                if not needed or question.number not in self._only:
+                    continue
+                second = type(system.of.method) if question.names[1] == "method" else System
+                for k, (term, kind) in enumerate(zip(self.terms, self._kinds)):
+                    function = question.of.of_classes(type(term), second)
+                    if function is not None and not (question.returns == types.void and _does_nothing(function)):
+                        least = WithContact if question.contact else WithMethod
+                        wanted.append((question, kind, system.views[max(least, _reads(term), key=VIEWS.index)], False))
+                        who.append(k)
+            codes = _addresses(wanted)
+            words = np.zeros(HEAD + 2 * len(who), np.int64)
+            words[HEAD::2] = [code for code, _ in codes]
+            numbers = [question.number for question, *_ in wanted]
+            for question in TERMS:
+                if question.number in numbers:
+                    first = numbers.index(question.number)
+                    words[1 + 2 * question.number:3 + 2 * question.number] = HEAD + 2 * first, numbers.count(question.number)
+            _PLANS[key] = words, np.arange(HEAD + 1, words.size, 2), np.array(who, np.int64)
+        return _PLANS[key]
+
+
+class Table:
+    """One table."""
+
+    _numba_type_ = CALLS
+
+    def __init__(self, system: SystemRecord, records: list[Record], words: Array, places: Array, who: Array) -> None:
+        # records live as long as this
+        self.system, self._records = system, records
+        self._words = words.copy()
+        self._words[places] = np.array([x.address for x in records], np.int64)[who]
+        self._words[0] = system.address
+        self.address = self._words.ctypes.data
+        self._given: tuple[Any, ...] = ()
+
+    def give(self, given: tuple[Any, ...]) -> None:
+        """What has loads in the next call of a loop (`put_loads`)."""
+        records = [Record(x) for x in given]
+        question = put_loads.question
+        codes = _addresses([(question, x._numba_type_, self.system.views[WithMethod], False) for x in records])
+        entries = np.array([(code, x.address) for (code, _), x in zip(codes, records)], np.int64).reshape(-1)
+        self._words[1 + 2 * question.number:3 + 2 * question.number] = (entries.ctypes.data - self.address) // 8, len(given)
+        self._given = entries, records
+
+
+def _reads(term: Any) -> Any:
+    """What a term reads of the system, at most."""
+    return getattr(term, "reads", WithMethod)
+
+
+def _addresses(wanted: list[tuple[Question, Any, Any, bool]]) -> list[tuple[int, Any]]:
+    """(Machine code, what it asks) of entries for types of a term and of the system; the last of four: it does nothing."""
+    keys = [(question.number, kind, view) for question, kind, view, _ in wanted]
+    missing = {key: (question.entry, (kind, view, *question.given.values())) for key, (question, kind, view, nothing)
+               in zip(keys, wanted) if not nothing and key not in _ENTRIES}
+    if missing:
+        with prepare(list(missing.values()), "run"):
+            # the second process does every other one, in their order
+            order = [*missing][::2] + [*missing][1::2][::-1]
+            _ENTRIES.update((key, address_of(*missing[key])) for key in order)
+    return [(0, frozenset()) if nothing else _ENTRIES[key] for key, (*_, nothing) in zip(keys, wanted)]
+
+
+_VIEWS: dict[Any, tuple[dict[Any, RecordType], RecordType]] = {}
+
+
+def _views(kind: RecordType, of: System) -> tuple[dict[Any, RecordType], RecordType]:
+    """Types of a system for what reads only so much of it, and for loops."""
+    if kind not in _VIEWS:
+        increment = of.work.increment._replace(off=NoTies())
+        least = RecordType(typeof(Shared(*of[:6], of.work._replace(increment=increment))))
+        _OF_ALL.append(least)
+        if least != _OF_ALL[0]:
+            raise TypeError(f"arrays of a system have other types than those of all others: {least.of}, {_OF_ALL[0].of}")
+        views = {x: RecordType(typeof(x(*of[:len(x._fields)]))) for x in (WithMethod, WithContact)}
+        _VIEWS[kind] = {**views, System: kind}, _OF_ALL[0]
+    return _VIEWS[kind]
