@@ -615,7 +615,6 @@ def test_steps_that_the_elimination_cannot_take_are_taken_by_superlu(order: int,
         if arguments[names.index("counts_out")][1] < arguments[at]:
             arguments[names.index("counts_out")][0] = newton.SINGULAR
 
-    monkeypatch.setattr(newton, "begin_background", lambda *_: None)
     monkeypatch.setattr(newton.kernels, "run", fails_at_every_third)
     result = run(model, order=order, every=4)
     # rows every 4 steps: the third and, alone again, the fourth of each four, not of the last two; other first guesses fail too
@@ -630,7 +629,6 @@ def test_run_in_which_every_step_falls_back_goes_on(monkeypatch: pytest.MonkeyPa
         counts = arguments[-3]
         counts[:] = newton.SINGULAR, 0, 0, -1, 0
 
-    monkeypatch.setattr(newton, "begin_background", lambda *_: None)
     monkeypatch.setattr(newton.kernels, "run", always_singular)
     result = run(t_end=1.2, step=1e-3, every=1200, observe=("energy",))
     assert result.info["fallbacks"] == result.info["steps"] == 1200

@@ -15,8 +15,8 @@ from fastbeam.kernels.jit import decorators as _jit, parts as _parts
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 PAIR = """
-from numba import int64
-from fastbeam.kernels.jit.decorators import ABSENT, compile_in_background, kernel, one_variant
+from numba import float64, int64
+from fastbeam.kernels.jit.decorators import ABSENT, kernel, one_variant
 
 
 @one_variant
@@ -34,7 +34,7 @@ def whole(x):
     return power(x, 2, None) + power(x, 3, None)
 
 
-compile_in_background(whole, lambda x: [(power, (x, int64, ABSENT))])
+JOB = power, (float64, int64, ABSENT)
 """
 RUN = """
 import json, os, sys
@@ -46,6 +46,7 @@ from fastbeam.kernels.jit import background as _background, decorators as _jit
 import pair
 _background.PATIENCE = patience
 sys.executable = program or sys.executable
+_background.start(_background.missing([pair.JOB]), _jit._FOLDER)
 value = pair.whole(3.0)
 part = pair.power.part
 print(json.dumps([value, len(part.loaded), len(part.missed), len(part.signatures), *_jit.compile_counts(),
@@ -56,7 +57,7 @@ two_processors = pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or len(
 
 
 def run(folder: Path, processors: int = 2, program: str = "", patience: float = 60.0) -> Any:
-    """Call `whole` in a fresh process: value, variants of `power` that were loaded, compiled and used, kernels loaded and
+    """Call `whole` in a fresh process while a second compiles its part: value, variants of `power` that were loaded, compiled and used, kernels loaded and
     compiled, what is still waited for."""
     (folder / "pair.py").write_text(PAIR)
     done = subprocess.run([sys.executable, "-c", RUN, json.dumps([str(folder), processors, program, patience])],

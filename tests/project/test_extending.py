@@ -125,7 +125,7 @@ class Table(NamedTuple):
 """
 CODE = """
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.jit.decorators import compile_in_background, kernel
+from fastbeam.kernels.jit.decorators import kernel
 import factors
 import table
 
@@ -145,8 +145,6 @@ def twice(terms):
 @kernel
 def whole(terms):
     return twice(terms)
-
-compile_in_background(whole, lambda terms: [(twice, (terms,))])
 """
 FACTORS = """
 from fastbeam.kernels.jit.decorators import kernel
@@ -161,8 +159,12 @@ import json
 import numpy as np
 import code_of_table, table
 from fastbeam.kernels.jit import decorators as _jit
-value = code_of_table.whole((table.Table(np.ones(1)),))
+from fastbeam.kernels.jit import background as _background
+import numba
 part = code_of_table.twice.part
+terms = (table.Table(np.ones(1)),)
+_background.start(_background.missing([(code_of_table.twice, (numba.typeof(terms),))]), _jit._FOLDER)
+value = code_of_table.whole(terms)
 print(json.dumps([value, len(part.loaded), len(part.missed), _jit.compile_counts()[1]]))
 """
 
