@@ -141,7 +141,8 @@ class Reactions:
         first = np.full_like(system.contact.first, -1)
         first[k] = self.own.contact.first[k]
         work = system.work._replace(r=aligned_empty(8 * (n + 1)))
-        one = SystemRecord(system._replace(contact=system.contact._replace(first=first), work=work, row_of=np.arange(n)), ASSEMBLY)
+        alone = system._replace(contact=system.contact._replace(first=first), work=work, row_of=np.arange(n))
+        one = SystemRecord(alone, ASSEMBLY)
         kernels.assemble_some(*self._sliding.on(one), 0.0)
         return -work.r[:8 * n].reshape(-1, 8)
 

@@ -11,9 +11,10 @@ from numba import typeof
 from numba.core import types
 
 from fastbeam.kernels import questions  # noqa: F401
-from fastbeam.kernels.jit.calls import CALLS, Question, Unknown
+from fastbeam.kernels.jit.calls import CALLS, Question
 from fastbeam.kernels.jit.decorators import address_of, prepare
 from fastbeam.kernels.jit.records import Record, RecordType, same_record
+from fastbeam.kernels.jit.sources import is_term
 from fastbeam.kernels.terms import (NoTies, Shared, System, WithContact, WithMethod, accept, account, assemble, begin_contact,
     begin_step, clear, first_guess, put_loads, scale_residual, scale_solutions, spread_nodes, within_limits)
 
@@ -41,6 +42,8 @@ ITERATION = EVERYTHING - _numbers(account, accept, within_limits)
 NOTHING: Any = types.voidptr
 # (question, type of the term, type of the system) -> address, and what the entry asks
 _ENTRIES: dict[tuple[int, Any, Any], tuple[int, Any]] = {}
+# the same of a scene: type of the system, what is asked -> (words, what its entries ask terms)
+_SCENES: dict[Any, tuple[Array, frozenset[int] | None]] = {}
 # types of terms and system -> (words of a table, places of addresses of terms in it, their numbers)
 _PLANS: dict[Any, tuple[Array, Array, Array]] = {}
 
@@ -79,24 +82,38 @@ class SystemRecord(Record):
         super().__init__(of)
         self.typed = Typed(self, self._numba_type_)
         self.views, self._numba_type_ = _views(self.typed._numba_type_, of)
-        wanted = []
-        asked = [x for x in SCENE if x.number in only]
-        for question in asked:
-            of_first = [type(getattr(of, x, None)) for x in question.names[:2]]
-            function = question.of.of_classes(*of_first)
-            if function is None:
-                raise TypeError(f"{question.of.name}: there is no implementation for {of_first[0].__name__}")
-            least = max(OF_SCENE[question.names[0]], _reads(getattr(of, question.names[0])), key=VIEWS.index)
-            wanted.append((question, NOTHING, self.views[least], question.returns == types.void and _does_nothing(function)))
-        codes = _addresses(wanted)
-        self.asked = None if any(x is None for _, x in codes) else frozenset().union(*(x for _, x in codes))
-        self._words = np.zeros(HEAD + 2 * len(asked), np.int64)
-        for k, (question, (code, _)) in enumerate(zip(asked, codes)):
-            self._words[1 + 2 * question.number:3 + 2 * question.number] = HEAD + 2 * k, 1
-            self._words[HEAD + 2 * k] = code
+        key = self.typed._numba_type_, only
+        if key not in _SCENES:
+            _SCENES[key] = _plan_of_scene(of, self.views, only)
+        words, self.asked = _SCENES[key]
+        self._words = words.copy()
         self._words[0] = self.address
         # the first number of a system
         self._memory.view(np.int64)[0] = self._words.ctypes.data
+
+
+def _plan_of_scene(of: System, views: dict[Any, RecordType], only: frozenset[int]) -> tuple[Array, frozenset[int] | None]:
+    """Words of the table of what is asked of a scene, and what its entries ask terms."""
+    wanted = []
+    for question in (x for x in SCENE if x.number in only):
+        first = [type(getattr(of, x, None)) for x in question.names[:2]]
+        function = question.of.of_classes(*first)
+        if function is None:
+            raise TypeError(f"{question.of.name}: there is no implementation for {first[0].__name__}")
+        least = max(OF_SCENE[question.names[0]], _reads(getattr(of, question.names[0])), key=VIEWS.index)
+        wanted.append((question, NOTHING, views[least], question.returns == types.void and _does_nothing(function)))
+    codes = _addresses(wanted)
+    asked = None if any(x is None for _, x in codes) else frozenset[int]().union(*(x for _, x in codes))
+    return _words([question.number for question, *_ in wanted], codes), asked
+
+
+def _words(numbers: list[int], codes: list[tuple[int, Any]]) -> Array:
+    """A table of entries in the order of their questions, without addresses of terms."""
+    words = np.zeros(HEAD + 2 * len(codes), np.int64)
+    words[HEAD::2] = [code for code, _ in codes]
+    for number in dict.fromkeys(numbers):
+        words[1 + 2 * number:3 + 2 * number] = HEAD + 2 * numbers.index(number), numbers.count(number)
+    return words
 
 
 def system_record(of: System, last: SystemRecord | None, only: frozenset[int] = EVERYTHING) -> SystemRecord:
@@ -136,7 +153,7 @@ class Calls:
         return self._table, system
 
     def _plan(self, system: SystemRecord) -> tuple[Array, Array, Array]:
-        key = self._kinds, system.typed._numba_type_, self._only
+        key = self._kinds, system.typed._numba_type_, system.asked, self._only
         if key not in _PLANS:
             wanted, who = [], []
             for question in TERMS:
@@ -150,14 +167,7 @@ class Calls:
                         least = WithContact if question.contact else WithMethod
                         wanted.append((question, kind, system.views[max(least, _reads(term), key=VIEWS.index)], False))
                         who.append(k)
-            codes = _addresses(wanted)
-            words = np.zeros(HEAD + 2 * len(who), np.int64)
-            words[HEAD::2] = [code for code, _ in codes]
-            numbers = [question.number for question, *_ in wanted]
-            for question in TERMS:
-                if question.number in numbers:
-                    first = numbers.index(question.number)
-                    words[1 + 2 * question.number:3 + 2 * question.number] = HEAD + 2 * first, numbers.count(question.number)
+            words = _words([question.number for question, *_ in wanted], _addresses(wanted))
             _PLANS[key] = words, np.arange(HEAD + 1, words.size, 2), np.array(who, np.int64)
         return _PLANS[key]
 
@@ -187,8 +197,8 @@ class Table:
 
 
 def _reads(term: Any) -> Any:
-    """What a term reads of the system, at most."""
-    return getattr(term, "reads", WithMethod)
+    """What a term reads of the system, at most; one from another package may read all."""
+    return getattr(term, "reads", System if is_term(type(term)) else WithMethod)
 
 
 def _addresses(wanted: list[tuple[Question, Any, Any, bool]]) -> list[tuple[int, Any]]:
@@ -212,7 +222,8 @@ def _views(kind: RecordType, of: System) -> tuple[dict[Any, RecordType], RecordT
     if kind not in _VIEWS:
         increment = of.work.increment._replace(off=NoTies())
         least = RecordType(typeof(Shared(*of[:6], of.work._replace(increment=increment))))
-        _OF_ALL.append(least)
+        if not _OF_ALL:
+            _OF_ALL.append(least)
         if least != _OF_ALL[0]:
             raise TypeError(f"arrays of a system have other types than those of all others: {least.of}, {_OF_ALL[0].of}")
         views = {x: RecordType(typeof(x(*of[:len(x._fields)]))) for x in (WithMethod, WithContact)}

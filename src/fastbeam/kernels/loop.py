@@ -21,8 +21,8 @@ from fastbeam.kernels.linalg.pardiso import PardisoTables, begin_step as begin_p
 from fastbeam.kernels.state import (IN_DOUBT, MORE_ITERATIONS, clear_equations, copy, follow_increment, keep_arrays,
     restore_arrays, start_increment)
 from fastbeam.kernels.terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, account, advance_nodes,
-    assemble, axes_of, begin_contact, begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill,
-    first_guess, follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
+    assemble, axes_of, begin_contact, begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns,
+    fill, first_guess, follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
     push_increments, put_loads, recover, restore, save, scale_residual, scale_solutions, solve, spread_nodes, take_increments,
     take_unknowns, within_limits)
 

@@ -1,4 +1,4 @@
-"""What tables of calls point to (jit/calls.py): for every question that a step asks one kernel, compiled for the types of a term and
+"""Entries of tables of calls (jit/calls.py): for every question that a step asks one kernel, compiled for the types of a term and
 of what it reads of the system.
 """
 from __future__ import annotations

@@ -3,8 +3,8 @@
 A scene is a tuple of terms, named tuples of arrays: beams of each strain set, the nodes eliminated inside elements, bodies, tied
 nodes, held unknowns, sliders, loads that change. What a scene lacks is not in its tuple, and no code of it is compiled. The step
 (loop.py) calls the generic functions below for all terms, through a table of addresses (questions.py); each file of physics
-registers implementations of those that concern it. `System` holds what all terms share; what reads more of it than `WithMethod` has
-says so by its class attribute `reads`.
+registers implementations of those that concern it. `System` holds what all terms share; a class that reads more of it than
+`WithMethod` has says so by its attribute `reads`.
 
 Order of the tuple: sliders, which act on nodes inside elements, elements, bodies; then what gathers the equations of nodes, ties
 and held unknowns.

@@ -1,12 +1,12 @@
 """Calls through tables of addresses: what a loop asks of the terms of a scene, without being compiled for them.
 
-Machine code that is compiled for a tuple of terms exists once for every kind of scene. Here a loop is compiled once: `f.each(terms,
-...)`, where `terms` is of type `CALLS`, calls what a list in memory says, and `f.call(x, ...)`, where x is `Unknown`, what the only
-entry of such a list says. Entries (kernels/questions.py) are compiled for the types of one term and of what they read of the
-system, whatever else a scene has.
+Machine code that is compiled for a tuple of terms exists once for every kind of scene. A loop that takes a table is compiled once:
+`f.each(terms, ...)`, where `terms` is of type `CALLS`, calls what a list in memory says, and `f.call(x, ...)`, where x is
+`Unknown`, the only entry of such a list. Entries (kernels/questions.py) are compiled for the types of one term and of what they
+read of the system, whatever else a scene has.
 
-A table is an array of words: the address of the system, then for every question where its list begins and how many entries it has;
-an entry is the address of machine code and that of the term. An entry takes the term, the system, and further arguments.
+A table is an array of words: the address of the system, then for every question where its list begins and how many entries it
+has; an entry is the address of machine code and that of the term. An entry takes the term, the system, and further arguments.
 """
 from __future__ import annotations
 
@@ -117,8 +117,8 @@ class Question:
 
 
 def _caller(context: Any, builder: Any, table: Any, returns: Any, kinds: tuple[Any, ...], given: list[Any]) -> Callable[..., Any]:
-    """What calls the entry at a place of a table, as numba's functions are called: with addresses of the result and of an exception,
-    which kernels do not raise."""
+    """What calls the entry at a place of a table, as numba's functions are called: with addresses of the result and of an
+    exception, which kernels do not raise."""
     arguments = (types.voidptr, types.voidptr, *kinds)
     of = context.call_conv.get_function_type(returns, arguments)
     result = cgutils.alloca_once(builder, of.args[0].pointee)
@@ -141,7 +141,8 @@ def _caller(context: Any, builder: Any, table: Any, returns: Any, kinds: tuple[A
 
     def go(code: Any, at: Any) -> None:
         term = builder.inttoptr(word(builder.add(at, _I64(1))), _BYTES)
-        builder.call(builder.inttoptr(code, of.as_pointer()), [result, nobody, *pack.as_arguments(builder, [term, system, *given])])
+        words = pack.as_arguments(builder, [term, system, *given])
+        builder.call(builder.inttoptr(code, of.as_pointer()), [result, nobody, *words])
     return call
 
 

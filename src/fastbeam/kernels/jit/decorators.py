@@ -114,8 +114,8 @@ def address_of(entry: Any, arguments: tuple[Any, ...]) -> tuple[int, Any]:
 
 
 def prepare(jobs: list[tuple[Any, tuple[Any, ...]]], name: str) -> Any:
-    """A context in which entries (kernel, types of its arguments) are about to be compiled: a second process compiles half of those
-    that are not on the disk. name: what they are for, of `parts.STAGES`."""
+    """A context in which entries (kernel, types of its arguments) are about to be compiled: a second process compiles half of
+    those that are not on the disk. name: what they are for, of `parts.STAGES`."""
     if NUMBA_ONLY:
         return contextlib.nullcontext()
     missing = _background.missing(jobs)

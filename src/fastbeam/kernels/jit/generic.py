@@ -93,7 +93,8 @@ class GenericFunction:
             return function
         return note
 
-    def entry(self, *, returns: Any = types.void, inner: bool = False, contact: bool = False, **given: Any) -> Callable[[Any], Any]:
+    def entry(self, *, returns: Any = types.void, inner: bool = False, contact: bool = False,
+              **given: Any) -> Callable[[Any], Any]:
         """Decorator: what tables call (`calls.py`), a kernel (term, system, further arguments of these numba types).
 
         Parameters
@@ -105,7 +106,8 @@ class GenericFunction:
             Whether every implementation may read `System.contact`.
         """
         def note(function: Any) -> Any:
-            self.question = Question(self, list(inspect.signature(self._stub).parameters), given, returns, inner, contact, function)
+            names = list(inspect.signature(self._stub).parameters)
+            self.question = Question(self, names, given, returns, inner, contact, function)
             return function
         return note
 
