@@ -57,8 +57,8 @@ two_processors = pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or len(
 
 
 def run(folder: Path, processors: int = 2, program: str = "", patience: float = 60.0) -> Any:
-    """Call `whole` in a fresh process, while a second compiles its part: value, variants of `power` that were loaded, compiled and
-    used, kernels loaded and compiled, what is still waited for."""
+    """Call `whole` in a fresh process, while a second compiles its part: value, variants of `power` that were loaded, compiled
+    and used, kernels loaded and compiled, what is still waited for."""
     (folder / "pair.py").write_text(PAIR)
     done = subprocess.run([sys.executable, "-c", RUN, json.dumps([str(folder), processors, program, patience])],
                           capture_output=True, text=True, check=False, timeout=200,

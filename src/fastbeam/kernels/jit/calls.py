@@ -1,7 +1,7 @@
 """Calls through tables of addresses: what a loop asks of the terms of a scene, without being compiled for them.
 
-Machine code that is compiled for a tuple of terms exists once for every kind of scene. A loop that takes a table is compiled once:
-`f.each(terms, ...)`, where `terms` is of type `CALLS`, calls what a list in memory says, and `f.call(x, ...)`, where x is
+Machine code that is compiled for a tuple of terms exists once for every kind of scene. A loop that takes a table is compiled
+once: `f.each(terms, ...)`, where `terms` is of type `CALLS`, calls what a list in memory says, and `f.call(x, ...)`, where x is
 `Unknown`, the only entry of such a list. Entries (kernels/questions.py) are compiled for the types of one term and of what they
 read of the system, whatever else a scene has.
 
