@@ -96,10 +96,7 @@ def _plan_of_scene(of: System, views: dict[Any, RecordType], only: frozenset[int
     """Words of the table of what is asked of a scene, and what its entries ask terms."""
     wanted = []
     for question in (x for x in SCENE if x.number in only):
-        first = [type(getattr(of, x, None)) for x in question.names[:2]]
-        function = question.of.of_classes(*first)
-        if function is None:
-            raise TypeError(f"{question.of.name}: there is no implementation for {first[0].__name__}")
+        function = question.of.implementation(*(getattr(of, x, None) for x in question.names[:2]))
         least = max(OF_SCENE[question.names[0]], _reads(getattr(of, question.names[0])), key=VIEWS.index)
         wanted.append((question, NOTHING, views[least], question.returns == types.void and _does_nothing(function)))
     codes = _addresses(wanted)
