@@ -128,12 +128,12 @@ def test_reactions_are_formed_in_rows_and_blocks_of_their_own():
     reactions = Reactions(stepper)
     assert reactions.own is not stepper
     own = {type(x): x for x in reactions.own.terms}
-    for term in reactions.terms.of:
+    for term in reactions.terms.terms:
         for name in ("row", "block", "spin_row"):
             if hasattr(term, name) and hasattr(own[type(term)], name):
                 size = (reactions.own.work.blocks.size // 48) if name == "block" else (reactions.own.work.r.size // 8)
                 assert np.max(getattr(term, name), initial=0) < size, (type(term).__name__, name)
     shared = {type(x): x for x in stepper.terms}
-    forces, drag = (next(x for x in reactions.terms.of if type(x).__name__ == name) for name in ("UserForces", "Drag"))
+    forces, drag = (next(x for x in reactions.terms.terms if type(x).__name__ == name) for name in ("UserForces", "Drag"))
     assert np.shares_memory(forces.share, shared[type(forces)].share) and np.shares_memory(forces.work, shared[type(forces)].work)
     assert np.shares_memory(drag.air, shared[type(drag)].air)
