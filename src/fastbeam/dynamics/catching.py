@@ -36,7 +36,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     target = np.zeros(6)
     if motion >= 0:
         target[:3], target[3:] = model.prescribed.motions[motion].rates(t)
-    rows = motion_map(state.q.reshape(-1, 4, 3))[6 * node + new]
+    rows = motion_map(state.q.reshape(-1, 4, 3), np.array([node]))[6 * node + new]
     begin, before = settled(model, state, None)
     after, lost = jump(model, begin, None, rows, target[new] - rows @ begin.v)
     after.history[model.place("released") + k] += 1.0

@@ -121,7 +121,8 @@ class GapRows:
         k, m = np.nonzero(np.arange(contact.row.shape[1]) < contact.entries[:, None])
         line = contact.line.reshape(*contact.row.shape, 6, 8)[k, m] * self._of_force[k][:, None]
         entry, unknown, gap = np.nonzero(line)
-        row, column = contact.first_force[k[entry]] + gap, 6 * contact.row[k, m][entry] + unknown
+        node = contact.row[k, m]
+        row, column = contact.first_force[k[entry]] + gap, 6 * node[entry] + unknown
         by_nodes = sparse.csr_matrix((line[entry, unknown, gap], (row, column)), shape=(self._size, 6 * n))
         follow = sparse.eye(self._size, format="lil")
         for o, (slider, c) in enumerate(self._model.sleeve_pairs):
@@ -129,7 +130,7 @@ class GapRows:
             tangent = tangents[slider]
             follow[contact.first_force[c] + np.arange(3)[:, None], 3 * slider + np.arange(3)] = np.outer(
                 contact.cross[o, 1, :3], tangent / (tangent @ tangent))
-        return Gaps(values, follow.tocsr() @ by_nodes @ motion_map(q.reshape(-1, 4, 3)), tangents)
+        return Gaps(values, follow.tocsr() @ by_nodes @ motion_map(q.reshape(-1, 4, 3), np.unique(node)), tangents)
 
 
 def _on_nodes(term: Any, nodes: Array) -> Any:

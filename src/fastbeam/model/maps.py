@@ -34,15 +34,16 @@ def velocity_map(q: Array) -> Any:
     return sparse.bsr_matrix((block, np.arange(n), np.arange(n + 1)), shape=(12 * n, 6 * n)).tocsr()
 
 
-def motion_map(q: Array) -> Any:
-    """Rates of the 12 coordinates of all nodes -> their (v, spin), sparse [6 N, 12 N], as `velocities_and_spins`."""
+def motion_map(q: Array, nodes: Array) -> Any:
+    """Rates of the 12 coordinates of some nodes -> their (v, spin), sparse [6 N, 12 N], as `velocities_and_spins`; nodes: int,
+    ascending."""
     from scipy import sparse
-    n = len(q)
-    block = np.zeros((n, 6, 12))
+    block = np.zeros((nodes.size, 6, 12))
     block[:, :3, :3] = np.eye(3)
     for k in range(1, 4):
-        block[:, 3:, 3 * k:3 * k + 3] = 0.5 * _skew(q[:, k])
-    return sparse.bsr_matrix((block, np.arange(n), np.arange(n + 1)), shape=(6 * n, 12 * n)).tocsr()
+        block[:, 3:, 3 * k:3 * k + 3] = 0.5 * _skew(q[nodes, k])
+    start = np.searchsorted(nodes, np.arange(len(q) + 1))
+    return sparse.bsr_matrix((block, nodes, start), shape=(6 * len(q), 12 * len(q))).tocsr()
 
 
 def tie_map(model: Model) -> Any:

@@ -1,8 +1,8 @@
 """What a run may start from: states that agree with the connections, supports and sliders of their model."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
