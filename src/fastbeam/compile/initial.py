@@ -49,10 +49,10 @@ def _speed_of(wrong: Mismatch) -> float:
     return wrong.speed
 
 
-def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
-                  kept: list[KeptLink], at_rest: Callable[[], Model]) -> tuple[State, tuple[tuple[str, str], ...]]:
-    """State at t = 0, and kinds and texts of what there is to say about it. kept: joints that multipliers hold; at_rest: makes
-    the model of the scene at rest, where velocities are projected.
+def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
+                  kept: list[KeptLink], at_rest: Callable[[], Model]) -> tuple[Array, tuple[tuple[str, str], ...]]:
+    """Rates of the coordinates at t = 0 [12 N], and kinds and texts of what there is to say about them. kept: joints that
+    multipliers hold; at_rest: makes the model of the scene at rest, where velocities are projected.
 
     Raises
     ------
@@ -109,13 +109,13 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
         x[which] = of[which]
     follows = tied_velocities(nodes, joints, v, omega)
     v[tied], omega[tied] = (x[tied] for x in follows)
-    state = state_at_rest(scene, nodes, kept)
-    rates = state.v.reshape(n, 4, 3)
+    # zeros that nothing writes to take no memory
+    rates = np.zeros((n, 4, 3))
     if v.any():
         rates[:, 0] = v
     if omega.any():
         rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
-    return state, tuple(notes)
+    return rates.reshape(-1), tuple(notes)
 
 
 def state_at_rest(scene: Scene, nodes: NodeList, kept: list[KeptLink]) -> State:
@@ -123,7 +123,6 @@ def state_at_rest(scene: Scene, nodes: NodeList, kept: list[KeptLink]) -> State:
     q = np.concatenate((nodes.phi[:, None], nodes.directors), axis=1)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
     forces = 3 * s.size + sum(link.forces(3) for link in kept) + 3 * len(scene.sleeves)
-    # zeros that nothing writes to take no memory
     return State(q.reshape(-1), np.zeros(q.size), s, np.zeros(forces))
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.compile.initial import initial_state, state_at_rest
+from fastbeam.compile.initial import initial_rates, state_at_rest
 from fastbeam.compile.numbered import Numbered
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.state import State
@@ -114,8 +114,8 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
                      added_of(scene, nodes, elements))
     if known is not None:
         return found
-    state, notes = initial_state(scene, nodes, numbered.joints_at_start, elements, kept, lambda: pack(scene, found))
-    return replace(found, state=state, notes=notes)
+    v, notes = initial_rates(scene, nodes, numbered.joints_at_start, elements, kept, lambda: pack(scene, found))
+    return replace(found, state=state._replace(v=v), notes=notes)
 
 
 def _with_mass(scene: Scene) -> list[Any]:
