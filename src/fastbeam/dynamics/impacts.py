@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.dynamics.velocity_jumps import blow, jump, of_momenta, rates_of_joints, settled, with_momenta
+from fastbeam.dynamics.velocity_jumps import blow, jump, of_momenta, settled, with_momenta
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.slider_forces import AGAINST, HISTORY, SIGN, STICKS, STOP_LOSS
 from fastbeam.kernels.joints import friction as joint_friction
@@ -128,7 +128,8 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
     holds = model.motions.holds
     start = of_momenta(model, state)
     free, before = settled(model, start, -1 - i)
-    row = rates_of_joints(model, state)[i]
+    rows = GapRows(model)
+    row = rows.at(state.q, state.s).rates[rows.coordinates[i]]
     rate = float((row @ free.v)[0])
     bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
     rest = {} if bounces else {**(together or {}), i: 1.0 if at_end else -1.0}

@@ -167,12 +167,6 @@ def values_of(model: Model, state: State) -> Array:
     return motions.own(state.history, model.place("motions"))[motions.holds.rubs, VALUE]
 
 
-def rates_of_joints(model: Model, state: State) -> Any:
-    """The rates of coordinates of joints that may stick from the rates of all coordinates, sparse [R, 12 N]."""
-    rows = GapRows(model)
-    return rows.at(state.q, state.s).rates[rows.coordinates]
-
-
 class Least(NamedTuple):
     """A jump of least kinetic energy.
 
@@ -199,7 +193,7 @@ class Equations:
     given : bool [S]
         Sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
     coordinates : sparse [R, 12 N]
-        As of `rates_of_joints`.
+        Rates of the coordinates of joints that may stick by those of all coordinates.
     """
 
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
