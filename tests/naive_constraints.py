@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.joints.coordinates import LINE
-from fastbeam.model.contact.sleeve_conditions import Section, sections
-from fastbeam.model.joints.constraints import Distance, KeptLink, gap_matrix
+from fastbeam.kernels.joints.coordinates import LINE, NO_SWING, SWING
+from fastbeam.model.contact.sleeve_conditions import CONDITIONS, Section, sections
+from fastbeam.model.joints.constraints import Distance, KeptLink, Together
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.joints.tables import Conditions
 from fastbeam.model.mapping import shapes_at
@@ -234,12 +234,12 @@ class StaticContacts:
         sliding, bend = border.sliding.copy(), border.bend.copy()
         for k, section, within, mu in self._sections(q, force):
             value.append(within @ section.values())
-            lead.append(sparse.csr_matrix(within) @ section.row(0, n) @ self.rows)
+            lead.append(sparse.csr_matrix(within) @ row_of(section, 0, n) @ self.rows)
             turned.append(section.turned(mu, n))
             turns.append(-within @ section.values(1))
             pick = sparse.csr_matrix((-mu[:section.pairs], (np.full(section.pairs, k), np.arange(section.pairs))),
                                      shape=(s, section.pairs))
-            slide.append(pick @ section.row(1, n))
+            slide.append(pick @ row_of(section, 1, n))
             sliding[k] -= mu[:section.pairs] @ section.values(1)
             bend[k] -= mu[:section.pairs] @ section.values(2)
             if section.pairs == 2 and self.axes is None:
@@ -283,7 +283,7 @@ class StaticContacts:
         second: list[tuple[list[int], Array]] = []
         for k, (link, part) in enumerate(zip(kept, self._parts(force))):
             pair = list(link.node)
-            gap = link.law.gap(x[pair], at_start[pair])
+            gap = gap_of(link.law, x[pair], at_start[pair])
             if isinstance(link.law, Coordinate) and self.given is not None:
                 gap = np.array([misses(link.law, x[pair], next(given))])
             takes = self._within(link) * (k not in free)
@@ -384,10 +384,71 @@ class StaticContacts:
         return out.reshape(-1)
 
 
+def row_of(section: Section, derivative: int, size: int) -> Any:
+    """Derivative of `Section.values` by the unknowns (position, spin) of all nodes, sparse [P, 6 size]."""
+    from scipy import sparse
+    of_nodes, of_holder = section.by_spins(derivative)
+    values = np.concatenate((of_nodes, of_holder[:, None]), axis=1)
+    column = np.broadcast_to(6 * section.roots[:, None] + 3 + np.arange(3), values.shape)
+    row = np.broadcast_to(np.arange(section.pairs)[:, None, None], values.shape)
+    return sparse.csr_matrix((values.reshape(-1), (row.reshape(-1), column.reshape(-1))), shape=(section.pairs, 6 * size))
+
+
+def gap_of(law: Any, x: Array, at_start: Array) -> Array:
+    """Gap of a joint [m], m or rad, at coordinates x [2, 4, 3], from those of the reference; 0 of a given coordinate."""
+    r = x[1, 0] - x[0, 0]
+    if isinstance(law, Together):
+        return r
+    if isinstance(law, Distance):
+        return np.array([np.linalg.norm(r) - np.linalg.norm(at_start[1, 0] - at_start[0, 0])])
+    if isinstance(law, Coordinate):
+        return np.zeros(1)
+    a, b = np.einsum("sik,skc->sic", law.turn, x[:, 1:])
+    return np.array([a[i] @ (r if j < 0 else b[j]) for i, j in law.pairs]) - law.value
+
+
+def largest_gap(model: Model, q: Array) -> float:
+    """The largest gap of all joints with multipliers at coordinates q [12 N], m or rad."""
+    x, start = (y.reshape(-1, 4, 3) for y in (q, model.q0))
+    return max(float(np.max(np.abs(gap_of(link.law, x[list(link.node)], start[list(link.node)])))) for link in model.kept)
+
+
+def gap_matrix(kept: list[KeptLink], q: Array) -> Any:
+    """Derivative of all gaps [m, 12 N] by the coordinates, sparse, at coordinates q [N, 4, 3]."""
+    from scipy import sparse
+    rows, columns, data = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
+    m = 0
+    for link in kept:
+        lead = link.law.lead(q[list(link.node)]).reshape(-1, 24)
+        i, j = np.nonzero(lead)
+        rows.append(m + i)
+        columns.append(12 * np.array(link.node)[j // 12] + j % 12)
+        data.append(lead[i, j])
+        m += len(lead)
+    return sparse.csr_matrix((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(m, 12 * len(q)))
+
+
+def curvature_of_coordinate(law: Coordinate, x: Array, force: Array) -> Array:
+    """Second derivative [24, 24] of force times a coordinate."""
+    of_y, of_z = (np.kron(sum((np.outer(a, b) + np.outer(b, a) for a, b in pairs), np.zeros((8, 8))), np.eye(3))
+                  for pairs in law._pairs)
+    if law.kind == LINE:
+        return np.asarray(force[0] * of_y)
+    (y, z), (a, b) = law._sums(x), law._leads(x)
+    if law.kind == SWING:
+        sine = max(y, NO_SWING)
+        return np.asarray(-force[0] / sine * (of_z + z / sine**2 * np.outer(b, b)))
+    n = y * y + z * z
+    mixed = np.outer(a, b)
+    bent = (z * of_y - y * of_z) / n
+    bent += (2.0 * y * z * (np.outer(b, b) - np.outer(a, a)) + (y * y - z * z) * (mixed + mixed.T)) / n**2
+    return np.asarray(force[0] * bent)
+
+
 def curvature(law: Any, x: Array, force: Array) -> Array:
     """Second derivative [24, 24] of force . gap of a joint by the coordinates x [2, 4, 3]."""
     if isinstance(law, Coordinate):
-        return law.curvature(x, force)
+        return curvature_of_coordinate(law, x, force)
     if isinstance(law, Distance):
         r = x[1, 0] - x[0, 0]
         length = np.linalg.norm(r)
@@ -417,3 +478,45 @@ def reduced(matrix: Any) -> tuple[Any, Array]:
     """The columns of the nodes that a sparse matrix [k, 12 N] has entries for, [k, 12 T], and these nodes [T]."""
     nodes = np.unique(matrix.indices // 12).astype(np.int64)
     return matrix[:, (12 * nodes[:, None] + np.arange(12)).reshape(-1)], nodes
+
+
+def gaps_and_rates(model: Model, q: Array, s: Array) -> tuple[Array, Array]:
+    """Gaps of all constraints [F] and their derivatives by the rates of the coordinates [F, 12 N], at coordinates q [12 N] in
+    space and places s [S]; sliders follow their points along the beams. 0 where nothing is held, or a function of time says what.
+    """
+    x, at_start = q.reshape(-1, 4, 3), model.q0.reshape(-1, 4, 3)
+    n, count = len(x), model.n_sliders
+    values, rates, way = [], [], np.zeros((count, n, 4, 3))
+    for k in range(count):
+        nodes, shapes = shapes_at(model, k, float(s[k]))
+        point = int(model.sliders.point[k])  # type: ignore[union-attr]
+        row = np.zeros((3, n, 4, 3))
+        for c in range(3):
+            row[c, nodes, 0, c], row[c, point, 0, c] = -shapes[0], 1.0
+        tangent = shapes[1] @ x[nodes, 0]
+        way[k] = np.tensordot(tangent, row, 1) / (tangent @ tangent)
+        values.append(x[point, 0] - shapes[0] @ x[nodes, 0])
+        rates.append(row)
+    for link in model.kept:
+        pair = list(link.node)
+        row = np.zeros((link.forces(3), n, 4, 3))
+        row[:, pair] = link.law.lead(x[pair])
+        gap = gap_of(link.law, x[pair], at_start[pair])
+        if isinstance(link.law, Distance):
+            # (l^2 - L^2)/(2 L)
+            length = float(np.linalg.norm(at_start[pair][1, 0] - at_start[pair][0, 0]))
+            row, gap = (1.0 + gap / length) * row, gap * (1.0 + 0.5 * gap / length)
+        values.append(gap)
+        rates.append(row)
+    for (k, _), section in zip(model.sleeve_pairs, sections(model, s, x)):
+        d, held = np.einsum("a,ajc->jc", section.shapes[0], section.d), np.zeros(3)
+        row = np.zeros((3, n, 4, 3))
+        for p, some in enumerate(CONDITIONS[:section.pairs]):
+            for f, i, j in some:
+                row[p, section.nodes[:-1], 1 + j] += f * np.outer(section.shapes[0], section.axes[i])
+                row[p, section.nodes[-1], 1:] += f * np.outer(section.turn[i], d[j])
+            row[p] += section.values(1)[p] * way[k]
+        held[:section.pairs] = section.values()
+        values.append(held)
+        rates.append(row)
+    return np.concatenate(values), np.concatenate(rates).reshape(-1, 12 * n)

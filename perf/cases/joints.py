@@ -95,6 +95,7 @@ def grid(n: int) -> Any:
 def measure(scene: Any, joints: int, planar: bool) -> tuple[float, float, float, float]:
     """Compile time, iterations a step, seconds an iteration and joint, largest gap."""
     import fastbeam as fb
+    from fastbeam.model.gap_rows import GapRows
     from perf.places import private
     Stepper = private("newton", "Stepper")
     begin = time.process_time()
@@ -106,8 +107,7 @@ def measure(scene: Any, joints: int, planar: bool) -> tuple[float, float, float,
     done = stepper.advance(0.0, STEP, STEPS, 2)
     seconds = time.process_time() - begin
     assert done.status == 0, done
-    x, start = (q.reshape(-1, 4, 3) for q in (stepper.state.q, model.q0))
-    gap = max(float(np.max(np.abs(link.law.gap(x[list(link.node)], start[list(link.node)])))) for link in model.kept)
+    gap = float(np.max(np.abs(GapRows(model).values(stepper.state.q, stepper.state.s)[0])))
     return compiled, done.iterations / STEPS, seconds / done.iterations / joints, gap
 
 

@@ -39,7 +39,8 @@ ElementPacker = private("tables", "ElementPacker")
 Array = np.ndarray
 SECTION = fb.Section.circle(radius=0.02, E=1e8, rho=1000.0)
 STEP = 1e-3
-PHASES = {"nodes": (numbered, "NodeList"), "joints": (numbered, "_connections"), "state": (unpacked, "initial_state"),
+INITIAL = "initial_rates" if hasattr(unpacked, "initial_rates") else "initial_state"
+PHASES = {"nodes": (numbered, "NodeList"), "joints": (numbered, "_connections"), "state": (unpacked, INITIAL),
           "blocks": (ordering, "Blocks"), "elements": (ElementPacker, "tables")}
 
 

@@ -61,7 +61,7 @@ def digest(model: Model) -> str:
 def test_every_stage_hands_on_a_record_of_its_own() -> None:
     scene = mechanism()
     numbered = number(scene)
-    unpacked = unpack(scene, numbered)
+    unpacked = unpack(scene, numbered, compiler.pack_at_rest)
     found, why = find_plane(unpacked)
     condensed = condense(scene, unpacked, "auto")
     ordered = order(numbered, condensed, "auto", True, len(scene.sliders), 0)

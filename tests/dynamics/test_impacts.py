@@ -8,9 +8,10 @@ import pytest
 
 import fastbeam as fb
 import fastbeam.dynamics.time_loop
-from fastbeam.dynamics.impacts import Impacts, along, strike
+from fastbeam.dynamics.impacts import Impacts, strike
 from fastbeam.dynamics.velocity_jumps import jump
 from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, HISTORY, STOP_LOSS
+from fastbeam.model.mapping import contact
 from fastbeam.model.maps import mass_map
 from restarts import assert_goes_on
 
@@ -47,6 +48,12 @@ def cable(planar: Any, **forces: Any) -> fb.Model:
     return fb.compile_scene(fb.Scene(beam, bead, swing, fb.Clamp(beam.start), fb.Pin(beam.end),
                                      fb.Slider("s", bead, beam, at=0.4, **forces), gravity=(0, 0, -1.0), project_velocities=True),
                             planar=planar)
+
+
+def along(model: fb.Model, state: Any, k: int) -> tuple[Any, float]:
+    """Derivative by s of the curve under slider k [3], and ds/dt, m/s."""
+    _, tangent, relative = contact(model, k, float(state.s[k]), *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
+    return tangent, float(relative @ tangent / (tangent @ tangent))
 
 
 def impacts_of(result: fb.Result) -> list[float]:

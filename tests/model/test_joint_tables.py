@@ -12,7 +12,7 @@ import fastbeam as fb
 from fastbeam.model.joints.tables import Conditions, Coordinate
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive_constraints import curvature, misses  # noqa: E402
+from naive_constraints import curvature, gap_of, largest_gap, misses  # noqa: E402
 
 Array = np.ndarray
 
@@ -52,20 +52,17 @@ def test_conditions_are_met_at_the_start_and_their_derivatives_are_those_of_diff
     for link in model.kept:
         law = link.law
         x = model.q0.reshape(-1, 4, 3)[list(link.node)]
-        np.testing.assert_allclose(law.gap(x, x), 0.0, atol=1e-15)
+        np.testing.assert_allclose(gap_of(law, x, x), 0.0, atol=1e-15)
         y = x + 0.3 * rng.standard_normal(x.shape)
         u, w, e = (*rng.standard_normal((2, *x.shape)), 1e-6)
-        slope = (law.gap(y + e * u, x) - law.gap(y - e * u, x)) / (2 * e)
+        slope = (gap_of(law, y + e * u, x) - gap_of(law, y - e * u, x)) / (2 * e)
         np.testing.assert_allclose(np.einsum("msic,sic->m", law.lead(y), u), slope, atol=1e-8)
         force = rng.standard_normal(len(slope))
         bent = np.einsum("m,msic->sic", force, law.lead(y + e * w) - law.lead(y - e * w)).reshape(-1) / (2 * e)
         np.testing.assert_allclose(curvature(law, y, force) @ w.reshape(-1), bent, atol=1e-8)
-        # without accelerations the second derivative in time is minus `bend`
-        second = (law.gap(y + 1e-3 * u, x) - 2 * law.gap(y, x) + law.gap(y - 1e-3 * u, x)) / 1e-6
-        np.testing.assert_allclose(-law.bend(y, u), second, atol=1e-6)
         by = link.by_motion(y)
         rate = rng.standard_normal((2, 2, 3))
-        slope = (law.gap(motion(y, e * rate), x) - law.gap(motion(y, -e * rate), x)) / (2 * e)
+        slope = (gap_of(law, motion(y, e * rate), x) - gap_of(law, motion(y, -e * rate), x)) / (2 * e)
         np.testing.assert_allclose(sum(v @ rate[k, 0] + w @ rate[k, 1] for k, (_, v, w) in enumerate(by)), slope, atol=1e-8)
 
 
@@ -83,8 +80,6 @@ def test_a_given_coordinate_is_zero_at_the_start_and_its_derivatives_are_those_o
     np.testing.assert_allclose(np.sum(law.lead(y)[0] * u), slope, atol=1e-7)
     bent = (law.lead(y + e * w) - law.lead(y - e * w)).reshape(-1) / (2 * e)
     np.testing.assert_allclose(curvature(law, y, np.ones(1)) @ w.reshape(-1), bent, atol=1e-6)
-    second = (misses(law, y + 1e-3 * u, 0.3) - 2 * misses(law, y, 0.3) + misses(law, y - 1e-3 * u, 0.3)) / 1e-6
-    np.testing.assert_allclose(-law.bend(y, u), second, rtol=1e-3)
     # a turn about the axis, and a motion along it, change it one to one
     axis = np.array([1, 2, 3]) / np.sqrt(14.0)
     turning, y = np.zeros((2, 2, 3)), x.copy()
@@ -229,6 +224,4 @@ def test_relax_takes_no_motors_and_a_start_off_the_joint_is_refused_or_mended() 
         fb.simulate(model, start=state, t_end=0.1, step=0.01)
     mended = fb.simulate(model, start=state, t_end=0.1, step=0.01, mend_start=True, progress=False)
     assert [event["kind"] for event in mended.events] == ["mended"]
-    off = max(float(np.max(np.abs(link.law.gap(mended.state.q.reshape(-1, 4, 3)[list(link.node)],
-                                               model.q0.reshape(-1, 4, 3)[list(link.node)])))) for link in model.kept)
-    assert off < 1e-14
+    assert largest_gap(model, mended.state.q) < 1e-14

@@ -12,15 +12,16 @@ import fastbeam as fb
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.call_tables import Calls
 from fastbeam.kernels.state import State
-from fastbeam.model.mapping import follow, turned
-from fastbeam.model.maps import RowMap
+from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.mapping import contact, follow, turned
+from fastbeam.model.maps import RowMap, velocity_map
 from fastbeam.model.model import Model
 from fastbeam.statics.slider_friction import turned_with_sleeves, with_friction
 from fastbeam.stepping.assembled import CONSTRAINTS, Constraints, Equations, SaddleMatrix, entries_of_matrix
 from fastbeam.stepping.stepper import Stepper
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive_constraints import StaticContacts  # noqa: E402
+from naive_constraints import StaticContacts, gaps_and_rates  # noqa: E402
 
 Array = np.ndarray
 SOFT = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=5.0, EI2=5.0, EI3=6.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)
@@ -69,6 +70,15 @@ def path() -> fb.Scene:
     rings = [fb.PointMass(name, mass=1.0) for name in ("at a node", "far")]
     return fb.Scene(a, b, *rings, fb.RigidConnection(a.end, b.start), fb.Clamp(a.start), fb.Slider("1", rings[0], run, at=0.5),
                     fb.Slider("2", rings[1], run, at=1.3))
+
+
+def strut() -> fb.Scene:
+    """A pendulum of two bodies, rods between them."""
+    a, b = body("a", 0.0), body("b", 1.0)
+    return fb.Scene(a, b, fb.Pin(a),
+                    fb.BallJoint(a.point((0, 0, 0.2)), b.point((-1, 0, 0.2))),
+                    fb.DistanceJoint(a.point((0.1, 0, 0)), b.point((0, 0.2, 0)), "rod"),
+                    fb.DistanceJoint(b.point((0, -0.2, 0)), a.point((0, 0.1, 0)), "other"))
 
 
 def disturbed(model: Model, planar: bool) -> State:
@@ -135,3 +145,22 @@ def test_compiled_rows_of_a_step_with_equal_ends_are_the_static_equations(make: 
     np.testing.assert_allclose(*(x.reshape(-1, 8)[:rows, :n] for x in (r, work.r)), rtol=1e-12, atol=1e-11)
     as_loads = matrix_of(stepper, found._replace(bent=entries_of_matrix(border.bent)))
     np.testing.assert_allclose(matrix, as_loads, rtol=1e-12, atol=1e-12 * np.max(np.abs(matrix)))
+
+
+@pytest.mark.parametrize("make", [sliders, sleeves, joints, path, strut])
+def test_gaps_outside_of_a_step_and_their_rates_are_those_of_the_twin(make: Any) -> None:
+    model = fb.compile_scene(make(), planar=False)
+    state, rows = disturbed(model, False), GapRows(model)
+    gaps, (values, rates) = rows.at(state.q, state.s), gaps_and_rates(model, state.q, state.s)
+    assert gaps.values.size == model.n_forces and np.max(np.abs(values)) > 1e-3
+    np.testing.assert_allclose(gaps.values, values, rtol=0.0, atol=1e-14)
+    # along motions that leave triads at right angles
+    motions = velocity_map(state.q.reshape(-1, 4, 3))
+    np.testing.assert_allclose((gaps.rates @ motions).toarray(), rates @ motions, rtol=0.0, atol=1e-13)
+    v = motions @ np.random.default_rng(1).standard_normal(6 * model.n_nodes)
+    for k in range(model.n_sliders):
+        _, tangent, relative = contact(model, k, float(state.s[k]), *(x.reshape(-1, 4, 3) for x in (state.q, v)))
+        np.testing.assert_allclose(gaps.tangents[k], tangent, rtol=1e-13, atol=1e-13)
+        assert gaps.along(k, v) == pytest.approx(float(relative @ tangent / (tangent @ tangent)), rel=1e-12)
+    kept = np.concatenate((np.arange(3 * model.n_sliders), rows.others, rows.coordinates))
+    assert np.unique(kept).size == kept.size and not np.any(np.delete(rates, kept, axis=0))

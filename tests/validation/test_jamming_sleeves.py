@@ -10,7 +10,7 @@ from scene_strategies import Drawn, build
 from sliding_checks import settings_of
 
 import fastbeam as fb
-from fastbeam.compile import projection
+from fastbeam.model import start
 from fastbeam.kernels.contact.friction_fallback import LEVEL, MOST_FLIPS, WITHIN
 from fastbeam.kernels.loop import OK
 from fastbeam.stepping.stepper import Stepper
@@ -100,7 +100,7 @@ def assert_same(one: fb.Result, other: fb.Result) -> None:
 def test_both_solvers_end_with_the_same_law(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Their compliances differ by a hundredth: friction that is proportional to them made 4e-6 of 2 m of that in 12 steps."""
     # starts that bend the beam, so that the sleeve jams
-    monkeypatch.setattr(projection, "rigid_change", lambda mass, matrix, right, given, rigid: 0.0 * given)
+    monkeypatch.setattr(start, "rigid_change", lambda mass, matrix, right, given, rigid: 0.0 * given)
     doubtful, (scene, at_least) = watched(monkeypatch), SCENES[name]
     one, other = (fb.simulate(fb.compile_scene(build(scene), solver=solver), **settings_of(scene))
                   for solver in ("auto", "sparse"))

@@ -111,7 +111,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         scene, planar, condense = moving.scene, False, False
     scene.check()
     numbered = number(scene)
-    unpacked = unpack(scene, numbered, None if moving is None else initial(moving, numbered))
+    unpacked = unpack(scene, numbered, pack_at_rest, None if moving is None else initial(moving, numbered, pack_at_rest))
     found, not_planar = find_plane(unpacked) if planar else (None, "planar=False" if moving is None else IN_SPACE)
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
@@ -163,6 +163,13 @@ class Variant:
     def know(self, model: Model, **more: Any) -> None:
         """Take a model that was compiled with these options as the one for them."""
         self._made[tuple(sorted(more.items()))] = model
+
+
+def pack_at_rest(scene: Scene, unpacked: Unpacked) -> Model:
+    """All tables in space, without condensed beams."""
+    condensed, kept = choose(scene, unpacked, False), len(unpacked.kept)
+    constraints = len(scene.sliders) + kept + len(scene.sleeves)
+    return pack(scene, unpacked, condensed, order(unpacked.numbered, condensed, "auto", False, constraints, kept))
 
 
 def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordered) -> Model:

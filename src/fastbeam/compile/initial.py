@@ -1,6 +1,7 @@
 """The initial state: positions, triads and velocities that agree with all connections, supports and sliders."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from fastbeam.model.contact.sleeve_conditions import Section
 from fastbeam.model.contact.sleeves import held_at_start
 from fastbeam.model.forces.winches import Hoists
 from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import support_rates
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import Elements
@@ -47,9 +49,10 @@ def _speed_of(wrong: Mismatch) -> float:
     return wrong.speed
 
 
-def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
-                  kept: list[KeptLink]) -> tuple[State, tuple[tuple[str, str], ...]]:
-    """State at t = 0, and kinds and texts of what there is to say about it. kept: joints that multipliers hold.
+def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
+                  kept: list[KeptLink], at_rest: Callable[[], Model]) -> tuple[Array, tuple[tuple[str, str], ...]]:
+    """Rates of the coordinates at t = 0 [12 N], and kinds and texts of what there is to say about them. kept: joints that
+    multipliers hold; at_rest: makes the model of the scene at rest, where velocities are projected.
 
     Raises
     ------
@@ -87,7 +90,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             if scene.winches:
                 refuse(list(told(Analysis.PROJECTION, [Hoists(scene.winches)])), worst.what)
             given = v, omega
-            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
+            v, omega, energies = project(at_rest(), scene, v, omega, moving)
             left = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving), key=_speed_of,
                        default=Mismatch("", 0.0, "", ""))
             if left.speed > 1e-7 * max(scale, _speed(nodes, v, omega)):
@@ -106,17 +109,21 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
         x[which] = of[which]
     follows = tied_velocities(nodes, joints, v, omega)
     v[tied], omega[tied] = (x[tied] for x in follows)
-    q = np.zeros((n, 4, 3))
-    q[:, 0], q[:, 1:] = nodes.phi, nodes.directors
     # zeros that nothing writes to take no memory
     rates = np.zeros((n, 4, 3))
     if v.any():
         rates[:, 0] = v
     if omega.any():
         rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
+    return rates.reshape(-1), tuple(notes)
+
+
+def state_at_rest(scene: Scene, nodes: NodeList, kept: list[KeptLink]) -> State:
+    """Make a state without velocities; kept: joints that multipliers hold."""
+    q = np.concatenate((nodes.phi[:, None], nodes.directors), axis=1)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
     forces = 3 * s.size + sum(link.forces(3) for link in kept) + 3 * len(scene.sleeves)
-    return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(forces)), tuple(notes)
+    return State(q.reshape(-1), np.zeros(q.size), s, np.zeros(forces))
 
 
 def _shock(nodes: NodeList, elements: list[Elements], motion: PrescribedMotion, at: int,

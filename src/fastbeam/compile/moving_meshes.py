@@ -1,6 +1,7 @@
 """Scenes with beams whose elements move with contacts, as the compiler takes them (theory.md 5.12)."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 from fastbeam.compile.initial import tied_velocities
 from fastbeam.compile.moving_contacts import along_of, joints_of, moment_of
 from fastbeam.compile.numbered import Numbered, number
-from fastbeam.compile.unpack import unpack
+from fastbeam.compile.unpack import Unpacked, unpack
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.moving_beam import MovingBeam
 from fastbeam.kernels.contact.moving_mesh import momentum_sums, motion_of
@@ -286,11 +287,11 @@ def _is_end(node: Any) -> bool:
     return bool(node.index in (0, node.owner.n_nodes - 1))
 
 
-def initial(rewritten: Rewritten, numbered: Numbered) -> State:
-    """State at t = 0 of the nodes of the rewritten scene; nodes move over the beam as the contacts do."""
+def initial(rewritten: Rewritten, numbered: Numbered, pack: Callable[[Scene, Unpacked], Any]) -> State:
+    """State at t = 0 of the nodes of the rewritten scene; nodes move over the beam as the contacts do. pack: as of `unpack`."""
     nodes, joints, given = numbered.nodes, numbered.joints, rewritten.given
     before = number(given)
-    old = unpack(given, before)
+    old = unpack(given, before, pack)
     n = len(nodes)
     v, spin = np.zeros((n, 3)), np.zeros((n, 3))
     q_old, v_old = (x.reshape(-1, 4, 3) for x in (old.state.q, old.state.v))

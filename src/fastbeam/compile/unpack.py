@@ -1,12 +1,13 @@
 """The second stage of the compiler: elements, bodies, loads and the initial state as arrays, before anything is packed."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.compile.initial import initial_state
+from fastbeam.compile.initial import initial_rates, state_at_rest
 from fastbeam.compile.numbered import Numbered
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.state import State
@@ -14,6 +15,7 @@ from fastbeam.model.connections import Connections
 from fastbeam.model.forces.added_mass import Added, added_of
 from fastbeam.model.forces.damping_and_drag import Dragged, dragged_of
 from fastbeam.model.joints.constraints import KeptLink
+from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import PrescribedMotions, prescribed_of
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import Elements, elements_of
@@ -90,8 +92,9 @@ class Unpacked:
         return self.numbered.joints
 
 
-def unpack(scene: Scene, numbered: Numbered, known: State | None = None) -> Unpacked:
-    """Arrays of a scene whose nodes have numbers; known: its initial state, where that is not what the scene says.
+def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], Model], known: State | None = None) -> Unpacked:
+    """Arrays of a scene whose nodes have numbers; pack: makes a model of them, on which velocities are projected; known: the
+    initial state, where that is not what the scene says.
 
     Raises
     ------
@@ -102,13 +105,17 @@ def unpack(scene: Scene, numbered: Numbered, known: State | None = None) -> Unpa
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
                 if all(part is not mesh.beam for mesh in scene.moving)]
     loads = _loads(scene, nodes, elements, joints.row_root)
-    state, notes = (known, ()) if known is not None else initial_state(scene, nodes, numbered.joints_at_start, elements, kept)
+    state = state_at_rest(scene, nodes, kept) if known is None else known
     # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
-    return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, notes,
-                    prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
-                    added_of(scene, nodes, elements))
+    found = Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, (),
+                     prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
+                     added_of(scene, nodes, elements))
+    if known is not None:
+        return found
+    v, notes = initial_rates(scene, nodes, numbered.joints_at_start, elements, kept, lambda: pack(scene, found))
+    return replace(found, state=state._replace(v=v), notes=notes)
 
 
 def _with_mass(scene: Scene) -> list[Any]:

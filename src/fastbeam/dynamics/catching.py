@@ -1,13 +1,11 @@
 """Supports that take hold in a run: the impact with which they catch a node, theory.md (4.11a)."""
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from fastbeam.dynamics.velocity_jumps import jump, settled
 from fastbeam.kernels.state import State
-from fastbeam.model.maps import mass_map
+from fastbeam.model.maps import mass_map, motion_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -38,7 +36,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     target = np.zeros(6)
     if motion >= 0:
         target[:3], target[3:] = model.prescribed.motions[motion].rates(t)
-    rows = _motion_of(state.q, node)[new]
+    rows = motion_map(state.q.reshape(-1, 4, 3), np.array([node]))[6 * node + new]
     begin, before = settled(model, state, None)
     after, lost = jump(model, begin, None, rows, target[new] - rows @ begin.v)
     after.history[model.place("released") + k] += 1.0
@@ -56,15 +54,3 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     lost += before
     after.history[model.losses_for(type(of)) + int(np.sum(of.waits[:k]))] += lost
     return after, lost
-
-
-def _motion_of(q: Array, node: int) -> Any:
-    """Rates of the coordinates -> velocity and spin of a node, sparse [6, 12 N]."""
-    from scipy import sparse
-    d = q.reshape(-1, 4, 3)[node, 1:]
-    block = np.zeros((6, 12))
-    block[:3, :3] = np.eye(3)
-    # half the sum of d x d'
-    block[3:, 3:] = 0.5 * np.concatenate([np.cross(x, np.eye(3)).T for x in d], axis=1)
-    rows, columns = np.nonzero(block)
-    return sparse.csr_matrix((block[rows, columns], (rows, 12 * node + columns)), shape=(6, q.size))

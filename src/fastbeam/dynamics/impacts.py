@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.dynamics.velocity_jumps import blow, jump, of_momenta, row_of_joint, settled, with_momenta
+from fastbeam.dynamics.velocity_jumps import blow, jump, of_momenta, settled, with_momenta
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.contact.slider_forces import AGAINST, HISTORY, SIGN, STICKS, STOP_LOSS
 from fastbeam.kernels.joints import friction as joint_friction
 from fastbeam.kernels.state import State
-from fastbeam.model.mapping import contact
+from fastbeam.model.gap_rows import GapRows
 from fastbeam.model.maps import mass_map
 from fastbeam.model.model import Model
 
@@ -128,7 +128,8 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
     holds = model.motions.holds
     start = of_momenta(model, state)
     free, before = settled(model, start, -1 - i)
-    row = row_of_joint(model, state, i)
+    rows = GapRows(model)
+    row = rows.at(state.q, state.s).rates[rows.coordinates[i]]
     rate = float((row @ free.v)[0])
     bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
     rest = {} if bounces else {**(together or {}), i: 1.0 if at_end else -1.0}
@@ -157,14 +158,14 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
         Whether the stop is the one towards the end of the beam.
     restitution : float
     """
-    side = 1.0 if at_end else -1.0
+    side, gaps = 1.0 if at_end else -1.0, GapRows(model).at(state.q, state.s)
 
     def change(begin: State) -> Array:
-        tangent, rate = along(model, begin, k)
-        return -(1.0 + restitution * (side * rate > 0.0)) * rate * tangent
+        rate = gaps.along(k, begin.v)
+        return -(1.0 + restitution * (side * rate > 0.0)) * rate * gaps.tangents[k]
 
     begin, after, loss = blow(model, state, k, np.eye(3), change)
-    rate = along(model, begin, k)[1]
+    rate = gaps.along(k, begin.v)
     own = model.own(after.history, "slider_forces").reshape(-1, HISTORY)
     own[k, STOP_LOSS] += loss
     own[k, SIGN] = -np.sign(rate)
@@ -173,9 +174,3 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
     if not restitution * side * rate > 0.0:
         own[k, SIGN], own[k, AGAINST] = 0.0, side
     return after
-
-
-def along(model: Model, state: State, k: int) -> tuple[Array, float]:
-    """Derivative by s of the curve under slider k [3], and ds/dt, m/s."""
-    _, tangent, relative = contact(model, k, float(state.s[k]), *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
-    return tangent, float(relative @ tangent / (tangent @ tangent))

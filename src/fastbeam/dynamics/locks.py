@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from fastbeam.dynamics.catching import catch
-from fastbeam.dynamics.impacts import along
 from fastbeam.dynamics.one_sided import ON_AXIS, Finder, Place, land
 from fastbeam.dynamics.velocity_jumps import blow
 from fastbeam.interface.arguments import Refusal, real, shown
@@ -18,6 +17,7 @@ from fastbeam.kernels.contact.slider_forces import (AGAINST, CAME_BY, FREE, HELD
     STICKS, STOP_LOSS, TURNS)
 from fastbeam.kernels.energies import slider_motion
 from fastbeam.kernels.state import State
+from fastbeam.model.gap_rows import GapRows
 from fastbeam.model.model import Model
 from fastbeam.model.start import AT_STOP
 from fastbeam.model.workspace import contact_of
@@ -337,7 +337,8 @@ class Locking:
         s, loss = float(state.s[k]), 0.0
         state = State(*(x.copy() for x in state))
         if awaited.action == LOCK:
-            _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -np.multiply(*along(self.model, x, k)))
+            gaps = GapRows(self.model).at(state.q, state.s)
+            _, state, loss = blow(self.model, state, k, np.eye(3), lambda x: -gaps.along(k, x.v) * gaps.tangents[k])
         own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0
         if awaited.action == LOCK:

@@ -12,7 +12,7 @@ from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FREE, HELD, HISTO
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.entries.dense import Contact
 from fastbeam.kernels.state import State
-from fastbeam.model.mapping import contact
+from fastbeam.model.gap_rows import GapRows
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -71,12 +71,14 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
     """The state behind a hit of slider k on its beam at time t, the energy lost, J, and whether it stays on the beam."""
     state = State(*(x.copy() for x in state))
     state.s[k] = place.s
-    _, tangent, relative = contact(model, k, place.s, *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
+    gaps = GapRows(model).at(state.q, state.s)
+    of_point, tangent = gaps.rates[3 * k:3 * k + 3], gaps.tangents[k]
+    relative = of_point @ state.v
     stays = restitution * min(float(place.normal @ relative), 0.0) == 0.0
     lead = np.linalg.svd(tangent[None])[2][1:] if stays else place.normal[None]
 
     def change(begin: State) -> Array:
-        rates = lead @ contact(model, k, place.s, *(x.reshape(-1, 4, 3) for x in (begin.q, begin.v)))[2]
+        rates = lead @ (of_point @ begin.v)
         return -rates if stays else -(1.0 + restitution) * np.minimum(rates, 0.0)
 
     _, state, loss = blow(model, state, k, lead, change)
@@ -86,15 +88,10 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float, t
         own[k, HELD], own[k, STICKS] = FREE, 0.0
         own[k, SIGN] = np.sign(relative @ tangent)
         if model.slider_forces.tables.drive[k] == INCREMENT:
-            state = _driven(model, state, k, model.slider_forces.speed_given(k, t))
+            # the blow of a drive that gives its velocity along the beam; its work counts as the drive's
+            speed = model.slider_forces.speed_given(k, t)
+            state, work = jump(model, state, k, np.eye(3), speed * tangent - of_point @ state.v)
+            own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
+            own[k, DRIVE_WORK] -= work
+            own[k, SIGN] = np.sign(speed)
     return state, loss, stays
-
-
-def _driven(model: Model, state: State, k: int, speed: float) -> State:
-    """The state behind the blow of a drive that gives slider k its velocity along the beam, whose work counts as the drive's."""
-    _, tangent, relative = contact(model, k, float(state.s[k]), *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
-    state, loss = jump(model, state, k, np.eye(3), speed * tangent - relative)
-    own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
-    own[k, DRIVE_WORK] -= loss
-    own[k, SIGN] = np.sign(speed)
-    return state

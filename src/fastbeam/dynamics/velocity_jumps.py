@@ -12,10 +12,10 @@ from fastbeam.kernels.joints import friction as joint_friction
 from fastbeam.kernels.joints.coordinates import VALUE, WORK
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import nearest_by
-from fastbeam.model.joints.constraints import gap_matrix
-from fastbeam.model.maps import free_unknowns, gap_rates, mass_map, rates_map, velocities_and_spins
+from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.maps import free_unknowns, mass_map, rates_map, velocities_and_spins
 from fastbeam.model.model import Model
-from fastbeam.model.start import active_motions, direction_rates, given_rows
+from fastbeam.model.start import active_motions
 
 Array = np.ndarray
 # rates below this share of the largest are none behind an impact
@@ -55,7 +55,7 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
     equations = Equations(model, state, k, lead, change)
     history = state.history.copy()
     bounces = -1 - k if k is not None and k < 0 and change.size else -1
-    found = _with_stops(model, state, history, bounces, rest or {}, equations.least)
+    found = _with_stops(equations, history, bounces, rest or {})
     v = state.v + found.by
     if model.slider_forces is not None:
         own = model.own(history, "slider_forces").reshape(-1, HISTORY)
@@ -77,12 +77,12 @@ def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
     along the beam; those that are locked or rest against a stop have none.
     """
     meets = -1 - k if k is not None and k < 0 else -1
-    rows, goals = [], []
+    rests: list[int] = []
     if model.motions is not None and model.motions.holds.rubs.size:
-        rests = np.flatnonzero(model.motions.holds.numbers(state.history)[:, joint_friction.AGAINST])
-        rows = [row_of_joint(model, state, j) for j in rests.tolist() if j != meets]
-        goals = [-float((row @ state.v)[0]) for row in rows]
+        rests = np.flatnonzero(model.motions.holds.numbers(state.history)[:, joint_friction.AGAINST]).tolist()
     equations = Equations(model, state, k, None, np.zeros(0))
+    rows = equations.coordinates[[j for j in rests if j != meets]]
+    goals = -(rows @ state.v)
     if not equations.ask(goals):
         return state, 0.0
     return equations.behind(equations.least(rows, goals), state.history.copy())
@@ -167,11 +167,6 @@ def values_of(model: Model, state: State) -> Array:
     return motions.own(state.history, model.place("motions"))[motions.holds.rubs, VALUE]
 
 
-def row_of_joint(model: Model, state: State, i: int) -> Any:
-    """The rate of coordinate i of those of joints that may stick from the rates of all coordinates, sparse [1, 12 N]."""
-    return gap_matrix([model.motions.holds.link(model.kept, i)], state.q.reshape(-1, 4, 3))
-
-
 class Least(NamedTuple):
     """A jump of least kinetic energy.
 
@@ -197,14 +192,18 @@ class Equations:
     ----------
     given : bool [S]
         Sliders whose velocities along the beam do not jump: prescribed, locked or at rest against a stop.
+    coordinates : sparse [R, 12 N]
+        Rates of the coordinates of joints that may stick by those of all coordinates.
     """
 
     def __init__(self, model: Model, state: State, k: int | None, lead: Any, change: Array) -> None:
         from scipy import sparse
         self.model, self.state = model, state
         own = model.own(state.history, "slider_forces").reshape(-1, HISTORY)
-        self._matrix, self._tangents, _ = gap_rates(model, state)
-        self.given = driven = np.zeros(len(self._tangents), bool)
+        rows = GapRows(model)
+        self._gaps = gaps = rows.at(state.q, state.s)
+        self.coordinates = gaps.rates[rows.coordinates]
+        self.given = driven = np.zeros(len(gaps.tangents), bool)
         if model.slider_forces is not None:
             driven = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT))
             self.given = driven | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
@@ -213,7 +212,7 @@ class Equations:
         right: list[Array] = [] if slides or settles else [change]
         # where the equations of sliders begin whose drives prescribe a motion
         self._drives: dict[int, int] = {}
-        for j, tangent in enumerate(self._tangents):
+        for j, tangent in enumerate(gaps.tangents):
             if model.slider_forces is not None and own[j, HELD] == OFF and (settles or j != k):
                 continue
             across = np.linalg.svd(tangent[None])[2][1:]
@@ -227,14 +226,12 @@ class Equations:
                 right.append(-leads @ (across.T @ across @ relative if j in self._drives or j == k else relative))
             else:
                 right.append(change if j == k else np.zeros(len(leads)))
-        of_joints = self._matrix[3 * len(self._tangents):]
-        self._behind_joints = sum(x.size for x in right) + of_joints.shape[0]
-        self._rows.append(of_joints)
+        self._behind_joints = sum(x.size for x in right) + rows.joints.size
+        others = gaps.rates[rows.others]
+        self._rows.append(others)
+        right.append(-(others @ state.v) if settles else np.zeros(others.shape[0]))
         # given coordinates keep their rates
-        right.append(np.where(given_rows(model), 0.0, -(of_joints @ state.v)) if settles else np.zeros(of_joints.shape[0]))
-        for others in direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]:
-            self._rows.append(others)
-            right.append(-np.asarray(others @ state.v) if settles else np.zeros(others.shape[0]))
+        right[-1][:rows.joints.size][rows.given] = 0.0
         self._goal = np.concatenate(right)
         self._free = free_unknowns(model, state)
         self._to_rates = rates_map(model, state.q.reshape(-1, 4, 3))
@@ -244,23 +241,23 @@ class Equations:
             self._inertia = self._inertia + model.moving.inertia(state.q)
         self._mass = (self._lift.T @ self._inertia @ self._lift).tocsr()
 
-    def ask(self, goals: list[float]) -> bool:
+    def ask(self, goals: Array) -> bool:
         """Whether there is anything to change but round-off, with changes of further rates."""
         wanted = float(np.max(np.abs(np.concatenate((self._goal, goals))), initial=0.0))
         return wanted > ROUND_OFF * float(np.max(np.abs(self.state.v), initial=0.0))
 
     def _of_slider(self, j: int) -> Any:
         """The velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
-        return self._matrix[3 * j:3 * j + 3]
+        return self._gaps.rates[3 * j:3 * j + 3]
 
     def along_beams(self, v: Array) -> Array:
         """ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
-        return np.array([float((self._of_slider(j) @ v) @ x / (x @ x)) for j, x in enumerate(self._tangents)])
+        return np.array([self._gaps.along(j, v) for j in range(len(self._gaps.tangents))])
 
-    def least(self, more: list[Any], goals: list[float]) -> Least:
-        """The jump with which these rates change, too: rows sparse [1, 12 N] each."""
+    def least(self, more: Any, goals: Array) -> Least:
+        """The jump with which these rates [m] change, too; more: sparse [m, 12 N]."""
         from scipy import sparse
-        every = sparse.vstack([*self._rows, *more], format="csr")
+        every = sparse.vstack([*self._rows, more], format="csr")
         x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
                                  np.zeros(self._free.size), self._free % 6 >= 3)
         return Least(np.asarray(self._lift @ x), impulses, every)
@@ -277,8 +274,7 @@ class Equations:
         own = model.own(history, "slider_forces").reshape(-1, HISTORY)
         total = 0.0
         for j, at in self._drives.items():
-            tangent = self._tangents[j]
-            work = float((impulses[at:at + 3] @ tangent) * (self._of_slider(j) @ state.v @ tangent) / (tangent @ tangent))
+            work = float(impulses[at:at + 3] @ self._gaps.tangents[j]) * self._gaps.along(j, state.v)
             own[j, DRIVE_WORK] += work
             total += work
         if model.motions is not None and model.motions.holds.given.size:
@@ -300,19 +296,18 @@ class Equations:
         return total
 
 
-def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Least:
-    """The jump beside joints at stops, which push only; bounces: the coordinate that does, or -1; rest: as of `jump`; `least`
-    gives it for rows and changes of their rates. Which of them rest behind it, and signs of the velocities of others that rub, go
-    to the history.
+def _with_stops(equations: Equations, history: Array, bounces: int, rest: dict[int, float]) -> Least:
+    """The jump beside joints at stops, which push only; bounces: the coordinate that does, or -1; rest: as of `jump`. Which of
+    them rest behind it, and signs of the velocities of others that rub, go to the history.
 
     Rates into stops are zero, impulses push, and one of both is zero (a linear complementarity problem): Murty's least index
     method, which ends for every inertia."""
-    if model.motions is None or not model.motions.holds.rubs.size:
-        return least([], [])
+    model, state, rows = equations.model, equations.state, equations.coordinates
+    if not rows.shape[0]:
+        return equations.least(rows, np.zeros(0))
     holds = model.motions.holds
     own = holds.numbers(history)
-    rows = [row_of_joint(model, state, i) for i in range(len(own))]
-    rates = np.array([float((row @ state.v)[0]) for row in rows])
+    rates = rows @ state.v
     off = values_of(model, state)[:, None] - holds.ends
     near = np.abs(off) <= AT_STOP * holds.scales[:, None]
     side = np.where(near[:, 1], 1.0, np.where(near[:, 0], -1.0, 0.0))
@@ -327,10 +322,9 @@ def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: 
 
     def jump_with(some: list[int]) -> tuple[Least, Array, float]:
         """With these at rest: the jump, rates into stops behind it, and what counts as none."""
-        found = least([rows[i] for i in some], [-rates[i] for i in some])
+        found = equations.least(rows[some], -rates[some])
         v = state.v + found.by
-        into = np.array([side[i] * float((rows[i] @ v)[0]) for i in at_stop])
-        return found, into, MOVES * float(np.max(np.abs(v), initial=0.0))
+        return found, side[at_stop] * (rows[at_stop] @ v), MOVES * float(np.max(np.abs(v), initial=0.0))
 
     for _ in range(MOST_PIVOTS):
         found, into, none = jump_with(active)
@@ -350,8 +344,7 @@ def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: 
         else:
             break
     v = state.v + found.by
-    for i in range(len(own)):
-        rate = float((rows[i] @ v)[0])
+    for i, rate in enumerate((rows @ v).tolist()):
         if i in active:
             own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = 0.0, 0.0, side[i]
         elif side[i] != 0.0 or abs(rate) > MOVES * float(np.max(np.abs(v))):

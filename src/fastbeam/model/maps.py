@@ -9,16 +9,11 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.planar_nodes import PlanarBodies
-from fastbeam.kernels.contact import curves as kernels
-from fastbeam.kernels.contact.curves import ELEMENTS, FIRSTS, NODES_OF_CURVE
 from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.winches import rope_masses, ropes_of
-from fastbeam.model.joints.constraints import gap_matrix
-from fastbeam.model.mapping import nodes_of_curve, within_round
 from fastbeam.model.model import Model
-from fastbeam.model.workspace import contact_of
 
 Array = np.ndarray
 
@@ -37,6 +32,18 @@ def velocity_map(q: Array) -> Any:
     for k in range(1, 4):
         block[:, 3 * k:3 * k + 3, 3:] = -_skew(q[:, k])
     return sparse.bsr_matrix((block, np.arange(n), np.arange(n + 1)), shape=(12 * n, 6 * n)).tocsr()
+
+
+def motion_map(q: Array, nodes: Array) -> Any:
+    """Rates of the 12 coordinates of some nodes -> their (v, spin), sparse [6 N, 12 N], as `velocities_and_spins`; nodes: int,
+    ascending."""
+    from scipy import sparse
+    block = np.zeros((nodes.size, 6, 12))
+    block[:, :3, :3] = np.eye(3)
+    for k in range(1, 4):
+        block[:, 3:, 3 * k:3 * k + 3] = 0.5 * _skew(q[nodes, k])
+    start = np.searchsorted(nodes, np.arange(len(q) + 1))
+    return sparse.bsr_matrix((block, nodes, start), shape=(6 * len(q), 12 * len(q))).tocsr()
 
 
 def tie_map(model: Model) -> Any:
@@ -151,43 +158,6 @@ def vector_masses(model: Model, without_ropes: bool = False) -> Any:
         put(*np.broadcast_arrays(i, j), model.bodies.inertia.reshape(-1, 4, 4))
     return sparse.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
                              shape=(vectors * n, vectors * n))
-
-
-def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
-    """Gaps of sliders and joints with multipliers as a matrix on the 12 coordinates [3 S + J, 12 N], tangents [3] of the curves,
-    and minus what the second derivative of a gap has besides accelerations: 2 ds/dt N' phi' + (ds/dt)^2 N'' phi of sliders."""
-    from scipy import sparse
-    n, s = model.n_nodes, model.n_sliders
-    curves, sliders = model.curves, model.sliders
-    x, v = state.q.reshape(n, 4, 3)[:, 0], state.v.reshape(n, 4, 3)[:, 0]
-    matrix = sparse.lil_matrix((3 * s, 12 * n))
-    contact = contact_of(model)
-    tangents, convective = [], np.zeros((s, 3))
-    for k in range(s):
-        assert curves is not None and sliders is not None
-        c, point = int(sliders.curve[k]), int(sliders.point[k])
-        s = within_round(curves, c, float(state.s[k]))
-        e = int(kernels.find_element(curves, c, s, 0)) % int(curves.meta[c, ELEMENTS])
-        p = int(curves.meta[c, FIRSTS]) + e
-        local = (int(curves.first[p]) + np.arange(int(curves.count[p]))) % int(curves.shape[c, NODES_OF_CURVE])
-        contact.basis[:3, local] = 0.0
-        for slot, factor in ((0, 1.0), (1, 0.0)):
-            kernels.add_basis(curves, c, e, s, slot, factor, 1.0, contact.legendre, contact.basis, slot)
-        local = np.unique(local)
-        shape = contact.basis[:3, local]
-        number = nodes_of_curve(curves, c)[local]
-        tangent = shape[1] @ x[number]
-        rate = float((v[point] - shape[0] @ v[number]) @ tangent / (tangent @ tangent))
-        tangents.append(tangent)
-        convective[k] = 2.0 * rate * (shape[1] @ v[number]) + rate**2 * (shape[2] @ x[number])
-        for i in range(3):
-            matrix[3 * k + i, 12 * number + i] = -shape[0]
-            matrix[3 * k + i, 12 * point + i] = 1.0
-    q, rates = (y.reshape(n, 4, 3) for y in (state.q, state.v))
-    kept = [link for link in model.kept if link.law.holds]
-    bent = [link.law.bend(*(y[list(link.node)] for y in (q, rates))) for link in kept]
-    every = sparse.vstack((matrix.tocsr(), gap_matrix(kept, q)), format="csr")
-    return every, tangents, np.concatenate((convective.reshape(-1), *bent))
 
 
 def free_of_rows(model: Model) -> Array:

@@ -1,6 +1,7 @@
 """What a run may start from: states that agree with the connections, supports and sliders of their model."""
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +15,11 @@ from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
 from fastbeam.model.connections import held_axes
-from fastbeam.model.contact.sleeve_conditions import sections
-from fastbeam.model.joints.constraints import KeptLink, gap_matrix
+from fastbeam.model.gap_rows import GapRows
+from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
-from fastbeam.model.mapping import contact, curve_at, follow, turned
-from fastbeam.model.maps import (free_unknowns, gap_rates, mass_map, rates_map, share_map, spins, tie_map, velocities_and_spins,
-    velocity_map)
+from fastbeam.model.mapping import follow, turned
+from fastbeam.model.maps import (free_unknowns, mass_map, rates_map, share_map, tie_map, velocities_and_spins, velocity_map)
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -214,40 +214,11 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         told = SIDEWAYS * max(speed, float(np.linalg.norm(rates[0]))) + noise
         out.append(Misfit(f"the velocity of {model.labels[node]}, against that of {motion.label}, is", size, "m/s", np.inf,
                           np.inf, told, JUMPS))
-    away = off_beam(model, state)
-    for k, name in enumerate(model.names["sliders"]):
-        if away[k]:
-            continue
-        gap, tangent, relative = contact(model, k, state.s[k], q, v)
-        across = relative - (relative @ tangent) / (tangent @ tangent) * tangent
-        out.append(Misfit(f"slider {name!r}: its point lies", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
-        out.append(Misfit(f"slider {name!r}: the velocity of its point across the beam is", float(np.linalg.norm(across)), "m/s",
-                          UNTRUE * speed + noise, np.inf))
-        out[-1].told = SIDEWAYS * speed + noise
-    for (k, _), section in zip(model.sleeve_pairs, sections(model, state.s, q)):
-        name = f"sleeve {model.names['sliders'][k]!r}"
-        _, tangent, relative = contact(model, int(k), state.s[k], q, v)
-        turning = np.concatenate((np.zeros_like(v[:, 0]), spins(q, v)), axis=1).reshape(-1)
-        rate = section.row(0, len(q)) @ turning + section.values(1) * (relative @ tangent) / (tangent @ tangent)
-        out.append(Misfit(f"{name}: its direction is", _angle(section.values()), "rad", GAP, MENDABLE))
-        out.append(Misfit(f"{name}: its spin against the section of the beam, times the size of the scene, is",
-                          float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
-        out[-1].told = SIDEWAYS * speed + noise
-    for link in model.kept:
-        if isinstance(link.law, Coordinate):
-            # what is given depends on time
-            continue
-        x, moving = q[list(link.node)], v[list(link.node)]
-        gap, rate = link.law.gap(x, _at_start(model, link)), np.einsum("msic,sic->m", link.law.lead(x), moving)
+    for place, moves, gap, rate, is_angle in _gaps_and_rates(model, state):
         # the size of the scene makes a velocity of the rate of an angle
-        place, what, unit = ("its directions are", "the rate of its directions is", "rad") if link.law.is_angle else (
-            "its points lie", "the velocity of its points is", "m")
-        big, wide = (1.0, length) if link.law.is_angle else (reach, 1.0)
-        size = _angle(gap) if link.law.is_angle else float(np.linalg.norm(gap))
-        out.append(Misfit(f"{link.name}: {place}", size, unit, GAP * big,
-                          MENDABLE * (1.0 if link.law.is_angle else length)))
-        out.append(Misfit(f"{link.name}: {what}", float(np.linalg.norm(rate)) * wide, "m/s", UNTRUE * speed + noise, np.inf))
-        out[-1].told = SIDEWAYS * speed + noise
+        unit, big, wide, per = ("rad", 1.0, 1.0, length) if is_angle else ("m", reach, length, 1.0)
+        out.append(Misfit(place, gap, unit, GAP * big, MENDABLE * wide))
+        out.append(Misfit(moves, rate * per, "m/s", UNTRUE * speed + noise, np.inf, SIDEWAYS * speed + noise))
     of_momenta = model.momenta_misfit(state)
     if of_momenta > 0.0:
         rest = AT_REST * length / step
@@ -255,6 +226,38 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
                           "m/s", EDITED * speed + rest, np.inf, SIDEWAYS * speed + rest,
                           "the momenta count; give velocities to the parts of the scene"))
     return out
+
+
+def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, float, float, bool]]:
+    """Of every constraint words for its gap and for the rate of that, both as numbers, m and m/s or rad and rad/s, and whether
+    they are those of an angle."""
+    if not model.n_constraints:
+        return
+    rows = GapRows(model)
+    values, by_rates, tangents = rows.at(state.q, state.s)
+    rates, names, away = by_rates @ state.v, model.names["sliders"], off_beam(model, state)
+    for k in np.flatnonzero(~away).tolist():
+        relative, tangent = rates[3 * k:3 * k + 3], tangents[k]
+        across = relative - (relative @ tangent) / (tangent @ tangent) * tangent
+        yield (f"slider {names[k]!r}: its point lies", f"slider {names[k]!r}: the velocity of its point across the beam is",
+               float(np.linalg.norm(values[3 * k:3 * k + 3])), float(np.linalg.norm(across)), False)
+    for (k, _), of_sleeve in zip(model.sleeve_pairs, rows.moments):
+        name = f"sleeve {names[k]!r}"
+        yield (f"{name}: its direction is", f"{name}: its spin against the section of the beam, times the size of the scene, is",
+               _angle(values[of_sleeve]), float(np.linalg.norm(rates[of_sleeve])), True)
+    for link, first in zip(model.kept, model.first_force[model.n_sliders:]):
+        if isinstance(link.law, Coordinate):
+            # what is given depends on time
+            continue
+        at = slice(first, first + link.forces(3))
+        gap, rate = values[at], float(np.linalg.norm(rates[at]))
+        if isinstance(link.law, Distance):
+            # by how much the length is off, from (l^2 - L^2)/(2 L)
+            a, b = model.q0.reshape(-1, 4, 3)[list(link.node), 0]
+            gap = 2.0 * gap / (1.0 + np.sqrt(1.0 + 2.0 * gap / np.linalg.norm(b - a)))
+        place, moves, size = ("its directions are", "the rate of its directions is", _angle(gap)) if link.law.is_angle else (
+            "its points lie", "the velocity of its points is", float(np.linalg.norm(gap)))
+        yield f"{link.name}: {place}", f"{link.name}: {moves}", size, rate, bool(link.law.is_angle)
 
 
 def _angle(products: Array) -> float:
@@ -267,11 +270,6 @@ def off_beam(model: Model, state: State) -> Array:
     if model.slider_forces is None:
         return np.zeros(model.n_sliders, bool)
     return np.asarray(model.own(state.history, "slider_forces").reshape(-1, HISTORY)[:, HELD] == OFF)
-
-
-def _at_start(model: Model, link: KeptLink) -> Array:
-    """Coordinates of both nodes of a joint in the reference shape, [2, 4, 3]."""
-    return model.q0.reshape(-1, 4, 3)[list(link.node)]
 
 
 def _follows(model: Model) -> Array:
@@ -370,14 +368,14 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     from scipy import sparse
     if off_beam(model, state).any():
         raise SceneError("mend_start: a slider has left its beam; start from the state of a run without mending it")
-    q, s = state.q.reshape(-1, 4, 3).copy(), state.s.copy()
-    _close_rigidly(model, state, q, s)
+    q, s, rows = state.q.reshape(-1, 4, 3).copy(), state.s.copy(), GapRows(model)
+    _close_rigidly(model, rows, state, q, s)
     q = follow(model, q)
     inertia = mass_map(model)
     beams = sparse.diags(np.repeat(np.where(model.numbers.rank == 3, STIFF, 1.0), 12))
     before = np.inf
     for _ in range(ROUNDS * (model.n_constraints > 0)):
-        across, gaps = _across(model, q, s)
+        across, gaps = _across(model, rows, q, s)
         left = float(np.max(np.abs(gaps), initial=0.0))
         # what is left would be closed by the next step, and its force do work on that
         if left <= CLOSED * model.length or left > 0.5 * before:
@@ -391,13 +389,13 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
         q[:, 0] += step[:, :3]
         q[:, 1:] = turned(q[:, 1:], step[:, 3:])
         q = follow(model, q)
-    v = _after_impact(model, state, q, s, t)
+    v = _after_impact(model, rows, state, q, s, t)
     out = State(q.reshape(-1), v, s, state.force.copy(), state.history.copy())
     model.start_momenta(out.history, out.q, out.v)
     return out
 
 
-def _close_rigidly(model: Model, state: State, q: Array, s: Array) -> None:
+def _close_rigidly(model: Model, rows: GapRows, state: State, q: Array, s: Array) -> None:
     """Move parts as rigid bodies, and sliders along their beams, until ties and joints are closed, or as far as that goes."""
     inertia, before, part = mass_map(model), np.inf, model.numbers.part
     if model.ties is not None:
@@ -406,7 +404,7 @@ def _close_rigidly(model: Model, state: State, q: Array, s: Array) -> None:
         own = _follows(model) & (np.bincount(owner, part[model.ties.target] != part[owner], len(q)) == 0)
         q[own] = follow(model, q)[own]
     for _ in range(ROUNDS):
-        across, gaps = _across(model, q, s)
+        across, gaps = _across(model, rows, q, s)
         ties, open_ties, _ = _ties(model, state, q)
         gaps = np.concatenate((gaps, open_ties))
         left = float(np.max(np.abs(gaps), initial=0.0))
@@ -475,28 +473,21 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     fixed = given.reshape(-1).copy()
     given[:, :3] += np.cross(model.numbers.turning, q[:, 0] - q0[:, 0])
     to_rates = velocity_map(q)
-    gaps, tangents, _ = gap_rates(model, state)
+    rows = GapRows(model)
+    gaps, at_start = rows.at(state.q, state.s), rows.at(model.q0, model.s0)
     goals = []
-    for k, tangent in enumerate(tangents):
-        _, along, relative = contact(model, k, float(model.s0[k]), q0, v0)
-        goals.append(float(relative @ along / (along @ along)) * tangent)
+    for k, tangent in enumerate(gaps.tangents):
+        goals.append(at_start.along(k, model.v0) * tangent)
         # what slides goes along, not what it slides on
         part = model.numbers.part == model.numbers.part[int(model.sliders.point[k])]  # type: ignore[union-attr]
         if np.all(model.numbers.rank[part] != 3):
-            given[part, :3] += goals[-1] - gaps[3 * k:3 * k + 3] @ (to_rates @ given.reshape(-1))
+            given[part, :3] += goals[-1] - gaps.rates[3 * k:3 * k + 3] @ (to_rates @ given.reshape(-1))
     on = np.repeat(~off_beam(model, state), 3)
-    of_joints = gap_matrix([link for link in model.kept if link.law.holds], q0) @ model.v0
-    ties, _, still = _ties(model, state, q)
-    directions, _ = direction_rates(model, q, state.s)
-    rows = sparse_rows(gaps[:3 * model.n_sliders][on], gaps[3 * model.n_sliders:], *directions) @ to_rates
-    right = np.concatenate([np.concatenate((*goals, np.zeros(0)))[on], np.where(given_rows(model), of_joints, 0.0)])
-    right = np.concatenate((right, np.zeros(rows.shape[0] + ties.shape[0] - right.size - still.size), fixed[still]))
-    rows, inertia, begin = sparse_rows(rows, ties), mass_map(model), given.reshape(-1)
-    mass = (to_rates.T @ inertia @ to_rates).tocsr()
-    rigid = rigid_motions(q[:, 0], model.numbers.part)
-    found = begin + rigid_change(mass, rows, right, begin, rigid)
-    found = nearest_by(mass, rows, right, found, np.arange(begin.size) % 6 >= 3)[0]
-    found[still] = fixed[still]
+    of_joints = at_start.rates[rows.joints] @ model.v0
+    leads = gaps.rates[np.concatenate((np.flatnonzero(on), rows.others))]
+    right = np.concatenate([np.concatenate((*goals, np.zeros(0)))[on], np.where(rows.given, of_joints, 0.0)])
+    begin = given.reshape(-1)
+    found = nearest_velocities(model, state, leads, right, fixed, begin)
     out = State(state.q, follow(model, (to_rates @ found).reshape(-1, 4, 3)).reshape(-1), state.s, state.force, state.history)
     model.start_momenta(out.history, out.q, out.v)
     changed = np.linalg.norm((found - begin).reshape(-1, 6)[:, :3], axis=1)
@@ -505,6 +496,31 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
         return out, []
     return out, [("projected", f"the velocities of the scene change by up to {changed[k]:.6g} m/s, at {model.labels[k]}, to "
                                "agree with joints, supports and sliders in the shape of the start")]
+
+
+def nearest_velocities(model: Model, state: State, leads: Any, goals: Array, supports: Array, given: Array) -> Array:
+    """Find the velocities and spins [6 N] that are nearest to `given` of those that ties, supports, sliders and joints allow:
+    rigid motions of the parts change first.
+
+    Parameters
+    ----------
+    leads : sparse [m, 12 N]
+        Rates of gaps of sliders, joints and sleeves by those of the coordinates.
+    goals : float64 [*]
+        What these are to be, 0 where there are fewer.
+    supports : float64 [6 N]
+        Velocities and spins of what supports hold.
+    """
+    q = state.q.reshape(-1, 4, 3)
+    to_rates = velocity_map(q)
+    ties, _, still = _ties(model, state, q)
+    matrix = sparse_rows(leads @ to_rates, ties)
+    right = np.concatenate((goals, np.zeros(matrix.shape[0] - goals.size - still.size), supports[still]))
+    mass = (to_rates.T @ mass_map(model) @ to_rates).tocsr()
+    found = given + rigid_change(mass, matrix, right, given, rigid_motions(q[:, 0], model.numbers.part))
+    found = nearest_by(mass, matrix, right, found, np.arange(given.size) % 6 >= 3)[0]
+    found[still] = supports[still]
+    return found
 
 
 def _at_rest_where_the_scene_moves(model: Model, state: State) -> list[tuple[str, str]]:
@@ -532,7 +548,7 @@ def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
             for name in slack if f"spring {name!r}" in names]
 
 
-def _after_impact(model: Model, state: State, q: Array, s: Array, t: float | None) -> Array:
+def _after_impact(model: Model, rows: GapRows, state: State, q: Array, s: Array, t: float | None) -> Array:
     """Rates [12 N] at coordinates q, near to those of the state, that everything allows: momenta change by what ties, joints and
     supports do alone."""
     inertia = mass_map(model)
@@ -544,7 +560,7 @@ def _after_impact(model: Model, state: State, q: Array, s: Array, t: float | Non
         bits = (motion.mask >> np.arange(6) & 1).astype(bool)
         bits[:3], bits[3:] = held_axes(np.array([motion.mask]))[0], bool(motion.mask & 56)
         led_by[node, bits] = rates[bits]
-    across, _ = _across(model, q, s)
+    across, _ = _across(model, rows, q, s)
     lift, free = _lift(model, q, state)
     moved = _moved_unknowns(model, state)
     # supports that move go on as they do
@@ -560,8 +576,11 @@ def _after_impact(model: Model, state: State, q: Array, s: Array, t: float | Non
     momentum += inertia @ carried
     found = led_by.reshape(-1)[free]
     missing = lift.T @ (momentum - inertia @ (lift @ found + led))
-    rates = nearest_by((lift.T @ inertia @ lift).tocsr(), (across @ lift).tocsr(),
-                       _given_rates(model, across @ carried) - across @ led, found, free % 6 >= 3, missing)[0]
+    right = -(across @ led)
+    # coordinates that are given as functions of time keep their rates
+    given = 2 * model.n_sliders + np.flatnonzero(rows.given)
+    right[given] += (across @ carried)[given]
+    rates = nearest_by((lift.T @ inertia @ lift).tocsr(), (across @ lift).tocsr(), right, found, free % 6 >= 3, missing)[0]
     return np.asarray(lift @ rates + led)
 
 
@@ -607,61 +626,21 @@ def _moved_unknowns(model: Model, state: State) -> Array:
     return np.flatnonzero((bits[:, None] >> np.arange(6) & 1).reshape(-1))
 
 
-def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
+def _across(model: Model, rows: GapRows, q: Array, s: Array) -> tuple[Any, Array]:
     """Gaps across the curves [2 S], of joints with multipliers and of directions in sleeves as a matrix on the coordinates,
     sparse, and their values; moves s to the nearest points."""
     from scipy import sparse
-    out = sparse.lil_matrix((2 * s.size, q.size))
-    gaps = np.zeros(2 * s.size)
-    assert model.sliders is not None or not s.size
-    for k in range(s.size):
-        for _ in range(20):
-            gap, tangent, _ = contact(model, k, s[k], q, q)
-            way = float(gap @ tangent / (tangent @ tangent))
-            if abs(way) <= 1e-15 * model.slider_lengths[k]:
-                break  # round-off, by which a slider that sticks would slip
-            s[k] = np.clip(s[k] + way, *model.ends_at(s)[k])
-        gap, tangent, _ = contact(model, k, s[k], q, q)
-        nodes, values, _ = curve_at(model, k, s[k])
-        _, _, axes = np.linalg.svd(tangent[None])
-        for j, axis in enumerate(axes[1:]):
-            gaps[2 * k + j] = axis @ gap
-            for c in range(3):
-                out[2 * k + j, 12 * nodes + c] = -values * axis[c]
-                out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
-    kept = [link for link in model.kept if link.law.holds]
-    own = [link.law.gap(q[list(link.node)], _at_start(model, link)) for link in kept]
-    directions, off = direction_rates(model, q, s)
-    return (sparse.vstack((out.tocsr(), gap_matrix(kept, q), *directions), format="csr"),
-            np.concatenate((gaps, *own, *off)))
-
-
-def _given_rates(model: Model, rates: Array) -> Array:
-    """Of all rows of `_across` what they are to be: those of joints that are given as functions of time stay, others are zero."""
-    out, given = np.zeros_like(rates), given_rows(model)
-    of_joints = slice(2 * model.n_sliders, 2 * model.n_sliders + given.size)
-    out[of_joints] = np.where(given, rates[of_joints], 0.0)
-    return out
-
-
-def given_rows(model: Model) -> Array:
-    """Which of the rows of joints with multipliers are coordinates that are given as functions of time, bool [J]."""
-    links = [link for link in model.kept if link.law.holds]
-    return np.repeat(np.array([isinstance(link.law, Coordinate) for link in links], bool), [link.forces(3) for link in links])
-
-
-def direction_rates(model: Model, q: Array, s: Array) -> tuple[list[Any], list[Array]]:
-    """Of every sleeve the directions of its section as a matrix on the coordinates, sparse, and their values; q [N, 4, 3]."""
-    from scipy import sparse
-    x, directions, off = q[:, 0], [], []
-    for (k, _), section in zip(model.sleeve_pairs, sections(model, s, q)):
-        # the place of the sleeve follows its point along the beam
-        nodes, values, slopes = curve_at(model, int(k), s[k])
-        tangent = slopes @ x[nodes]
-        way = sparse.lil_matrix((1, q.size))
-        for c in range(3):
-            way[0, 12 * nodes + c] = -values * tangent[c] / (tangent @ tangent)
-            way[0, 12 * int(model.sliders.point[k]) + c] = tangent[c] / (tangent @ tangent)  # type: ignore[union-attr]
-        directions.append(section.by_coordinates(len(x)) + sparse.csr_matrix(section.values(1)[:, None]) @ way.tocsr())
-        off.append(section.values())
-    return directions, off
+    of_sliders = 3 * np.arange(s.size)[:, None] + np.arange(3)
+    for _ in range(20):
+        gaps, tangents = rows.values(q.reshape(-1), s)
+        way = np.sum(gaps[of_sliders] * tangents, axis=1) / np.sum(tangents**2, axis=1)
+        # by round-off a slider that sticks would slip
+        moves = np.abs(way) > 1e-15 * model.slider_lengths
+        if not moves.any():
+            break
+        s[moves] = np.clip(s + way, *model.ends_at(s).T)[moves]
+    found = rows.at(q.reshape(-1), s)
+    axes = [np.linalg.svd(tangent[None])[2][1:] for tangent in found.tangents]
+    matrix = [sparse.csr_matrix(two) @ found.rates[at] for two, at in zip(axes, of_sliders)]
+    values = [two @ found.values[at] for two, at in zip(axes, of_sliders)]
+    return sparse_rows(*matrix, found.rates[rows.others]), np.concatenate((*values, found.values[rows.others]))

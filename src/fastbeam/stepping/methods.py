@@ -13,7 +13,9 @@ from fastbeam.kernels.beams.generalized_alpha import Alpha
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
-from fastbeam.model.maps import free_unknowns, gap_rates, mass_map, share_map, spin_map, tie_map, velocity_map
+from fastbeam.model.gap_rows import GapRows, Gaps
+from fastbeam.model.mapping import shapes_at
+from fastbeam.model.maps import free_unknowns, mass_map, share_map, spin_map, tie_map, velocity_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray
@@ -134,17 +136,18 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     system: Any = mass
     forces = 0
     if model.n_constraints:
-        points, tangents, convective = gap_rates(model, state)
-        gap = points @ lift
+        rows = GapRows(model)
+        gaps = rows.at(state.q, state.s)
+        gap = gaps.rates @ lift
         forces = gap.shape[0]
-        along = sparse.csr_matrix((np.concatenate([np.zeros(0), *tangents]), (np.arange(3 * s), np.repeat(np.arange(s), 3))),
+        along = sparse.csr_matrix((gaps.tangents.reshape(-1), (np.arange(3 * s), np.repeat(np.arange(s), 3))),
                                   shape=(forces, s))
         # constraints that hold the same motion twice share its force, as in theory.md (5.5)
         with np.errstate(divide="ignore"):
             soft = sparse.diags(1e-12 * (gap.power(2) @ (1.0 / mass.diagonal())))
         system = sparse.bmat([[mass, -gap.T, None], [gap, soft, -along], [None, along.T, None]] if s else
                              [[mass, -gap.T], [gap, soft]]).tocsc()
-        right = np.concatenate((right, convective - points @ bias, np.zeros(s)))
+        right = np.concatenate((right, _convective(model, rows, gaps, state) - gaps.rates @ bias, np.zeros(s)))
     try:
         x = splu(system).solve(right)
     except RuntimeError:
@@ -162,3 +165,17 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     rates[1, :, 3:] = (spin @ (share @ turn).reshape(n, 6)[:, 3:].reshape(-1)).reshape(n, 3)
     rates[2] = rates[1]
     state.force[:] = x[free.size:free.size + forces]
+
+
+def _convective(model: Model, rows: GapRows, gaps: Gaps, state: State) -> Array:
+    """Evaluate minus what the second derivatives of all gaps have besides accelerations, [F]: of sliders
+    2 ds/dt N' phi' + (ds/dt)^2 N'' phi."""
+    v = state.v
+    # gaps are of second degree in the coordinates: their second difference is exact
+    (ahead, turning), (back, _), (none, _) = (rows.values(x, state.s) for x in (v, -v, 0.0 * v))
+    out = 2.0 * none - ahead - back
+    for k in range(model.n_sliders):
+        nodes, (_, _, second) = shapes_at(model, k, float(state.s[k]))
+        rate = gaps.along(k, v)
+        out[3 * k:3 * k + 3] = 2.0 * rate * turning[k] + rate**2 * (second @ state.q.reshape(-1, 12)[nodes, :3])
+    return np.asarray(out)

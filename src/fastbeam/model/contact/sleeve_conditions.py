@@ -46,29 +46,6 @@ class Section(NamedTuple):
         of_nodes = [sum(f * n[:, None] * np.cross(self.d[:, j], self.axes[i]) for f, i, j in some) for some in every]
         return np.array(of_nodes), np.array([sum(f * np.cross(self.axes[i], d[j]) for f, i, j in some) for some in every])
 
-    def row(self, derivative: int, size: int) -> Any:
-        """The same as a matrix on the unknowns (position, spin) of all nodes, sparse [P, 6 size]."""
-        from scipy import sparse
-        of_nodes, of_holder = self.by_spins(derivative)
-        values = np.concatenate((of_nodes, of_holder[:, None]), axis=1)
-        column = np.broadcast_to(6 * self.roots[:, None] + 3 + np.arange(3), values.shape)
-        row = np.broadcast_to(np.arange(self.pairs)[:, None, None], values.shape)
-        return sparse.csr_matrix((values.reshape(-1), (row.reshape(-1), column.reshape(-1))), shape=(self.pairs, 6 * size))
-
-    def by_coordinates(self, size: int) -> Any:
-        """Derivative of `values` by the coordinates of all nodes, sparse [P, 12 size]."""
-        from scipy import sparse
-        n = len(self.shapes[0])
-        d = np.einsum("a,ajc->jc", self.shapes[0], self.d)
-        out = np.zeros((self.pairs, n + 1, 4, 3))
-        for p, some in enumerate(CONDITIONS[:self.pairs]):
-            for f, i, j in some:
-                out[p, :n, 1 + j] += f * np.outer(self.shapes[0], self.axes[i])
-                out[p, n, 1:] += f * np.outer(self.turn[i], d[j])
-        column = np.broadcast_to((12 * self.nodes[:, None] + np.arange(12)).reshape(-1), (self.pairs, 12 * (n + 1)))
-        row = np.repeat(np.arange(self.pairs), column.shape[1])
-        return sparse.csr_matrix((out.reshape(-1), (row, column.reshape(-1))), shape=(self.pairs, 12 * size))
-
     def moment(self, mu: Array) -> Array:
         """Moment [3] of the multipliers [3] on the holder."""
         return self.by_spins()[1].T @ mu[:self.pairs]

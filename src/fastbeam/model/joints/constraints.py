@@ -1,12 +1,12 @@
-"""Joints that multipliers hold, as NumPy sees them: their gaps, functions of the coordinates of both nodes, and what these change
-with.
+"""Joints that multipliers hold: how many forces they have, and how their gaps, functions of the coordinates of both nodes, change
+with the motions of these: for reactions, and for velocities of a scene that is not compiled. The gaps themselves are compiled.
 
 Coordinates x [2, 4, 3] are position and directors of nodes a and b.
 """
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -24,14 +24,8 @@ class Law(Protocol):
     def forces(self, dim: int) -> int:
         """Number of multipliers where positions have so many components."""
 
-    def gap(self, x: Array, at_start: Array) -> Array:
-        """[m], m or rad, from the coordinates and those of the reference shape."""
-
     def lead(self, x: Array) -> Array:
         """Derivative [m, 2, 4, 3] of the gap by the coordinates."""
-
-    def bend(self, x: Array, rate: Array) -> Array:
-        """Minus what the second derivative in time of the gap has besides accelerations, [m]."""
 
     def within(self, axes: Array) -> Array:
         """The conditions that are left in a plane of these axes [3, 3] from those in space, [m in the plane, m]."""
@@ -46,19 +40,11 @@ class Together:
         """As of `Law`."""
         return dim
 
-    def gap(self, x: Array, at_start: Array) -> Array:
-        """As of `Law`."""
-        return x[1, 0] - x[0, 0]
-
     def lead(self, x: Array) -> Array:
         """As of `Law`."""
         out = np.zeros((3, 2, 4, 3))
         out[:, 1, 0], out[:, 0, 0] = np.eye(3), -np.eye(3)
         return out
-
-    def bend(self, x: Array, rate: Array) -> Array:
-        """As of `Law`."""
-        return np.zeros(3)
 
     def within(self, axes: Array) -> Array:
         """As of `Law`."""
@@ -74,26 +60,12 @@ class Distance:
         """As of `Law`."""
         return 1
 
-    def gap(self, x: Array, at_start: Array) -> Array:
-        """As of `Law`."""
-        return np.array([np.linalg.norm(x[1, 0] - x[0, 0]) - np.linalg.norm(at_start[1, 0] - at_start[0, 0])])
-
     def lead(self, x: Array) -> Array:
         """As of `Law`."""
-        out = np.zeros((1, 2, 4, 3))
-        out[0, 1, 0], out[0, 0, 0] = self._along(x), -self._along(x)
+        out, r = np.zeros((1, 2, 4, 3)), x[1, 0] - x[0, 0]
+        out[0, 1, 0] = r / np.linalg.norm(r)
+        out[0, 0, 0] = -out[0, 1, 0]
         return out
-
-    @staticmethod
-    def _along(x: Array) -> Array:
-        r = x[1, 0] - x[0, 0]
-        return r / np.linalg.norm(r)
-
-    def bend(self, x: Array, rate: Array) -> Array:
-        """As of `Law`."""
-        moving = rate[1, 0] - rate[0, 0]
-        along = self._along(x) @ moving
-        return np.array([-(moving @ moving - along**2) / np.linalg.norm(x[1, 0] - x[0, 0])])
 
     def within(self, axes: Array) -> Array:
         """As of `Law`."""
@@ -139,18 +111,3 @@ class KeptLink(NamedTuple):
             turned = np.stack((t[:, 1, 2] - t[:, 2, 1], t[:, 2, 0] - t[:, 0, 2], t[:, 0, 1] - t[:, 1, 0]), axis=1)
             out.append((self.node[k], lead[:, k, 0], turned))
         return out
-
-
-def gap_matrix(kept: list[KeptLink], q: Array) -> Any:
-    """Derivative of all gaps [m, 12 N] by the coordinates, sparse, at coordinates q [N, 4, 3]."""
-    from scipy import sparse
-    rows, columns, data = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
-    m = 0
-    for link in kept:
-        lead = link.law.lead(q[list(link.node)]).reshape(-1, 24)
-        i, j = np.nonzero(lead)
-        rows.append(m + i)
-        columns.append(12 * np.array(link.node)[j // 12] + j % 12)
-        data.append(lead[i, j])
-        m += len(lead)
-    return sparse.csr_matrix((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(m, 12 * len(q)))

@@ -56,10 +56,6 @@ class Coordinate:
         """As of `Law`."""
         return 1
 
-    def gap(self, x: Array, at_start: Array) -> Array:
-        """As of `Law`: none, because what it is given depends on time."""
-        return np.zeros(1)
-
     def _sums(self, x: Array) -> Array:
         """y and z; the y of a SWING is the sine."""
         v = x.reshape(8, 3)
@@ -84,27 +80,6 @@ class Coordinate:
         else:
             out = of_y if self.kind == LINE else (z * of_y - y * of_z) / (y * y + z * z)
         return np.asarray(out).reshape(1, 2, 4, 3)
-
-    def bend(self, x: Array, rate: Array) -> Array:
-        """As of `Law`."""
-        v = rate.reshape(-1)
-        return np.array([-v @ self.curvature(x, np.ones(1)) @ v])
-
-    def curvature(self, x: Array, force: Array) -> Array:
-        """Second derivative [24, 24] of force times the coordinate."""
-        of_y, of_z = (np.kron(sum((np.outer(a, b) + np.outer(b, a) for a, b in pairs), np.zeros((8, 8))), np.eye(3))
-                      for pairs in self._pairs)
-        if self.kind == LINE:
-            return np.asarray(force[0] * of_y)
-        (y, z), (a, b) = self._sums(x), self._leads(x)
-        if self.kind == SWING:
-            sine = max(y, NO_SWING)
-            return np.asarray(-force[0] / sine * (of_z + z / sine**2 * np.outer(b, b)))
-        n = y * y + z * z
-        mixed = np.outer(a, b)
-        bent = (z * of_y - y * of_z) / n
-        bent += (2.0 * y * z * (np.outer(b, b) - np.outer(a, a)) + (y * y - z * z) * (mixed + mixed.T)) / n**2
-        return np.asarray(force[0] * bent)
 
     def is_left_in_plane(self, normal: Array) -> bool:
         """Whether the plane with this normal leaves it free.

@@ -180,10 +180,6 @@ class Holds:
         rubs = np.array([self.parts[k].has_friction for k in self.rubs], bool)
         return np.asarray(~rubs & (self.numbers(history)[:, AGAINST] == 0.0))
 
-    def link(self, kept: list[KeptLink], i: int) -> KeptLink:
-        """What the force on coordinate `rubs[i]` acts on, of all joints with multipliers of a model in space."""
-        return kept[len(kept) - self.rubs.size + i]
-
     def numbers(self, history: Array) -> Array:
         """Of friction and rigid stops in a history, float64 [R, 5]."""
         return history[self.place:self.place + RUB * self.rubs.size].reshape(-1, RUB)

@@ -61,18 +61,9 @@ class Conditions:
         """As of `Law`."""
         return len(self.pairs)
 
-    def _directions(self, x: Array) -> Array:
-        """D of both nodes, [2, 3, 3]."""
-        return np.einsum("sik,skc->sic", self.turn, x[:, 1:])
-
-    def gap(self, x: Array, at_start: Array) -> Array:
-        """As of `Law`."""
-        (a, b), r = self._directions(x), x[1, 0] - x[0, 0]
-        return np.array([a[i] @ (r if j < 0 else b[j]) for i, j in self.pairs]) - self.value
-
     def lead(self, x: Array) -> Array:
         """As of `Law`."""
-        (a, b), r = self._directions(x), x[1, 0] - x[0, 0]
+        (a, b), r = np.einsum("sik,skc->sic", self.turn, x[:, 1:]), x[1, 0] - x[0, 0]
         out = np.zeros((len(self.pairs), 2, 4, 3))
         for p, (i, j) in enumerate(self.pairs):
             out[p, 0, 1:] = np.outer(self.turn[0, i], r if j < 0 else b[j])
@@ -81,11 +72,6 @@ class Conditions:
             else:
                 out[p, 1, 1:] = np.outer(self.turn[1, j], a[i])
         return out
-
-    def bend(self, x: Array, rate: Array) -> Array:
-        """As of `Law`."""
-        (a, b), r = self._directions(rate), rate[1, 0] - rate[0, 0]
-        return np.array([-2.0 * a[i] @ (r if j < 0 else b[j]) for i, j in self.pairs])
 
     def left_in_plane(self, normal: Array) -> Array:
         """Numbers of the conditions that do not hold by themselves in the plane with this normal.

@@ -1,0 +1,144 @@
+"""Gaps of constraints in space and their rates, read from the compiled rows of a step whose two ends are the present shape
+(theory.md 5.1), for whoever needs them outside of a step: impacts, starts, initial velocities."""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels import loop as kernels
+from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.contact.slider import NoForceAlong, Sliding
+from fastbeam.kernels.entries.dense import Contact
+from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.joints.ball_joint import BallJoints
+from fastbeam.kernels.joints.conditions import JointConditions
+from fastbeam.kernels.joints.distance_joint import DistanceJoints
+from fastbeam.kernels.joints.drives import JointDrives
+from fastbeam.kernels.state import State
+from fastbeam.kernels.terms import Equilibrium, NoTies, SolverOutside, System
+from fastbeam.model.feature import OfRun
+from fastbeam.model.joints.coordinates import Coordinate
+from fastbeam.model.maps import motion_map
+from fastbeam.model.model import Model
+from fastbeam.model.workspace import contact_of, work_of
+
+Array = np.ndarray
+CONSTRAINTS = Sliding, BallJoints, DistanceJoints, JointConditions, JointDrives
+
+
+class Gaps(NamedTuple):
+    """Gaps of all constraints at one shape: S sliders, F multipliers."""
+
+    values: Array   # float64 [F], m and rad; 0 of coordinates of joints and of twists that nothing holds
+    rates: Any      # sparse [F, 12 N]: by the rates of all coordinates; sliders go along their beams as their points do
+    tangents: Array  # float64 [S, 3]: derivative by s of the curves under the sliders
+
+    def along(self, k: int, v: Array) -> float:
+        """Evaluate ds/dt of slider k at rates v [12 N] of all coordinates, m/s."""
+        tangent = self.tangents[k]
+        return float((self.rates[3 * k:3 * k + 3] @ v) @ tangent / (tangent @ tangent))
+
+
+class GapRows:
+    """Evaluates the gaps of all constraints of a model.
+
+    Parameters
+    ----------
+    model : Model
+        With tables in space.
+
+    Attributes
+    ----------
+    joints, coordinates, others : int64 [*]
+        Numbers of the gaps that joints always keep, of the coordinates that friction and rigid stops may hold, and of all gaps
+        that are always kept besides those of sliders: `joints`, then `moments`.
+    given : bool [*]
+        Which of `joints` are coordinates that are given as functions of time.
+    moments : list of int64 [2 or 3]
+        Numbers of the directions that every sleeve keeps.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        s, ends = model.n_sliders, np.append(model.first_force, model.n_forces)
+        of_link = [np.arange(*ends[k:k + 2]) for k in range(s, s + len(model.kept))]
+        always = [link.law.holds for link in model.kept]
+        none = np.zeros(0, np.int64)
+        self.joints = np.concatenate([none, *(x for x, holds in zip(of_link, always) if holds)])
+        self.coordinates = np.concatenate([none, *(x for x, holds in zip(of_link, always) if not holds)])
+        is_coordinate = [isinstance(link.law, Coordinate) for link in model.kept]
+        self._unknown = np.concatenate([none, *(x for x, one in zip(of_link, is_coordinate) if one)])
+        self.given = np.isin(self.joints, self._unknown)
+        keyed = [] if model.sleeves is None else model.sleeves.keyed.tolist()
+        self.moments = [ends[c] + np.arange(3 if key else 2) for (_, c), key in zip(model.sleeve_pairs, keyed)]
+        self.others = np.concatenate((self.joints, *self.moments))
+        self._free = np.array([ends[c] + 2 for (_, c), key in zip(model.sleeve_pairs, keyed) if not key], np.int64)
+        self._size = model.n_forces
+        self._contact: Contact | None = None
+        if model.n_constraints:
+            self._begin()
+
+    def _begin(self) -> None:
+        """Prepare what compiled code takes: all rows are those of the nodes themselves, without ties."""
+        model, nodes = self._model, np.arange(self._model.n_nodes)
+        own = {} if model.motions is None else {"motions": model.motions.work(model, None, True)}
+        run = OfRun(model, static=True, own=own)
+        of_features = [x for key in ("sliding", "motions") if key in model.by_key for _, x in model.by_key[key].terms(run)]
+        # one by one, so that scenes share what is compiled
+        self._terms = [Record((_on_nodes(x, nodes),)) for x in (*of_features, *model.links) if isinstance(x, CONSTRAINTS)]
+        contact = contact_of(model, at_rest=True)
+        assert contact is not None
+        # those that are eliminated with their beams, too
+        self._contact = contact = contact._replace(first=np.arange(model.n_constraints))
+        self._work = work_of(model, keep=False)
+        self._state = State(model.q0.copy(), np.zeros(0), model.s0.copy(), np.zeros(self._size), np.zeros(model.history_size))
+        self._system = Record(System(SPACE, Equilibrium(), contact, SolverOutside(), nodes, model.spinless, self._state,
+                                     self._work, model.width, model.length))
+        self._of_force = np.arange(8) < contact.forces[:, None]
+
+    def values(self, q: Array, s: Array) -> tuple[Array, Array]:
+        """Evaluate the gaps [F] and the tangents [S, 3] at coordinates q [12 N] and places s [S] of sliders."""
+        if self._contact is None:
+            return np.zeros(0), np.zeros((0, 3))
+        contact, state, work = self._contact, self._state, self._work
+        state.q[:] = work.q_mid[:] = work.q_end[:] = q
+        state.s[:] = s
+        for term in self._terms:
+            kernels.assemble_some(term, self._system, 0.0)
+        assert not contact.full[0]
+        values = contact.residual[self._of_force]
+        values[self._unknown] = values[self._free] = 0.0
+        return values, contact.corner[:s.size, 24:27].copy()
+
+    def at(self, q: Array, s: Array) -> Gaps:
+        """Evaluate the gaps and their rates at coordinates q [12 N] and places s [S] of sliders."""
+        from scipy import sparse
+        n, contact = q.size // 12, self._contact
+        values, tangents = self.values(q, s)
+        if contact is None:
+            return Gaps(values, sparse.csr_matrix((0, q.size)), tangents)
+        k, m = np.nonzero(np.arange(contact.row.shape[1]) < contact.entries[:, None])
+        line = contact.line.reshape(*contact.row.shape, 6, 8)[k, m] * self._of_force[k][:, None]
+        entry, unknown, gap = np.nonzero(line)
+        node = contact.row[k, m]
+        row, column = contact.first_force[k[entry]] + gap, 6 * node[entry] + unknown
+        by_nodes = sparse.csr_matrix((line[entry, unknown, gap], (row, column)), shape=(self._size, 6 * n))
+        follow = sparse.eye(self._size, format="lil")
+        for o, (slider, c) in enumerate(self._model.sleeve_pairs):
+            # the section under the sleeve changes along the beam
+            tangent = tangents[slider]
+            follow[contact.first_force[c] + np.arange(3)[:, None], 3 * slider + np.arange(3)] = np.outer(
+                contact.cross[o, 1, :3], tangent / (tangent @ tangent))
+        return Gaps(values, follow.tocsr() @ by_nodes @ motion_map(q.reshape(-1, 4, 3), np.unique(node)), tangents)
+
+
+def _on_nodes(term: Any, nodes: Array) -> Any:
+    """A term of constraints whose forces and moments act on the nodes themselves."""
+    term = term._replace(ties=NoTies())
+    if isinstance(term, Sliding):
+        return term._replace(along=NoForceAlong(), sliders=term.sliders._replace(spin_root=nodes))
+    if isinstance(term, JointDrives):
+        return term._replace(motion=term.motion._replace(row=term.motion.node, spin_node=term.motion.node))
+    term = term._replace(row=term.node)
+    return term._replace(spin_row=term.node) if isinstance(term, JointConditions) else term
