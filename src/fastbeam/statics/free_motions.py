@@ -4,8 +4,8 @@ A round beam between two ball joints spins about its axis, a body on a ball join
 vectors z, not as eigenvalues next to zero, which round-off gives either sign and which the softest bending of a fine mesh may
 come near to. A vector counts where the tangent K has K z = 0 to round-off, every row next to its own terms.
 
-Spins about axes are tried all at once, by one product of K. They leave the energy as it is at every shape, so that Newton's method
-may hold one unknown of each: the residual has nothing along z, and neither has what holds it in the solution.
+Spins about axes are tried all at once, by one product of K. They leave the energy as it is at every shape. So Newton's method may
+hold one unknown of each: the residual has nothing along z, and what holds z has nothing to do in the solution.
 """
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Array = np.ndarray
 # what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, rigid motions of beams,
 # those of bodies alone, whose few terms have less (their weight on a beam of 5000 nodes may resist with 1e-15)
 NOTHING, OF_BEAMS, OF_BODIES = 3e-14, 3e-15, 3e-16
-# the same of spins that Newton's method holds, about their axes; and of forces and moments across axes, in which round-off of
-# positions far from the origin stands
-HOLDING, ACROSS = 1e-12, 1e-10
+# the same of forces and moments across the axes of spins, in which round-off of positions far from the origin stands; and share of
+# what may be round-off of residuals that those about axes have
+ACROSS, ABOUT = 1e-10, 1e-6
 # what supports feel of a motion that they allow
 HELD = 1e-9
 # components of a combination of motions of size 1 that are none
@@ -121,10 +121,11 @@ class FreeMotions:
         """
         whole = (0.5 * (matrix + matrix.T)).tocsr()
         spins = _Spins(self, whole, q)
-        spins.leave(spins.resisted(NOTHING, 0.0))
+        spins.leave(spins.resisted(0.0))
         self._found = spins.motions
         unknowns = [spins.pivots]
-        names = [f"{part.name} about {'their axes' if part.several else 'its axis'}" for part in (self.parts[k] for k in spins.free)]
+        names = [f"{part.name} about {'their axes' if part.several else 'its axis'}"
+                 for part in (self.parts[k] for k in spins.free)]
         loose = sorted(self._loose(whole, q, spins), key=lambda near: near.number) if len(self.parts) <= MOST_PARTS else []
         count = sum(near.rest.shape[1] for near in loose)
         together = len(loose) <= MOST_TOGETHER and count * whole.shape[0] <= MOST_NUMBERS
@@ -153,8 +154,8 @@ class FreeMotions:
             # on the way to an equilibrium moments turn with the sections
             slack = np.zeros(matrix.shape[0])
             slack[:residual.size] = np.repeat(np.linalg.norm(residual.reshape(-1, self.nodes.size), axis=1), self.nodes.size)
-            spins.leave(spins.resisted(HOLDING, slack))
-            spins.leave(spins.driven(residual, round_off))
+            spins.leave(spins.resisted(slack))
+            spins.leave(spins.driven(residual, ABOUT * round_off))
         return spins.pivots
 
     def _loose(self, whole: Any, q: Array, spins: _Spins) -> list[_Near]:
@@ -302,13 +303,11 @@ class _Spins:
                         for x in (self._spin[:residual.size] * residual, np.abs(self._spin[:residual.size]) * round_off))
         return np.flatnonzero(np.abs(pushed) > most)
 
-    def resisted(self, about: float, slack: Array | float) -> Array:
+    def resisted(self, slack: Array | float) -> Array:
         """Parts that the matrix lets not spin freely.
 
         Parameters
         ----------
-        about : float
-            Share of the terms of a moment about an axis that is round-off.
         slack : float64 [n]
             How much of forces and moments does not count besides.
         """
@@ -316,7 +315,7 @@ class _Spins:
         matrix, sizes = self._matrix, abs(self._matrix)
         there = type(matrix)((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
         # not the same of all parts, which would hide springs between two of them
-        weight = np.random.default_rng(0).uniform(1.0, 2.0, len(self._of.parts) + 1)
+        weight = np.random.default_rng(0).uniform(0.5, 1.0, len(self._of.parts) + 1)
         out: list[Array] = []
         while True:
             part = np.where(np.isin(self._part, np.concatenate(out)), -1, self._part) if out else self._part
@@ -328,7 +327,7 @@ class _Spins:
             own, most = (sizes @ x + self._root * (there @ (self._root * x)) for x in (np.abs(spin), of_nodes))
             across = np.abs(left) > ACROSS * most + slack
             along, terms = (np.sum(x[:count].reshape(-1, size), axis=1)
-                            for x in (spin * left, np.abs(spin) * (about * own + slack)))
+                            for x in (spin * left, np.abs(spin) * (NOTHING * own + slack)))
             of_rows = np.max(part[:count].reshape(-1, size), axis=1)
             bad = [of_rows[np.abs(along) > terms], np.repeat(of_rows, size)[(across & moved)[:count]]]
             if not any(x.size for x in bad) and across.any():
