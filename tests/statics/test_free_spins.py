@@ -16,8 +16,8 @@ END, AWAY = np.array([1.0, 0.2, 0.1]), np.array([-0.96, 0.16, -0.23])
 
 
 def pulled(*springs: float, moment: float = 0.0, ball: bool = True) -> fb.Scene:
-    """A plate on a clamped bar, pulled aside by a tendon that ends on a ball joint and runs through an eye; springs, N m, resist its
-    twist, which a moment turns."""
+    """A plate on a clamped bar, pulled aside by a tendon that ends on a ball joint and runs through an eye; springs, N m, resist
+    its twist, which a moment turns."""
     along = AWAY / np.linalg.norm(AWAY)
     eye_at, start = END + along, END + 1.2 * along
     bar = fb.Beam.straight("bar", (0, 0, 0), (1, 0, 0), section=WIRE, elements=2)
@@ -74,7 +74,7 @@ def test_a_moment_that_nothing_resists_has_no_equilibrium() -> None:
 
 def test_spins_of_droppers_are_counted_without_eigenvectors(monkeypatch: pytest.MonkeyPatch) -> None:
     count = 12
-    top, low = (fb.Beam.straight(name, (1000, 0, z), (1000 + 6 * (count + 1), 0, z), section=WIRE, elements=count + 1, prestress=pull)
+    top, low = (fb.Beam.straight(name, (1000, 0, z), (1006 + 6 * count, 0, z), section=WIRE, elements=count + 1, prestress=pull)
                 for name, z, pull in (("top", 1, 2e4), ("low", 0, 1e4)))
     scene = fb.Scene(top, low, *[fb.Pin(x) for x in (top.start, top.end, low.start, low.end)], gravity=(0, 0, -9.81))
     for k in range(1, count + 1):

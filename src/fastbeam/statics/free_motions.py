@@ -21,8 +21,8 @@ Array = np.ndarray
 # what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, rigid motions of beams,
 # those of bodies alone, whose few terms have less (their weight on a beam of 5000 nodes may resist with 1e-15)
 NOTHING, OF_BEAMS, OF_BODIES = 3e-14, 3e-15, 3e-16
-# the same of forces and moments across the axes of spins, in which round-off of positions far from the origin stands; and share of
-# what may be round-off of residuals that those about axes have
+# the same of forces and moments across the axes of spins, in which round-off of positions far from the origin stands; and share
+# of what may be round-off of residuals that those about axes have
 ACROSS, ABOUT = 1e-10, 1e-6
 # what supports feel of a motion that they allow
 HELD = 1e-9
