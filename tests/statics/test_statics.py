@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.kernels.loop import NOT_CONVERGED, OK
+from fastbeam.statics.equilibrium import StaticSolver
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import SECTION, cantilever, straight  # noqa: E402
@@ -185,6 +187,29 @@ def test_failed_load_step_carries_the_last_equilibrium() -> None:
     # what it carries is an equilibrium to go on from
     again = solve(cantilever(500.0), start=error.state)
     assert again.t[-1] == 1.0
+
+
+def test_load_steps_have_a_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, last = StaticSolver.equilibrium, 0.0
+
+    def short(solver: StaticSolver, factors: np.ndarray) -> tuple[int, list[float]]:
+        nonlocal last
+        # steps beyond 1/600 fail
+        if factors[0] - last > 1.0 / 600.0:
+            return NOT_CONVERGED, []
+        found = whole(solver, factors)
+        last = float(factors[0]) if found[0] == OK else last
+        return found
+
+    monkeypatch.setattr(StaticSolver, "equilibrium", short)
+    with pytest.raises(fb.ConvergenceError, match="200 load steps were tried, .*fb.relax") as caught:
+        solve(cantilever())
+    rows = caught.value.result
+    assert 50 < len(rows.t) <= 200
+    assert rows.t[-1] == caught.value.time < 0.5
+    # who asks for small steps gets as many as these are
+    last = 0.0
+    assert solve(cantilever(), load_step=1.0 / 601.0, largest_load_step=1.0 / 601.0).t[-1] == 1.0
 
 
 def test_start_changes_the_way_and_not_the_answer() -> None:

@@ -245,6 +245,10 @@ class Saddle:
         stiff = sparse.csr_matrix((data, indices, indptr), shape=self.matrix.shape)
         return Saddle(stiff, self.multiplier, self._factors, self.measured_in)
 
+    def holding(self, unknowns: Array) -> Saddle:
+        """The same with some coordinates held by stiffnesses."""
+        return Saddle(held(self.matrix, unknowns), self.multiplier, self._factors, self.measured_in)
+
     def solve(self, right: Array) -> Array | None:
         """x [n] with matrix x = right [n]. None where nothing acceptable is found."""
         if not (self.is_finite and np.isfinite(right).all()):

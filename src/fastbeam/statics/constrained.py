@@ -218,6 +218,7 @@ class SaddleSolver(StaticSolver):
     def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:
         saddle, right = self._assembled(sliding, drag)
         n = len(self.core.dofs) * self.core.pattern.n
+        saddle = self._with_spins_held(saddle, right[:n])
         for stiffness in (0.0, *STIFFNESSES):
             used = saddle.stiffened(stiffness) if stiffness else saddle
             x = used.solve(right)
@@ -232,6 +233,11 @@ class SaddleSolver(StaticSolver):
             if self._size(x[:n]) <= LARGEST_MOVE:
                 break
         return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0)
+
+    def _with_spins_held(self, saddle: Saddle, right: Array) -> Saddle:
+        """The same with an unknown held of every beam that may spin about its axis; right: of the nodes [n]."""
+        unknowns = self.free_motions.spins(saddle.matrix, self.state.q.reshape(-1, 4, 3), right, self._round_off(saddle))
+        return saddle.holding(unknowns) if unknowns.size else saddle
 
     def _round_off(self, saddle: Saddle) -> Array:
         """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""

@@ -3,20 +3,27 @@
 A round beam between two ball joints spins about its axis, a body on a ball joint turns about it. Such motions are known as
 vectors z, not as eigenvalues next to zero, which round-off gives either sign and which the softest bending of a fine mesh may
 come near to. A vector counts where the tangent K has K z = 0 to round-off, every row next to its own terms.
+
+Spins about axes are tried all at once, by one product of K. They leave the energy as it is at every shape. So Newton's method may
+hold one unknown of each: the residual has nothing along z, and what holds z has nothing to do in the solution.
 """
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.linalg.inertia import Nodes, orthonormal_columns, strained
+from fastbeam.linalg.inertia import Nodes, strained
 from fastbeam.model.model import Model
 
 Array = np.ndarray
 # what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, rigid motions of beams,
 # those of bodies alone, whose few terms have less (their weight on a beam of 5000 nodes may resist with 1e-15)
 NOTHING, OF_BEAMS, OF_BODIES = 3e-14, 3e-15, 3e-16
+# the same of forces and moments across the axes of spins, in which round-off of positions far from the origin stands; and share
+# of what may be round-off of residuals that those about axes have
+ACROSS, ABOUT = 1e-10, 1e-6
 # what supports feel of a motion that they allow
 HELD = 1e-9
 # components of a combination of motions of size 1 that are none
@@ -89,11 +96,18 @@ class FreeMotions:
             self._parts = _parts(self.model)
         return self._parts
 
+    @cached_property
+    def _alike(self) -> list[_Alike]:
+        """The same, those with equally many nodes together."""
+        inside = [part.nodes[self.model.pattern.first_on_row[part.nodes] == part.nodes] for part in self.parts]
+        count = np.array([x.size for x in inside], np.int64)
+        return [_Alike(self, np.flatnonzero(count == k)) for k in np.unique(count[count > 0])]
+
     @property
     def may_be(self) -> bool:
         """Whether some part has motions that its supports allow."""
         q = self.model.q0.reshape(-1, 4, 3)
-        return any(_Own(self, part, q).is_loose for part in self.parts[:MOST_PARTS])
+        return any(alike.spins(self, q).any() or alike.rigid(self, q).any() for alike in self._alike)
 
     def find(self, matrix: Any, q: Array) -> Array:
         """One unknown of every free motion [m]; `names` has their names.
@@ -106,24 +120,13 @@ class FreeMotions:
             Coordinates in space.
         """
         whole = (0.5 * (matrix + matrix.T)).tocsr()
-        unknowns: list[Array] = []
-        names: list[str] = []
-        loose: list[_Near] = []
-        self._found = []
-        for part in self.parts if len(self.parts) <= MOST_PARTS else ():
-            own = _Own(self, part, q)
-            if not own.is_loose:
-                continue
-            near = _Near(self, whole, own)
-            found = near.spin[:, :0]
-            if near.spin.any() and _is_free(near.matrix, near.nodes, near.spin):
-                found = near.spin
-                names.append(f"{part.name} about {'their axes' if part.several else 'its axis'}")
-            near.rest = _without(near.rigid, found)
-            unknowns.append(near.unknowns[_pivots(near.matrix, found)])
-            self._found.append((near.unknowns, found))
-            if near.rest.shape[1]:
-                loose.append(near)
+        spins = _Spins(self, whole, q)
+        spins.leave(spins.resisted(0.0))
+        self._found = spins.motions
+        unknowns = [spins.pivots]
+        names = [f"{part.name} about {'their axes' if part.several else 'its axis'}"
+                 for part in (self.parts[k] for k in spins.free)]
+        loose = sorted(self._loose(whole, q, spins), key=lambda near: near.number) if len(self.parts) <= MOST_PARTS else []
         count = sum(near.rest.shape[1] for near in loose)
         together = len(loose) <= MOST_TOGETHER and count * whole.shape[0] <= MOST_NUMBERS
         for group in ([loose] if together else [[near] for near in loose]):
@@ -132,7 +135,36 @@ class FreeMotions:
                 unknowns.append(held)
                 names += how
         self.names = tuple(names)
-        return np.concatenate([np.zeros(0, np.int64), *unknowns])
+        return np.concatenate(unknowns)
+
+    def spins(self, matrix: Any, q: Array, residual: Array, round_off: Array) -> Array:
+        """One unknown [m] of every spin about an axis that Newton's method may hold at any shape.
+
+        Parameters
+        ----------
+        matrix, q
+            As of `find`.
+        residual : float64 [n]
+            Of the unknowns of nodes at this shape.
+        round_off : float64 [n]
+            How much of it may be round-off.
+        """
+        spins = _Spins(self, matrix, q)
+        if spins.free.size:
+            # on the way to an equilibrium moments turn with the sections
+            slack = np.zeros(matrix.shape[0])
+            slack[:residual.size] = np.repeat(np.linalg.norm(residual.reshape(-1, self.nodes.size), axis=1), self.nodes.size)
+            spins.leave(spins.resisted(slack))
+            spins.leave(spins.driven(residual, ABOUT * round_off))
+        return spins.pivots
+
+    def _loose(self, whole: Any, q: Array, spins: _Spins) -> list[_Near]:
+        """Parts that supports let move otherwise than by free spins."""
+        out = []
+        for alike, spin in zip(self._alike, spins.by_part):
+            rest = _without(alike.rigid(self, q), spin)
+            out += [_Near(self, whole, alike, j, rest[j][:, rest[j].any(axis=0)]) for j in np.flatnonzero(rest.any(axis=(1, 2)))]
+        return out
 
     def motions(self, n: int) -> Array:
         """Those that were found last, among n unknowns, by columns [n, m]."""
@@ -184,45 +216,143 @@ class FreeMotions:
         return f"{part.name}{with_others} along {_axis(shift)}"
 
 
-class _Own:
-    """A part, and its motions that supports allow, in its own unknowns."""
+class _Alike:
+    """Parts with equally many nodes, and their motions that supports allow, in their own unknowns."""
 
-    def __init__(self, of: FreeMotions, part: Part, q: Array) -> None:
+    def __init__(self, of: FreeMotions, numbers: Array) -> None:
         pattern, size = of.model.pattern, of.nodes.size
-        first = pattern.first_on_row[part.nodes] == part.nodes
-        inside = part.nodes[first]
-        self.part, self.rows = part, pattern.row_of[inside]
-        self.unknowns = (self.rows[:, None] * size + np.arange(size)).reshape(-1)
-        spin, rigid = (of.on_unknowns(self.rows, x).reshape(self.unknowns.size, -1)
-                       for x in (_spin(part.signs[first], q[inside, 1]), _rigid(q[inside, 0], of.model.length)))
-        held = of.held[self.unknowns]
-        self.spin = spin[:, ~np.any(spin[held], axis=0) & np.any(spin, axis=0)]
-        # what supports feel of rigid motions
-        sizes, turn = _singular(rigid[held])
-        self.rigid = rigid @ turn[sizes <= HELD * max(1.0, float(np.max(sizes)))].T
-        self.rigid[held] = 0.0
+        parts = [of.parts[k] for k in numbers]
+        first = [pattern.first_on_row[part.nodes] == part.nodes for part in parts]
+        self.numbers = numbers
+        self._inside = np.stack([part.nodes[x] for part, x in zip(parts, first)])
+        self._signs = np.stack([part.signs[x] for part, x in zip(parts, first)])
+        self.rows = pattern.row_of[self._inside]
+        self.unknowns = (self.rows[:, :, None] * size + np.arange(size)).reshape(len(parts), -1)
+        self._held = of.held[self.unknowns]
+
+    def spins(self, of: FreeMotions, q: Array) -> Array:
+        """About axes [parts, unknowns], zero where there is none."""
+        out = of.on_unknowns(self.rows.reshape(-1), _spin(self._signs.reshape(-1), q[self._inside.reshape(-1), 1]))
+        out = out.reshape(self.unknowns.shape)
+        return out * ~np.any(out * self._held, axis=1)[:, None]
+
+    def rigid(self, of: FreeMotions, q: Array) -> Array:
+        """Shifts and turns [parts, unknowns, 6], zero where there are fewer."""
+        motion = np.stack([_rigid(x, of.model.length) for x in q[self._inside, 0]])
+        motion = of.on_unknowns(self.rows.reshape(-1), motion.reshape(-1, 6, 6)).reshape(*self.unknowns.shape, 6)
+        # what supports feel of them
+        sizes, turn = _singular(motion * self._held[:, :, None])
+        allowed = sizes <= HELD * np.maximum(1.0, np.max(sizes, axis=1))[:, None]
+        out = motion @ (turn * allowed[:, :, None]).transpose(0, 2, 1)
+        return np.where(self._held[:, :, None], 0.0, out)
+
+
+class _Spins:
+    """Spins of beams about their axes that supports allow, at one shape.
+
+    Attributes
+    ----------
+    free : int [m]
+        Numbers of the parts that have one, ascending, without those that were left.
+    """
+
+    def __init__(self, of: FreeMotions, matrix: Any, q: Array) -> None:
+        self._of, self._matrix, n = of, matrix, matrix.shape[0]
+        self._spin, self._part = np.zeros(n), np.full(n, -1)
+        for alike in of._alike:
+            spin = alike.spins(of, q)
+            self._spin[alike.unknowns] += spin
+            moves = spin.any(axis=1)
+            self._part[alike.unknowns[moves]] = alike.numbers[moves, None]
+        self._part[self._spin == 0.0] = -1
+        self.free = np.unique(self._part[self._part >= 0])
+        self._root = np.sqrt(np.abs(matrix.diagonal()))
 
     @property
-    def is_loose(self) -> bool:
-        """Whether there are any."""
-        return bool(self.spin.any() or self.rigid.any())
+    def by_part(self) -> list[Array]:
+        """Spins [parts, unknowns] of parts with equally many nodes, zero where there is none."""
+        return [np.where(self._part[alike.unknowns] == alike.numbers[:, None], self._spin[alike.unknowns], 0.0)
+                for alike in self._of._alike]
+
+    @property
+    def motions(self) -> list[tuple[Array, Array]]:
+        """Unknowns of every part [k], and its spin in these [k, 1]."""
+        at = np.flatnonzero(self._part >= 0)
+        at = at[np.argsort(self._part[at], kind="stable")]
+        ends = np.flatnonzero(np.diff(self._part[at])) + 1
+        return [(x, self._spin[x, None]) for x in np.split(at, ends)] if at.size else []
+
+    @property
+    def pivots(self) -> Array:
+        """One unknown of every part, the stiffest."""
+        at = np.flatnonzero(self._part >= 0)
+        size = np.abs(self._spin[at]) * np.where(self._root > 0.0, self._root, SMALL * np.max(self._root, initial=1.0))[at]
+        at = at[np.lexsort((-size, self._part[at]))]
+        return at[np.unique(self._part[at], return_index=True)[1]]
+
+    def leave(self, parts: Array) -> None:
+        """Take spins of some parts out."""
+        gone = np.isin(self._part, parts)
+        self._spin[gone], self._part[gone] = 0.0, -1
+        self.free = np.setdiff1d(self.free, parts)
+
+    def driven(self, residual: Array, round_off: Array) -> Array:
+        """Parts that more than round-off of the residual of nodes [n] turns about their axes."""
+        at = np.flatnonzero(self._part >= 0)
+        pushed, most = (np.bincount(self._part[at], x[at], len(self._of.parts))
+                        for x in (self._spin[:residual.size] * residual, np.abs(self._spin[:residual.size]) * round_off))
+        return np.flatnonzero(np.abs(pushed) > most)
+
+    def resisted(self, slack: Array | float) -> Array:
+        """Parts that the matrix lets not spin freely.
+
+        Parameters
+        ----------
+        slack : float64 [n]
+            How much of forces and moments does not count besides.
+        """
+        count, size, _ = self._of.nodes
+        matrix, sizes = self._matrix, abs(self._matrix)
+        there = type(matrix)((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=matrix.shape)
+        # not the same of all parts, which would hide springs between two of them
+        weight = np.random.default_rng(0).uniform(0.5, 1.0, len(self._of.parts) + 1)
+        out: list[Array] = []
+        while True:
+            part = np.where(np.isin(self._part, np.concatenate(out)), -1, self._part) if out else self._part
+            spin = np.where(part >= 0, self._spin * weight[part], 0.0)
+            of_nodes = np.zeros(spin.size)
+            of_nodes[:count] = np.repeat(np.linalg.norm(spin[:count].reshape(-1, size), axis=1), size)
+            moved = of_nodes > 0.0
+            left = matrix @ spin
+            own, most = (sizes @ x + self._root * (there @ (self._root * x)) for x in (np.abs(spin), of_nodes))
+            across = np.abs(left) > ACROSS * most + slack
+            along, terms = (np.sum(x[:count].reshape(-1, size), axis=1)
+                            for x in (spin * left, np.abs(spin) * (NOTHING * own + slack)))
+            of_rows = np.max(part[:count].reshape(-1, size), axis=1)
+            bad = [of_rows[np.abs(along) > terms], np.repeat(of_rows, size)[(across & moved)[:count]]]
+            if not any(x.size for x in bad) and across.any():
+                touched = matrix[np.flatnonzero(across)].indices
+                bad = [part[touched][part[touched] >= 0]]
+            if not any(x.size for x in bad):
+                return np.unique(np.concatenate([np.zeros(0, np.int64), *out]))
+            out += bad
 
 
 class _Near:
-    """The same in the unknowns of the rows of the tangent that these motions reach."""
+    """Rigid motions of a part in the unknowns of the rows of the tangent that these reach."""
 
-    def __init__(self, of: FreeMotions, whole: Any, own: _Own) -> None:
-        self.part, (count, size, dim) = own.part, of.nodes
-        reached = whole[own.unknowns].indices
-        rows = np.unique(np.concatenate((own.rows, reached[reached < count] // size)))
+    def __init__(self, of: FreeMotions, whole: Any, alike: _Alike, j: int, rigid: Array) -> None:
+        own, (count, size, dim) = alike.unknowns[j], of.nodes
+        self.number = int(alike.numbers[j])
+        self.part = of.parts[self.number]
+        reached = whole[own].indices
+        rows = np.unique(np.concatenate((alike.rows[j], reached[reached < count] // size)))
         others = np.unique(reached[reached >= count])
         self.unknowns = np.concatenate(((rows[:, None] * size + np.arange(size)).reshape(-1), others))
         self.nodes = Nodes(rows.size * size, size, dim)
         self.matrix = whole[self.unknowns][:, self.unknowns]
-        at = np.searchsorted(self.unknowns[:self.nodes.total], own.unknowns)
-        self.spin, self.rigid = (np.zeros((self.unknowns.size, x.shape[1])) for x in (own.spin, own.rigid))
-        self.spin[at], self.rigid[at] = own.spin, own.rigid
-        self.rest = self.rigid
+        self.rest = np.zeros((self.unknowns.size, rigid.shape[1]))
+        self.rest[np.searchsorted(self.unknowns[:self.nodes.total], own)] = rigid
 
 
 def _spin(signs: Array, axes: Array) -> Array:
@@ -247,10 +377,6 @@ def _scaled(matrix: Any, nodes: Nodes, x: Array) -> Array:
     product, size = strained(matrix, nodes, x)
     total = size.sum(axis=1)
     return product[total > 0.0] / total[total > 0.0, None]
-
-
-def _is_free(matrix: Any, nodes: Nodes, x: Array) -> bool:
-    return bool(np.max(np.abs(_scaled(matrix, nodes, x)), initial=0.0) <= NOTHING)
 
 
 def _null(matrix: Any, nodes: Nodes, x: Array, round_off: float) -> Array:
@@ -319,21 +445,23 @@ def _signs(beams: list[Array], triad: Array, d1: Array) -> Array:
 
 
 def _without(x: Array, known: Array) -> Array:
-    """Motions [n, m] without their parts along known ones, those that are left; all of size 1."""
-    x = x[:, np.any(x, axis=0)]
-    if not x.shape[1]:
-        return x
-    x = x / np.linalg.norm(x, axis=0)
-    if known.shape[1]:
-        basis = orthonormal_columns(known)[0]
-        x = x - basis @ (basis.T @ x)
+    """Motions [parts, n, m] without their parts along a known one [parts, n], all of size 1; zero where nothing is left."""
+    def unit(y: Array) -> Array:
+        size = np.linalg.norm(y, axis=1, keepdims=True)
+        return y / np.where(size > 0.0, size, 1.0)
+
+    x, along = unit(x), unit(known)[:, :, None]
+    x = x - along @ (along.transpose(0, 2, 1) @ x)
     sizes, turn = _singular(x)
-    return x @ (turn[sizes > REST] / sizes[sizes > REST, None]).T
+    share = np.where(sizes > REST, 1.0 / np.maximum(sizes, REST), 0.0)
+    return x @ (share[:, :, None] * turn).transpose(0, 2, 1)
 
 
 def _singular(x: Array) -> tuple[Array, Array]:
-    """Singular values [m] and right vectors by rows [m, m] of a matrix [n, m]."""
-    return np.linalg.svd(orthonormal_columns(x)[1])[1:]
+    """Singular values [..., m] and right vectors by rows [..., m, m] of matrices [..., n, m]."""
+    short = max(x.shape[-1] - x.shape[-2], 0)
+    x = np.concatenate((x, np.zeros((*x.shape[:-2], short, x.shape[-1]))), axis=-2)
+    return np.linalg.svd(np.linalg.qr(x, mode="r"))[1:]
 
 
 def _axis(v: Array) -> str:

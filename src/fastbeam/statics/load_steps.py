@@ -1,6 +1,7 @@
 """Load steps of equilibria, which adapt to the convergence of Newton's method (theory.md 8): what `solve_static` runs."""
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -51,6 +52,12 @@ KEPT = "The last equilibrium is in .state, everything computed in .result"
 LEAP = ("load factor {:.6g}: no equilibrium was found next to the one before, and one further off was taken (by {:.3g}, in sizes "
         "of the scene and rad): a buckling or limit load was passed, and there may be others; "
         "fb.solve_path(model, at_time=(0, t)) follows the one from before, fb.relax finds where a motion ends")
+# load steps that are tried at most, or so many times as many as the largest one makes necessary
+MOST_STEPS, MORE_STEPS = 200, 2
+TOO_MANY = ("load factor {:.6g}: {} load steps were tried, the last one of {:.3g}, and the loads act in full only at 1. The "
+            "scene may begin far from an equilibrium, as a rope drawn with a corner does, or a limit point lies there: take "
+            "start=fb.relax(model).state, draw the shape without corners, or follow the path with fb.solve_path. A smaller "
+            "largest_load_step= allows more steps. ")
 # iterations beyond which a load step was hard: the next one is not longer
 LONG = 9
 
@@ -192,11 +199,16 @@ class LoadSteps:
         """From one equilibrium to the next."""
         task, solver = self.task, self.solver
         factors, raised, t, smallest = task.factors, task.raise_loads, task.at_time or 0.0, task.smallest_step
-        reached = 0.0
+        reached, tried, size = 0.0, 0, step
+        most = max(MOST_STEPS, MORE_STEPS * (math.ceil(1.0 / largest) + len(task.stops)))
         solver.set_time(t, 0.0 if raised else 1.0)
         self._record(0.0, 0, 0.0)
         while reached < 1.0:
             solver.interrupts.serve()
+            tried += 1
+            if tried > most:
+                bar.close()
+                raise self._given_up(reached, most, size)
             stop = next(level for level in task.stops if level > reached)
             size = min(step, stop - reached)
             target = stop if reached + size > stop - 1e-12 else reached + size
@@ -254,6 +266,11 @@ class LoadSteps:
             return False
         solver.stepper.core_state.q[:] = before
         return True
+
+    def _given_up(self, reached: float, count: int, size: float) -> ConvergenceError:
+        """After so many load steps, the last one of this size."""
+        return ConvergenceError(f"{TOO_MANY.format(reached, count, size)}{KEPT}", step=len(self.solver.history), time=reached,
+                                state=State(*(x.copy() for x in self.solver.state)), result=self._finish())
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
         """Of the smallest step."""

@@ -1,6 +1,7 @@
 """Equilibria of scenes with sliders (theory.md 8).
 
-A sliding coordinate is only determined once its contact carries a force. So every load step is found with all sliders held first;
+From one equilibrium to the next Newton's method on everything is tried, where nothing rubs and sliders do not go far. But a
+sliding coordinate is only determined once its contact carries a force. So else a load step is found with all sliders held first;
 then they are released and slide downhill, the rest of the scene following in equilibrium, until Newton's method on everything
 squares its increments. Sliders with friction are released where it cannot hold them, in the direction in which they go then
 (`slider_friction.py`).
@@ -73,7 +74,11 @@ class SlidingSolver(SaddleSolver):
         along, state = self.along, self.stepper.core_state
         if along is not None:
             state.s[:] = along.begin(state.s)
-        status, sizes = self._newton(np.zeros(self.held.size, bool))
+        status, sizes = self._directly() if along is None else (NOT_CONVERGED, [])
+        if status == OK:
+            return status, sizes
+        status, more = self._newton(np.zeros(self.held.size, bool))
+        sizes += more
         for _ in range(ROUNDS * (self.held.size + 1)):
             if status == OK and self.sliding.any():
                 status, more = self._release()
@@ -90,6 +95,19 @@ class SlidingSolver(SaddleSolver):
                 state.s[:] = s
                 status, more = self._newton(np.zeros(s.size, bool))
                 sizes += more
+        return NOT_CONVERGED, sizes
+
+    def _directly(self) -> tuple[int, list[float]]:
+        """From an equilibrium to the next with Newton's method on everything, where sliders do not go far."""
+        free = self.sliding
+        if not self.history or not free.any():
+            return NOT_CONVERGED, []
+        saved = self._saved()
+        status, sizes = self._newton(free, False)
+        way = self.stepper.core_state.s - saved[1]
+        if status == OK and np.all(np.abs(way) <= NEWTON_FROM * self.lengths) and self._rises(way):
+            return OK, sizes
+        self._restore(saved)
         return NOT_CONVERGED, sizes
 
     def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
@@ -249,8 +267,9 @@ class SlidingSolver(SaddleSolver):
         """Whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the way [S] to it."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self.sliding)
-        right[:] = 0.0
         n = len(self.core.dofs) * self.core.pattern.n
+        saddle = self._with_spins_held(saddle, right[:n])
+        right[:] = 0.0
         right[n:n + way.size] = np.where(self.sliding, way, 0.0)
         x = saddle.solve(right)
         return x is None or bool(way @ x[n:n + way.size] >= 0.0)

@@ -72,7 +72,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         slip no further than they must; load steps are a slow history of it. Prescribed positions are approached, and forces of
         drives grow, with the load factor; smoothed and viscous friction are none at rest.
     load_step, largest_load_step, smallest_step : float
-        First, largest and smallest increment of the load factor, which runs from 0 to 1; all in (0, 1].
+        First, largest and smallest increment of the load factor, which runs from 0 to 1; all in (0, 1]. At most 200 load steps
+        are tried, or twice as many as `largest_load_step` and `levels` make necessary.
     levels : sequence of float
         Increasing load factors in (0, 1] that steps end at, so that they have rows; other steps are rows as well.
     at_time : float
@@ -135,7 +136,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         A scene that is not compiled, an argument out of range, something that is held by nothing, a slider that does not exist,
         or is of a kind that contacts='exact' does not know.
     ConvergenceError
-        The smallest load step fails, or a slider runs off its beam; carries the last equilibrium and the result until then.
+        The smallest load step fails, too many are needed, or a slider runs off its beam; carries the last equilibrium and the
+        result until then.
     Interrupted
         By Ctrl-C; carries the same.
     """
