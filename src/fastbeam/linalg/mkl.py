@@ -7,24 +7,46 @@ import ctypes.util
 import glob
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.errors import BackendError
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.jit.decorators import link_library
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
 
 Array = np.ndarray
+# unknowns below which PARDISO runs on one thread: threads cost more than they bring in small systems
+SMALL = 5000
 
 
 def load_mkl() -> Any | None:
     """The MKL runtime, or None where it is not installed."""
     return None if os.environ.get("FASTBEAM_NO_MKL") else _found_mkl()
+
+
+def mkl_for(backend: str) -> Any | None:
+    """Load the MKL runtime where a backend takes it; None with backend='superlu', and where there is none.
+
+    Raises
+    ------
+    BackendError
+        backend='pardiso' without MKL.
+    """
+    mkl = None if backend == "superlu" else load_mkl()
+    if mkl is None and backend == "pardiso":
+        raise BackendError("backend='pardiso': no MKL runtime was found; pip install pypardiso, or use backend='auto'")
+    return mkl
+
+
+def threads_for(mkl: Any, n: int, threads: int | None = None) -> int:
+    """Number of threads for n unknowns; threads: at most, where they were chosen."""
+    return 1 if n < SMALL else threads or int(mkl.MKL_Get_Max_Threads())
 
 
 @cache
@@ -97,6 +119,38 @@ def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int
         *(empty((m, rows)) for m in (columns, columns, *(columns * refined,) * 2)), np.zeros(5, np.int64), np.zeros(2))
 
 
+class PardisoMemory:
+    """What PARDISO keeps of one structure and its values, freed with this object.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+    tables : PardisoTables
+    threads : int
+        Of all calls: PARDISO crashes with fewer than it was analysed on.
+    """
+
+    def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
+        self._mkl, self.tables, self._threads = mkl, tables, threads
+
+    def threads(self) -> AbstractContextManager[None]:
+        """Run calls of compiled code on the threads of the analysis."""
+        return on_threads(self._mkl, self._threads)
+
+    def call(self, phase: int, b: Array, x: Array) -> int:
+        """Call PARDISO with right-hand sides and solutions [m, n]; return its error code."""
+        before = self._mkl.MKL_Set_Num_Threads_Local(self._threads)
+        try:
+            return int(kernels.call_pardiso(self.tables, phase, b, x))
+        finally:
+            self._mkl.MKL_Set_Num_Threads_Local(before)
+
+    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
+        # then compiled code may be gone before this, and the memory goes with the process
+        if not python_ends() and self.tables.handle.any():
+            self.call(kernels.RELEASE, self.tables.b, self.tables.x)
+
+
 def nested_dissection(matrix: Any) -> Array | None:
     """Rows of a matrix of symmetric structure, its diagonal included, in the order in which METIS eliminates them.
 
@@ -114,7 +168,5 @@ def nested_dissection(matrix: Any) -> Array | None:
         return None
     t = pardiso_tables(matrix.indptr, matrix.indices, kernels.UNSYMMETRIC, {4: 2})
     t.data[:] = 1.0
-    with on_threads(mkl, 1):
-        failed = kernels.call_pardiso(t, kernels.ANALYSE, t.b, t.x)
-        kernels.call_pardiso(t, kernels.RELEASE, t.b, t.x)
+    failed = PardisoMemory(mkl, t, 1).call(kernels.ANALYSE, t.b, t.x)
     return None if failed else t.perm

@@ -1,0 +1,436 @@
+"""Factors of sparse matrices, real or complex: by PARDISO, or SuperLU, with scaling, refinement and acceptance of solutions.
+
+Rows and columns are brought to a size of 1 before, so that units do not matter. PARDISO perturbs small pivots and may return
+garbage without an error code. Solutions are therefore refined with the matrix itself, and accepted by their residuals; where they
+are not, another analysis follows, then SuperLU with few exchanges of rows, then SuperLU with many.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.linalg import pardiso as kernels
+from fastbeam.linalg.mkl import PardisoMemory, pardiso_tables, threads_for
+from fastbeam.linalg.scaling import SWEEPS_AGAIN, equilibrated, rows_of, scaled_by, with_values
+
+Array = np.ndarray
+# a smaller pivot next to the largest tells a singular matrix
+LEAST_PIVOT = 1e-15
+# of the scaled matrix: a smallest singular value that is round-off, and one above which there are no null vectors for certain
+# (fine meshes of slender beams have some of 1e-14)
+SINGULAR, CLEARLY_REGULAR = 10.0 * np.finfo(float).eps, 3e-14
+# residual up to which one that is round-off of the product is no sign of a singular matrix
+CLEAR = 1e-4
+# types of complex matrices in PARDISO: structurally symmetric, symmetric
+COMPLEX, COMPLEX_SYMMETRIC = 13, 6
+# an order that suits a symmetric structure, with few exchanges of rows
+SYMMETRIC_MODE: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+
+
+class Limits(NamedTuple):
+    """Residuals of solutions, relative to the right-hand side where nothing else is said."""
+
+    good: float             # is not refined any more
+    accepted: float         # is accepted
+    fair: float             # is accepted where it is round-off:
+    round_off: float        # so much next to the largest term of the equations
+    enough: int             # refinements after which what can be accepted is not refined any more
+    most: int               # refinements at most
+    is_strict: bool = False  # perturbed pivots, and what is only fair, count where no singular value is near round-off
+    last_bits: float = 0.0  # residual next to the solution, scaled, that is round-off of the product and not refined any more
+
+
+# of equilibria, where a singular matrix has to be noticed; of a step, whose iteration goes on anyway
+EXACT = Limits(1e-14, 1e-12, 1e-2, 1e-12, 2, 2, True)
+OF_STEP = Limits(1e-13, 1e-8, 1e-2, 1e-12, 2, 2)
+
+
+class Factoriser:
+    """PARDISO for one matrix after another. A structure is analysed once; with it goes the permutation that brings large entries
+    to the diagonal, for the values that it is analysed with.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+    symmetric : bool
+        Take the entries on and above the diagonal only, all of the diagonal among them.
+    matching : bool
+        Bring large entries to the diagonal.
+    threads : int, optional
+        Default: as many as suit the size of the matrix.
+    order : int32 [n], optional
+        Of elimination, `order` of a factoriser of matrices of the same structure; not with matching. Default: by METIS.
+
+    Attributes
+    ----------
+    count, analyses, refused : int
+        Factorisations and analyses until now, and equations that SuperLU solved instead.
+    scales : (float64 [n], float64 [n]) or None
+        Factors of rows and columns of the last matrix.
+    """
+
+    def __init__(self, mkl: Any, symmetric: bool = False, matching: bool = True, threads: int | None = None,
+                 order: Array | None = None) -> None:
+        self._mkl, self._symmetric, self._threads, self._order = mkl, symmetric, threads, order
+        # matching finds an order for the values in hand; else it is given, or kept
+        self._settings = {10: 1, 12: 1} if matching else {4: 2 if order is None else 1}
+        self._memory: PardisoMemory | None = None
+        self._indices = self._indptr = np.zeros(0, np.int32)
+        self._kind = 0
+        self.count = self.analyses = self.refused = 0
+        self.is_fresh = False
+        self.scales: tuple[Array, Array] | None = None
+
+    def knows(self, matrix: Any) -> bool:
+        """Whether a matrix by rows has the structure that was analysed last."""
+        if self._memory is None or self._indices.size != matrix.indices.size:
+            return False
+        return self._indices is matrix.indices or (
+            np.array_equal(self._indices, matrix.indices) and np.array_equal(self._indptr, matrix.indptr))
+
+    def factor(self, matrix: Any, again: bool = False) -> bool:
+        """Factor a sparse matrix by rows; again: analyse it even if its structure is that of the last one."""
+        is_complex = matrix.dtype.kind == "c"
+        kind = ((kernels.UNSYMMETRIC, kernels.SYMMETRIC), (COMPLEX, COMPLEX_SYMMETRIC))[is_complex][self._symmetric]
+        self.is_fresh = again or kind != self._kind or not self.knows(matrix)
+        whole = matrix
+        if self._symmetric:
+            matrix = _upper(matrix)
+        if self.is_fresh:
+            # the memory of another structure goes before
+            self._memory = None
+            self._indices, self._indptr, self._kind = whole.indices, whole.indptr, kind
+            tables = pardiso_tables(matrix.indptr, matrix.indices, kind, self._settings)
+            if is_complex:
+                tables = tables._replace(data=empty(2 * matrix.indices.size))
+            if self._order is not None:
+                tables.perm[:] = self._order
+            self._memory = PardisoMemory(self._mkl, tables, threads_for(self._mkl, whole.shape[0], self._threads))
+        assert self._memory is not None
+        t = self._memory.tables
+        t.data[:] = matrix.data.view(float)
+        if self.is_fresh:
+            self.analyses += 1
+            if self._memory.call(kernels.ANALYSE, t.b, t.x):
+                return False
+        self.count += 1
+        return self._memory.call(kernels.FACTOR, t.b, t.x) == 0
+
+    @property
+    def order(self) -> Array | None:
+        """Of elimination, int32 [n], for another factoriser; None with matching."""
+        return self._memory.tables.perm if self._memory is not None and 4 in self._settings else None
+
+    @property
+    def perturbed(self) -> int:
+        """Number of pivots of the last matrix that were so small that PARDISO changed them."""
+        return 0 if self._memory is None else int(self._memory.tables.iparm[13])
+
+    @property
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of the last matrix; None where it is not symmetric, or pivots were changed."""
+        counts = self._memory is not None and self._kind == kernels.SYMMETRIC and not self.perturbed
+        return int(self._memory.tables.iparm[22]) if self._memory is not None and counts else None
+
+    def solve(self, right: Array, transposed: bool = False) -> Array:
+        """Of the last matrix, or its transpose, for right-hand side [n], or rows of several [m, n]; NaN where PARDISO fails."""
+        memory = self._memory
+        assert memory is not None
+        memory.tables.iparm[11] = 2 * (transposed and not self._symmetric)
+        b = np.ascontiguousarray(np.atleast_2d(right))
+        x = np.empty_like(b)
+        failed = memory.call(kernels.SOLVE, b.view(float), x.view(float))
+        return np.full(right.shape, np.nan) if failed else x.reshape(right.shape)
+
+
+class LU:
+    """SuperLU's factors of one matrix, as `lu` returns them; `raw`: SciPy's object."""
+
+    perturbed = 0
+
+    def __init__(self, raw: Any) -> None:
+        self.raw = raw
+
+    def solve(self, right: Array, transposed: bool = False) -> Array:
+        """Of the matrix, or its transpose, for right-hand side [n], or rows of several [m, n]."""
+        x = self.raw.solve(np.ascontiguousarray(right.T), "T" if transposed else "N")
+        return np.ascontiguousarray(x.T)
+
+    @cached_property
+    def pivots(self) -> Array | None:
+        """Pivots in the order of the rows, those of a symmetric matrix have the signs of its eigenvalues; None where rows were
+        exchanged."""
+        # perm_c[j] is where column j went
+        unmoved = np.array_equal(self.raw.perm_r, self.raw.perm_c)
+        return self.raw.U.diagonal()[self.raw.perm_c] if unmoved else None
+
+    @property
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of a symmetric matrix; None where rows were exchanged."""
+        return None if self.pivots is None else int(np.sum(self.pivots < 0.0))
+
+
+def lu(matrix: Any, options: dict[str, Any] | None = None, least: float = 0.0) -> LU | None:
+    """Factor a sparse matrix by SuperLU; None where it is singular, or a pivot is smaller than this share of the largest.
+
+    Parameters
+    ----------
+    matrix : sparse matrix [n, n]
+    options : dict, optional
+        Of SciPy's `splu`. Default: partial pivoting.
+    """
+    from scipy.sparse.csgraph import structural_rank
+    from scipy.sparse.linalg import splu
+    matrix = matrix.tocsc()
+    # SuperLU writes beyond its arrays where a matrix is singular whatever its entries are (SciPy 1.17)
+    if not np.all(matrix.diagonal()) and structural_rank(matrix) < matrix.shape[0]:
+        return None
+    try:
+        found = LU(splu(matrix, **(options or {})))
+    except RuntimeError:
+        return None
+    if least:
+        pivots = np.abs(found.raw.U.diagonal())
+        return found if np.min(pivots, initial=np.inf) > least * np.max(pivots, initial=0.0) else None
+    return found
+
+
+class Factors:
+    """One matrix, factored when it is first solved, by the first solver whose solutions are accepted.
+
+    Parameters
+    ----------
+    matrix : sparse [n, n]
+        Real or complex.
+    factoriser : Factoriser, optional
+        Asked before SuperLU.
+    limits : Limits
+    scales : (float64 [n], float64 [n]), optional
+        Factors of rows and columns; the same for both where the factoriser is a symmetric one. Default: those that bring them to
+        a size of 1.
+    give : float64 [n], optional
+        Added to the diagonal of the scaled matrix that is factored, and taken out again by the refinement; the matrix has all of
+        its diagonal then.
+    exchange : float
+        Share of the largest entry of a column from which on SuperLU takes the one on the diagonal, when first asked.
+
+    Attributes
+    ----------
+    residual : float
+        Of the last solution, relative to the right-hand side, in scaled rows.
+    factorisations : int
+        Until now.
+    """
+
+    def __init__(self, matrix: Any, factoriser: Factoriser | None = None, limits: Limits = EXACT,
+                 scales: tuple[Array, Array] | None = None, give: Array | None = None, exchange: float = 0.1) -> None:
+        self.matrix, self.limits, self._factoriser = matrix.tocsr(), limits, factoriser
+        self.is_finite = bool(np.isfinite(self.matrix.data).all())
+        if scales is not None:
+            self.scales = scales
+        self._give, self._exchange = give, exchange
+        self.residual, self.factorisations = 0.0, 0
+        self._solvers: Iterator[Factoriser | LU] | None = None
+        # the one whose solutions were accepted, and the last of SuperLU
+        self._by: Factoriser | LU | None = None
+        self._last: LU | None = None
+        self._number, self._least = 0, -1.0
+
+    @cached_property
+    def scales(self) -> tuple[Array, Array]:
+        """Factors of rows and columns that bring them to a size of 1, [n] each."""
+        known = self._factoriser
+        if not self.is_finite:
+            return (np.ones(self.matrix.shape[0]),) * 2
+        if known is None:
+            return equilibrated(self.matrix)
+        begin = known.scales if known.knows(self.matrix) else None
+        known.scales = equilibrated(self.matrix) if begin is None else equilibrated(self.matrix, begin, SWEEPS_AGAIN)
+        return known.scales
+
+    @property
+    def row(self) -> Array:
+        """Factors of the rows [n]."""
+        return self.scales[0]
+
+    @property
+    def column(self) -> Array:
+        """Factors of the columns [n]."""
+        return self.scales[1]
+
+    @cached_property
+    def scaled(self) -> Any:
+        """The matrix with rows and columns of size 1, by rows."""
+        return scaled_by(self.matrix, *self.scales)
+
+    def solve(self, right: Array, transposed: bool = False) -> Array | None:
+        """x with matrix x = right, or with its transpose, for right-hand side [n], or rows of several [m, n]. None where no
+        solution is accepted."""
+        if not (self.is_finite and np.isfinite(right).all()):
+            return None
+        into, out = self.scales[::-1] if transposed else self.scales
+        x = self.solve_scaled(into * right, transposed)
+        return None if x is None else np.asarray(out * x)
+
+    def solve_scaled(self, b: Array, transposed: bool = False, most_given: float = np.inf) -> Array | None:
+        """The same in scaled rows and unknowns; most_given: share of the right-hand sides that `give` may take up at
+        multipliers, where it is negative."""
+        fair: tuple[Factoriser | LU, Array, float] | None = None
+        if self._solvers is None:
+            self._advance()
+        while self._by is not None:
+            x, self.residual = refined(lambda rest: self.solve_roughly(rest, transposed), self._times(transposed), b, self.limits)
+            if self._is_accepted(x, b, transposed):
+                if not most_given < np.inf or self._given(x) <= most_given * float(np.max(np.abs(b), initial=0.0)):
+                    return x
+            elif fair is None and self._is_fair(x, b, transposed):
+                fair = self._by, x, self.residual
+            self._advance()
+        return self._otherwise(b, transposed, fair)
+
+    def solve_roughly(self, b: Array, transposed: bool = False) -> Array:
+        """Solve by the factors alone, in scaled rows and unknowns, after another solution."""
+        by = self._by
+        assert by is not None
+        if isinstance(by, Factoriser) and by.count != self._number:
+            # another matrix came between
+            by.factor(self._held)
+            self._number, self.factorisations = by.count, self.factorisations + 1
+        if b.dtype.kind == "c" and self.matrix.dtype.kind != "c":
+            x = by.solve(np.array([b.real, b.imag]).reshape(-1, b.shape[-1]), transposed).reshape(2, *b.shape)
+            return np.asarray(x[0] + 1j * x[1])
+        return by.solve(b, transposed)
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether the matrix is singular to round-off, after a solution with it."""
+        return self._least_singular_value() <= SINGULAR
+
+    @property
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of the matrix that was factored; None where pivots do not tell it."""
+        return None if self._by is None else self._by.negative
+
+    @property
+    def name(self) -> str:
+        """The solver whose solutions were accepted."""
+        return "PARDISO" if isinstance(self._by, Factoriser) else "SuperLU"
+
+    @property
+    def order(self) -> Array | None:
+        """Of elimination, int32 [n], for factors of matrices of the same structure; None where it is not known."""
+        return None if self._factoriser is None else self._factoriser.order
+
+    def _otherwise(self, b: Array, transposed: bool, fair: tuple[Factoriser | LU, Array, float] | None) -> Array | None:
+        """Where no solution was accepted; fair: solver, solution and residual where it was round-off of large terms."""
+        return None
+
+    @cached_property
+    def _held(self) -> Any:
+        """What is factored."""
+        if self._give is None:
+            return self.scaled
+        held = with_values(self.scaled, self.scaled.data.copy())
+        held.data[held.indices == rows_of(held)] += self._give
+        return held
+
+    def _advance(self) -> None:
+        """Go on to the next solver."""
+        if self._solvers is None:
+            self._solvers = self._every_solver()
+        self._by, self._least = next(self._solvers, None), -1.0
+
+    def _every_solver(self) -> Iterator[Factoriser | LU]:
+        by = self._factoriser
+        if by is not None:
+            for again in (False, True):
+                self.factorisations += 1
+                if by.factor(self._held, again):
+                    self._number = by.count
+                    yield by
+                if by.is_fresh:
+                    break
+            by.refused += 1
+        for options in (SYMMETRIC_MODE | {"diag_pivot_thresh": self._exchange}, {}):
+            self.factorisations += 1
+            found = lu(self._held, options, LEAST_PIVOT if self.limits.is_strict else 0.0)
+            if found is not None:
+                self._last = found
+                yield found
+
+    def _times(self, transposed: bool) -> Callable[[Array], Array]:
+        """Products with the scaled matrix."""
+        matrix = self.scaled.T if transposed else self.scaled
+        return lambda x: (matrix @ x.T).T
+
+    def _is_accepted(self, x: Array, b: Array, transposed: bool) -> bool:
+        of = self.limits
+        assert self._by is not None
+        if self.residual <= of.accepted and not (of.is_strict and self._by.perturbed):
+            return True
+        return self._is_fair(x, b, transposed) and not (of.is_strict and self._least_singular_value() <= CLEARLY_REGULAR)
+
+    def _is_fair(self, x: Array, b: Array, transposed: bool) -> bool:
+        """Whether the residual is small, or what round-off leaves of large terms."""
+        if not self.residual <= self.limits.fair or not np.isfinite(x).all():
+            return False
+        matrix = self.scaled.T if transposed else self.scaled
+        terms = float(np.max((abs(matrix) @ np.abs(x).T).T + np.abs(b)))
+        return float(np.max(np.abs(b - (matrix @ x.T).T))) <= self.limits.round_off * terms
+
+    def _given(self, x: Array) -> float:
+        """What `give` takes up at multipliers."""
+        return 0.0 if self._give is None else float(np.max(np.abs(np.minimum(self._give, 0.0) * x)))
+
+    def _least_singular_value(self) -> float:
+        """The smallest one of the scaled matrix, from above, by inverse iteration; 0 where that fails."""
+        if self._least < 0.0:
+            v, self._least = np.random.default_rng(0).standard_normal(self.matrix.shape[0]), 0.0
+            for _ in range(2):
+                v = self.solve_roughly(v)
+                size = float(_norms(v))
+                if not 0.0 < size < np.inf:
+                    return 0.0
+                v = v / size
+            self._least = float(_norms(self.scaled @ v))
+        return self._least
+
+
+def refined(solve: Callable[[Array], Array], times: Callable[[Array], Array], right: Array,
+            limits: Limits) -> tuple[Array, float]:
+    """Refine solutions of equations for a right-hand side [n], or rows of several [m, n], as long as that helps; return the best
+    and the largest residual next to its right-hand side. solve: by factors; times: products with the matrix."""
+    size = _norms(right)
+    size = np.where(size > 0.0, size, 1.0)
+    x = best = solve(right)
+    worst = np.inf
+    for k in range(limits.most + 1):
+        rest = right - times(x)
+        norms = _norms(rest)
+        left = float(np.max(norms / size))
+        if not left < worst:
+            break
+        goes_on, worst, best = left < 0.5 * worst, left, x
+        if not goes_on or left <= limits.good or k == limits.most or (k >= limits.enough and left <= limits.accepted):
+            break
+        if limits.last_bits and left <= CLEAR and np.all(norms <= limits.last_bits * _norms(x)):
+            break
+        x = x + solve(rest)
+    return best, worst
+
+
+def _norms(x: Array) -> Array:
+    """Of rows; without BLAS, which begins threads for it."""
+    return np.asarray(np.linalg.norm(x, axis=-1))
+
+
+def _upper(matrix: Any) -> Any:
+    """Entries of a matrix by rows, in order, on and above the diagonal."""
+    from scipy import sparse
+    keep = matrix.indices >= rows_of(matrix)
+    before = np.concatenate(([0], np.cumsum(keep)))[matrix.indptr]
+    return sparse.csr_matrix((matrix.data[keep], matrix.indices[keep], before), matrix.shape)
