@@ -15,7 +15,7 @@ from fastbeam.linalg.factors import Factoriser, Factors, Limits
 from fastbeam.linalg.mkl import load_mkl
 from fastbeam.linalg.orthonormal import NOTHING, TINY, orthonormal
 from fastbeam.linalg.saddle import signs_between
-from fastbeam.linalg.scaling import counted, equilibrated, parity, scaled_by, typical_factors, with_diagonal
+from fastbeam.linalg.scaling import counted, equilibrated, parity, scaled_entries, typical_factors, with_diagonal
 
 Array = np.ndarray
 # right-hand sides of a solution
@@ -85,7 +85,6 @@ class Shifted:
     def __init__(self, pencil: Pencil, shift: float, backend: str, order: Array | None = None) -> None:
         self.shift, self.pencil = shift, pencil
         n, k = pencil.multiplier.size, pencil.mass.shape[0]
-        self.columns = BLOCK
         matrix = pencil.stiffness
         if shift:
             matrix = (matrix - shift * grown(pencil.mass, n)).tocsr()
@@ -351,7 +350,7 @@ def _below(pencil: Pencil, shift: float) -> int | None:
     n = pencil.multiplier.size
     matrix = (pencil.stiffness - shift * grown(pencil.mass, n)).tocsr()
     once, scale = scales(matrix, True, pencil)
-    matrix = scaled_by(matrix, once * scale, scale)
+    matrix.data = scaled_entries(matrix, once * scale, scale)
     if n <= DENSE:
         # dependent constraints and idle coordinates are zeros
         values = np.linalg.eigvalsh(matrix.toarray())

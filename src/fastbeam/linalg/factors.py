@@ -14,8 +14,9 @@ import numpy as np
 
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
+from fastbeam.kernels.linalg.scaling import leave
 from fastbeam.linalg.mkl import PardisoMemory, pardiso_tables, threads_for
-from fastbeam.linalg.scaling import SWEEPS_AGAIN, equilibrated, rows_of, scaled_by, with_values
+from fastbeam.linalg.scaling import SWEEPS_AGAIN, equilibrated, rows_of, scaled_entries, structure_of, with_values
 
 Array = np.ndarray
 # a smaller pivot next to the largest tells a singular matrix
@@ -80,6 +81,8 @@ class Factoriser:
         self._settings = {10: 1, 12: 1} if matching else {4: 2 if order is None else 1}
         self._memory: PardisoMemory | None = None
         self._indices = self._indptr = np.zeros(0, np.int32)
+        # entries that PARDISO takes
+        self._upper = np.zeros(0, bool)
         self._kind = 0
         self.count = self.analyses = self.refused = 0
         self.is_fresh = False
@@ -92,27 +95,29 @@ class Factoriser:
         return self._indices is matrix.indices or (
             np.array_equal(self._indices, matrix.indices) and np.array_equal(self._indptr, matrix.indptr))
 
-    def factor(self, matrix: Any, again: bool = False) -> bool:
-        """Factor a sparse matrix by rows; again: analyse it even if its structure is that of the last one."""
-        is_complex = matrix.dtype.kind == "c"
+    def factor(self, matrix: Any, data: Array, again: bool = False) -> bool:
+        """Factor a matrix with the structure of one by rows and these entries; again: analyse it even if its structure is that of
+        the last one."""
+        is_complex = data.dtype.kind == "c"
         kind = ((kernels.UNSYMMETRIC, kernels.SYMMETRIC), (COMPLEX, COMPLEX_SYMMETRIC))[is_complex][self._symmetric]
         self.is_fresh = again or kind != self._kind or not self.knows(matrix)
-        whole = matrix
-        if self._symmetric:
-            matrix = _upper(matrix)
         if self.is_fresh:
             # the memory of another structure goes before
             self._memory = None
-            self._indices, self._indptr, self._kind = whole.indices, whole.indptr, kind
-            tables = pardiso_tables(matrix.indptr, matrix.indices, kind, self._settings)
+            self._indices, self._indptr, self._kind = matrix.indices, matrix.indptr, kind
+            indptr = matrix.indptr
+            self._upper = matrix.indices >= rows_of(matrix) if self._symmetric else np.ones(data.size, bool)
+            if self._symmetric:
+                indptr = np.concatenate(([0], np.cumsum(self._upper)))[indptr]
+            tables = pardiso_tables(indptr, matrix.indices[self._upper], kind, self._settings)
             if is_complex:
-                tables = tables._replace(data=empty(2 * matrix.indices.size))
+                tables = tables._replace(data=empty(2 * tables.indices.size))
             if self._order is not None:
                 tables.perm[:] = self._order
-            self._memory = PardisoMemory(self._mkl, tables, threads_for(self._mkl, whole.shape[0], self._threads))
+            self._memory = PardisoMemory(self._mkl, tables, threads_for(self._mkl, matrix.shape[0], self._threads))
         assert self._memory is not None
         t = self._memory.tables
-        t.data[:] = matrix.data.view(float)
+        t.data[:] = (data[self._upper] if self._symmetric else data).view(float)
         if self.is_fresh:
             self.analyses += 1
             if self._memory.call(kernels.ANALYSE, t.b, t.x):
@@ -141,8 +146,8 @@ class Factoriser:
         memory = self._memory
         assert memory is not None
         memory.tables.iparm[11] = 2 * (transposed and not self._symmetric)
-        b = np.ascontiguousarray(np.atleast_2d(right))
-        x = np.empty_like(b)
+        b = np.ascontiguousarray(right if right.ndim > 1 else right[None])
+        x = np.empty(b.shape, b.dtype)
         failed = memory.call(kernels.SOLVE, b.view(float), x.view(float))
         return np.full(right.shape, np.nan) if failed else x.reshape(right.shape)
 
@@ -265,7 +270,21 @@ class Factors:
     @cached_property
     def scaled(self) -> Any:
         """The matrix with rows and columns of size 1, by rows."""
-        return scaled_by(self.matrix, *self.scales)
+        return with_values(self.matrix, self._data)
+
+    @cached_property
+    def _data(self) -> Array:
+        """Its entries."""
+        return scaled_entries(self.matrix, *self.scales)
+
+    @cached_property
+    def _held(self) -> Array:
+        """Entries of what is factored."""
+        if self._give is None:
+            return self._data
+        data = self._data.copy()
+        data[self.matrix.indices == rows_of(self.matrix)] += self._give
+        return data
 
     def solve(self, right: Array, transposed: bool = False) -> Array | None:
         """x with matrix x = right, or with its transpose, for right-hand side [n], or rows of several [m, n]. None where no
@@ -283,7 +302,8 @@ class Factors:
         if self._solvers is None:
             self._advance()
         while self._by is not None:
-            x, self.residual = refined(lambda rest: self.solve_roughly(rest, transposed), self._times(transposed), b, self.limits)
+            x, self.residual = refined(lambda rest: self.solve_roughly(rest, transposed), self._rest_of(b, transposed), b,
+                                       self.limits)
             if self._is_accepted(x, b, transposed):
                 if not most_given < np.inf or self._given(x) <= most_given * float(np.max(np.abs(b), initial=0.0)):
                     return x
@@ -298,7 +318,7 @@ class Factors:
         assert by is not None
         if isinstance(by, Factoriser) and by.count != self._number:
             # another matrix came between
-            by.factor(self._held)
+            by.factor(self.matrix, self._held)
             self._number, self.factorisations = by.count, self.factorisations + 1
         if b.dtype.kind == "c" and self.matrix.dtype.kind != "c":
             x = by.solve(np.array([b.real, b.imag]).reshape(-1, b.shape[-1]), transposed).reshape(2, *b.shape)
@@ -329,15 +349,6 @@ class Factors:
         """Where no solution was accepted; fair: solver, solution and residual where it was round-off of large terms."""
         return None
 
-    @cached_property
-    def _held(self) -> Any:
-        """What is factored."""
-        if self._give is None:
-            return self.scaled
-        held = with_values(self.scaled, self.scaled.data.copy())
-        held.data[held.indices == rows_of(held)] += self._give
-        return held
-
     def _advance(self) -> None:
         """Go on to the next solver."""
         if self._solvers is None:
@@ -349,23 +360,33 @@ class Factors:
         if by is not None:
             for again in (False, True):
                 self.factorisations += 1
-                if by.factor(self._held, again):
+                if by.factor(self.matrix, self._held, again):
                     self._number = by.count
                     yield by
                 if by.is_fresh:
                     break
             by.refused += 1
+        held = with_values(self.matrix, self._held).tocsc()
         for options in (SYMMETRIC_MODE | {"diag_pivot_thresh": self._exchange}, {}):
             self.factorisations += 1
-            found = lu(self._held, options, LEAST_PIVOT if self.limits.is_strict else 0.0)
+            found = lu(held, options, LEAST_PIVOT if self.limits.is_strict else 0.0)
             if found is not None:
                 self._last = found
                 yield found
 
-    def _times(self, transposed: bool) -> Callable[[Array], Array]:
-        """Products with the scaled matrix."""
-        matrix = self.scaled.T if transposed else self.scaled
-        return lambda x: (matrix @ x.T).T
+    def _rest_of(self, b: Array, transposed: bool) -> Callable[[Array], Array]:
+        """What the scaled matrix leaves of right-hand sides, by solution."""
+        if b.ndim > 1 or transposed or "c" in (b.dtype.kind, self.matrix.dtype.kind):
+            matrix = self.scaled.T if transposed else self.scaled
+            return lambda x: np.asarray(b - (matrix @ x.T).T)
+
+        def rest_of(x: Array) -> Array:
+            rest = np.empty(b.size)
+            leave(self.matrix.data, *structure, *self.scales, x, b, rest)
+            return rest
+
+        structure = structure_of(self.matrix)
+        return rest_of
 
     def _is_accepted(self, x: Array, b: Array, transposed: bool) -> bool:
         of = self.limits
@@ -378,9 +399,9 @@ class Factors:
         """Whether the residual is small, or what round-off leaves of large terms."""
         if not self.residual <= self.limits.fair or not np.isfinite(x).all():
             return False
-        matrix = self.scaled.T if transposed else self.scaled
-        terms = float(np.max((abs(matrix) @ np.abs(x).T).T + np.abs(b)))
-        return float(np.max(np.abs(b - (matrix @ x.T).T))) <= self.limits.round_off * terms
+        matrix = abs(self.scaled.T if transposed else self.scaled)
+        terms = float(np.max((matrix @ np.abs(x).T).T + np.abs(b)))
+        return float(np.max(np.abs(self._rest_of(b, transposed)(x)))) <= self.limits.round_off * terms
 
     def _given(self, x: Array) -> float:
         """What `give` takes up at multipliers."""
@@ -400,18 +421,18 @@ class Factors:
         return self._least
 
 
-def refined(solve: Callable[[Array], Array], times: Callable[[Array], Array], right: Array,
+def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array], Array], right: Array,
             limits: Limits) -> tuple[Array, float]:
     """Refine solutions of equations for a right-hand side [n], or rows of several [m, n], as long as that helps; return the best
-    and the largest residual next to its right-hand side. solve: by factors; times: products with the matrix."""
+    and the largest residual next to its right-hand side. solve: by factors; rest_of: what a solution leaves."""
     size = _norms(right)
-    size = np.where(size > 0.0, size, 1.0)
+    size += size == 0.0
     x = best = solve(right)
     worst = np.inf
     for k in range(limits.most + 1):
-        rest = right - times(x)
+        rest = rest_of(x)
         norms = _norms(rest)
-        left = float(np.max(norms / size))
+        left = float(np.maximum.reduce(norms / size, axis=None))
         if not left < worst:
             break
         goes_on, worst, best = left < 0.5 * worst, left, x
@@ -425,12 +446,4 @@ def refined(solve: Callable[[Array], Array], times: Callable[[Array], Array], ri
 
 def _norms(x: Array) -> Array:
     """Of rows; without BLAS, which begins threads for it."""
-    return np.asarray(np.linalg.norm(x, axis=-1))
-
-
-def _upper(matrix: Any) -> Any:
-    """Entries of a matrix by rows, in order, on and above the diagonal."""
-    from scipy import sparse
-    keep = matrix.indices >= rows_of(matrix)
-    before = np.concatenate(([0], np.cumsum(keep)))[matrix.indptr]
-    return sparse.csr_matrix((matrix.data[keep], matrix.indices[keep], before), matrix.shape)
+    return np.asarray(np.sqrt(np.add.reduce((x * x.conj()).real, axis=-1)))

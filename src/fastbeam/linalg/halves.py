@@ -14,7 +14,7 @@ import numpy as np
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
-from fastbeam.linalg.mkl import PardisoMemory, on_threads, pardiso_tables
+from fastbeam.linalg.mkl import OnThreads, PardisoMemory, pardiso_tables
 
 Array = np.ndarray
 Each = Callable[[Callable[[int, Any], Any], Sequence[Any]], Any]
@@ -185,5 +185,5 @@ class Halves:
         return int(any(codes))
 
     def _call(self, name: str, *pointers: Any) -> None:
-        with on_threads(self._mkl, 1):
+        with OnThreads(self._mkl, 1):
             getattr(self._mkl, name)(*(x if isinstance(x, bytes) else c_void_p(x) for x in pointers))

@@ -116,5 +116,6 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, 
     start = np.concatenate((given * np.sqrt(scale), np.zeros(m)))
     pull = weight @ start[:n] if momentum is None else weight @ start[:n] + unit @ momentum
     goal = np.concatenate((pull, right / size))
-    kept = start + refined(factors.solve, lambda x: np.asarray(exact @ x), goal - exact @ start, LIMITS)[0]
+    off = goal - exact @ start
+    kept = start + refined(factors.solve, lambda x: np.asarray(off - exact @ x), off, LIMITS)[0]
     return kept[:n] / np.sqrt(scale), -kept[n:] / size

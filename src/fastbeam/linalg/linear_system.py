@@ -87,7 +87,7 @@ class Pardiso:
 
     def threads(self) -> AbstractContextManager[None]:
         """Run calls of compiled code on the threads of the analysis."""
-        return self._memory.threads()
+        return self._memory.threads
 
     @property
     def factor_bytes(self) -> int:

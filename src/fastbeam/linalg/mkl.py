@@ -7,8 +7,7 @@ import ctypes.util
 import glob
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -74,14 +73,17 @@ def _loaded(path: str) -> Any | None:
     return library
 
 
-@contextmanager
-def on_threads(mkl: Any, n: int) -> Iterator[None]:
-    """MKL on so many threads, the calling one among them."""
-    before = mkl.MKL_Set_Num_Threads_Local(n)
-    try:
-        yield
-    finally:
-        mkl.MKL_Set_Num_Threads_Local(before)
+class OnThreads:
+    """MKL on so many threads, the calling one among them, in a with statement."""
+
+    def __init__(self, mkl: Any, n: int) -> None:
+        self._mkl, self._n, self._before = mkl, n, 0
+
+    def __enter__(self) -> None:
+        self._before = self._mkl.MKL_Set_Num_Threads_Local(self._n)
+
+    def __exit__(self, *error: object) -> None:
+        self._mkl.MKL_Set_Num_Threads_Local(self._before)
 
 
 def settings(more: dict[int, int]) -> Array:
@@ -131,19 +133,12 @@ class PardisoMemory:
     """
 
     def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
-        self._mkl, self.tables, self._threads = mkl, tables, threads
-
-    def threads(self) -> AbstractContextManager[None]:
-        """Run calls of compiled code on the threads of the analysis."""
-        return on_threads(self._mkl, self._threads)
+        self.tables, self.threads = tables, OnThreads(mkl, threads)
 
     def call(self, phase: int, b: Array, x: Array) -> int:
         """Call PARDISO with right-hand sides and solutions [m, n]; return its error code."""
-        before = self._mkl.MKL_Set_Num_Threads_Local(self._threads)
-        try:
+        with self.threads:
             return int(kernels.call_pardiso(self.tables, phase, b, x))
-        finally:
-            self._mkl.MKL_Set_Num_Threads_Local(before)
 
     def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
         # then compiled code may be gone before this, and the memory goes with the process

@@ -71,11 +71,7 @@ class Saddle(Factors):
         # which unknowns are those of nodes, and what finds one unknown of every free motion: for signs
         self.nodes: Nodes | None = None
         self.free: Callable[[Any], Array] | None = None
-        self._forget()
-
-    def _forget(self) -> None:
-        n = self.multiplier.size
-        self.unbalanced, self.drift, self.left = 0.0, np.zeros(n), np.zeros((n, 0))
+        self.unbalanced, self.drift, self.left = 0.0, np.zeros(multiplier.size), np.zeros((multiplier.size, 0))
 
     @property
     def is_singular(self) -> bool:
@@ -95,24 +91,27 @@ class Saddle(Factors):
         return Saddle(with_values(self.matrix, data), self.multiplier, self._factoriser)
 
     def solve(self, right: Array, transposed: bool = False) -> Array | None:
-        self._forget()
+        if self.left.shape[1]:
+            self.unbalanced, self.drift, self.left = 0.0, np.zeros(right.size), self.left[:, :0]
         return super().solve(right, transposed)
 
     def _otherwise(self, b: Array, transposed: bool, fair: tuple[Factoriser | LU, Array, float] | None) -> Array | None:
         """Solve without null vectors; where there are none, what is fair is all that there is."""
         right, left = self._null_vectors[::-1] if transposed else self._null_vectors
         if right.shape[1]:
-            by, matrix, asked = self._near, self.scaled.T if transposed else self.scaled, left.T @ b
+            by, asked = self._near, left.T @ b
+            met = b - left @ asked
+            rest_of = self._rest_of(met, transposed)
 
             def solved(rest: Array) -> Array:
                 x = by.solve(rest, transposed)
                 return np.asarray(x - right @ (right.T @ x))
 
-            def times(x: Array) -> Array:
-                y = matrix @ x
-                return np.asarray(y - left @ (left.T @ y))
+            def without(x: Array) -> Array:
+                rest = rest_of(x)
+                return np.asarray(rest - left @ (left.T @ rest))
 
-            x, self.residual = refined(solved, times, b - left @ asked, self.limits._replace(most=REFINEMENTS))
+            x, self.residual = refined(solved, without, met, self.limits._replace(most=REFINEMENTS))
             if np.isfinite(x).all() and self.residual <= self.limits.fair:
                 into, out = self.scales[::-1] if transposed else self.scales
                 self.unbalanced, self.left = float(np.linalg.norm(asked)), into[:, None] * left

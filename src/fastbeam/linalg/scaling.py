@@ -17,7 +17,12 @@ ROUND_OFF = 1e-12
 
 def rows_of(matrix: Any) -> Array:
     """Return the row of every entry of a matrix by rows."""
-    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    return np.arange(matrix.shape[0]).repeat(matrix.indptr[1:] - matrix.indptr[:-1])
+
+
+def structure_of(matrix: Any) -> tuple[Array, Array]:
+    """Return `indptr` and `indices` of a matrix by rows, int32."""
+    return matrix.indptr.astype(np.int32, copy=False), matrix.indices.astype(np.int32, copy=False)
 
 
 def with_values(matrix: Any, data: Array) -> Any:
@@ -27,9 +32,9 @@ def with_values(matrix: Any, data: Array) -> Any:
     return out
 
 
-def scaled_by(matrix: Any, row: Array, column: Array) -> Any:
-    """Return a matrix by rows with its rows and columns multiplied by factors [n]."""
-    return with_values(matrix, matrix.data * np.repeat(row, np.diff(matrix.indptr)) * column[matrix.indices])
+def scaled_entries(matrix: Any, row: Array, column: Array) -> Array:
+    """Return the entries of a matrix by rows, its rows and columns multiplied by factors [n]."""
+    return np.asarray(matrix.data * row.repeat(matrix.indptr[1:] - matrix.indptr[:-1]) * column[matrix.indices])
 
 
 def with_diagonal(matrix: Any) -> Any:
@@ -51,10 +56,9 @@ def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None, sweeps: 
     """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
     same for both where the matrix is symmetric. 1 for those without entries. begin: factors to begin with; default: 1."""
     by_rows = matrix.tocsr()
-    row, column = (np.ones(n) for n in by_rows.shape) if begin is None else (x.copy() for x in begin)
-    structure = (x.astype(np.int32, copy=False) for x in (by_rows.indptr, by_rows.indices))
-    balance(np.abs(by_rows.data), *structure, sweeps, row, column, np.zeros(row.size), np.zeros(column.size))
-    return tuple(np.exp2(np.round(np.log2(x))) for x in (row, column))  # type: ignore[return-value]
+    row, column = (np.ones(by_rows.shape[0]), np.ones(by_rows.shape[1])) if begin is None else (begin[0].copy(), begin[1].copy())
+    balance(np.abs(by_rows.data), *structure_of(by_rows), sweeps, row, column, np.zeros(row.size), np.zeros(column.size))
+    return np.exp2(np.rint(np.log2(row))), np.exp2(np.rint(np.log2(column)))
 
 
 def parity(size: float) -> float:
