@@ -15,8 +15,9 @@ from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.interface.result_warnings import Doubts, warns
 from fastbeam.interface.synonyms import known
 from fastbeam.kernels.state import State
+from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.linear_system import check_backend
-from fastbeam.linalg.saddle import Saddle, factoriser_for
+from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import factor_at, load_factors_at
 from fastbeam.model.model import Model
@@ -409,7 +410,7 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
         try:
             tangent = base.linearised()[0]
             # on all threads
-            solver = Saddle(tangent.matrix, tangent.multiplier, factoriser_for(backend, None))
+            solver = Saddle(tangent.matrix, tangent.multiplier, factoriser_for(backend))
             return Sensitivity(family, base, solver, kinds, result, factors, backend)
         except OutOfPlane:
             continue

@@ -7,8 +7,7 @@ import numpy as np
 
 from fastbeam.kernels.adjoint import adjoint as kernels
 from fastbeam.kernels.empty_arrays import aligned_empty
-from fastbeam.linalg.factors import OF_STEP, Factoriser, Factors
-from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.factors import OF_STEP, Factoriser, Factors, factoriser_for
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
@@ -33,8 +32,7 @@ class TransposedSolver:
         numbered = self.stepper.linear.superlu.matrix(np.arange(1.0, 8.0 * n * size + 1.0).reshape(-1, n, 8))
         self.place = numbered.data.astype(np.int64) - 1
         self.structure = numbered.indices, numbered.indptr
-        mkl = load_mkl()
-        self._factoriser = None if mkl is None else Factoriser(mkl)
+        self._factoriser = factoriser_for("auto")
 
     def _bordered(self, matrix: Any, terms: Any, system: Any) -> Any:
         """With columns and lines of constraints, by columns; of the terms of a system what turns with sleeves."""

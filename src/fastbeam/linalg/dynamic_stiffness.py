@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.linalg.eigen import LIMITS, NOISE, Pencil, SingularError, given_way, grown, scales, stiffest
-from fastbeam.linalg.factors import Factoriser
-from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.factors import factoriser_for
 
 Array = np.ndarray
 # share of forces along a motion that is round-off
@@ -85,8 +84,7 @@ class DynamicStiffness:
         self._indptr = np.searchsorted(every, size * np.arange(size + 1)).astype(np.int32)
         self._diagonal = np.searchsorted(every, diagonal)
         self._has_loss = loss is not None
-        mkl = None if backend == "superlu" else load_mkl()
-        self.factoriser = None if mkl is None else Factoriser(mkl, self._symmetric)
+        self.factoriser = factoriser_for(backend, symmetric=self._symmetric)
         self.names: set[str] = set()
         self._size = size
 
@@ -143,7 +141,8 @@ class Solver:
         self._factors = given_way(matrix if np.any(matrix.data.imag) else matrix.real, of.factoriser,
                                   LIMITS._replace(round_off=round_off, last_bits=0.0), (once * self.scale, self.scale),
                                   of.multiplier, idle, draw[0] + 1j * draw[1])
-        of.names.add(self._factors.name)
+        if self._factors.by is not None:
+            of.names.add(self._factors.by.name)
 
     @property
     def residual(self) -> float:

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.linalg.factors import Factoriser, Factors, Limits
-from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.factors import Factoriser, Factors, Limits, factoriser_for
 from fastbeam.linalg.orthonormal import NOTHING, TINY, orthonormal
 from fastbeam.linalg.saddle import signs_between
 from fastbeam.linalg.scaling import counted, equilibrated, parity, scaled_entries, typical_factors, with_diagonal
@@ -93,12 +92,13 @@ class Shifted:
         # neither stiffness nor mass, such as the spin of a thin rod about its axis
         massless = np.ones(n, bool)
         massless[:k] = pencil.mass.diagonal() == 0.0
-        mkl = None if backend == "superlu" else load_mkl()
-        by = None if mkl is None else Factoriser(mkl, pencil.is_symmetric, bordered, None, order)
+        by = factoriser_for(backend, symmetric=pencil.is_symmetric, matching=bordered, order=order)
         draw = np.random.default_rng(1).standard_normal((2 * BLOCK, n))
         self._factors = given_way(with_diagonal(matrix), by, LIMITS, (once * self.scale, self.scale), pencil.multiplier, massless,
                                   draw, GIVEN_WAY)
-        self.order, self.name, negative = self._factors.order, self._factors.name, self._factors.negative
+        of = self._factors.by
+        assert of is not None
+        self.order, self.name, negative = of.order, of.name, of.negative
         self.below = negative - int(pencil.multiplier.sum()) if pencil.is_symmetric and negative is not None else None
 
     def solve(self, right: Array) -> Array:

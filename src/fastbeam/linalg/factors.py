@@ -15,7 +15,7 @@ import numpy as np
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.scaling import leave
-from fastbeam.linalg.mkl import PardisoMemory, pardiso_tables, threads_for
+from fastbeam.linalg.mkl import PardisoMemory, mkl_for, pardiso_tables, threads_for
 from fastbeam.linalg.scaling import SWEEPS_AGAIN, equilibrated, rows_of, scaled_entries, structure_of, with_values
 
 Array = np.ndarray
@@ -73,6 +73,8 @@ class Factoriser:
     scales : (float64 [n], float64 [n]) or None
         Factors of rows and columns of the last matrix.
     """
+
+    name = "PARDISO"
 
     def __init__(self, mkl: Any, symmetric: bool = False, matching: bool = True, threads: int | None = None,
                  order: Array | None = None) -> None:
@@ -152,10 +154,22 @@ class Factoriser:
         return np.full(right.shape, np.nan) if failed else x.reshape(right.shape)
 
 
+def factoriser_for(backend: str, **options: Any) -> Factoriser | None:
+    """Make a factoriser with these options; None where SuperLU is wanted, or all there is.
+
+    Raises
+    ------
+    BackendError
+        backend='pardiso' without MKL.
+    """
+    mkl = mkl_for(backend)
+    return None if mkl is None else Factoriser(mkl, **options)
+
+
 class LU:
     """SuperLU's factors of one matrix, as `lu` returns them; `raw`: SciPy's object."""
 
-    perturbed = 0
+    name, perturbed, order = "SuperLU", 0, None
 
     def __init__(self, raw: Any) -> None:
         self.raw = raw
@@ -229,6 +243,8 @@ class Factors:
         Of the last solution, relative to the right-hand side, in scaled rows.
     factorisations : int
         Until now.
+    by : Factoriser or LU, or None
+        Whose solutions were accepted.
     """
 
     def __init__(self, matrix: Any, factoriser: Factoriser | None = None, limits: Limits = EXACT,
@@ -240,8 +256,7 @@ class Factors:
         self._give, self._exchange = give, exchange
         self.residual, self.factorisations = 0.0, 0
         self._solvers: Iterator[Factoriser | LU] | None = None
-        # the one whose solutions were accepted, and the last of SuperLU
-        self._by: Factoriser | LU | None = None
+        self.by: Factoriser | LU | None = None
         self._last: LU | None = None
         self._number, self._least = 0, -1.0
 
@@ -301,20 +316,20 @@ class Factors:
         fair: tuple[Factoriser | LU, Array, float] | None = None
         if self._solvers is None:
             self._advance()
-        while self._by is not None:
+        while self.by is not None:
             x, self.residual = refined(lambda rest: self.solve_roughly(rest, transposed), self._rest_of(b, transposed), b,
                                        self.limits)
             if self._is_accepted(x, b, transposed):
                 if not most_given < np.inf or self._given(x) <= most_given * float(np.max(np.abs(b), initial=0.0)):
                     return x
             elif fair is None and self._is_fair(x, b, transposed):
-                fair = self._by, x, self.residual
+                fair = self.by, x, self.residual
             self._advance()
         return self._otherwise(b, transposed, fair)
 
     def solve_roughly(self, b: Array, transposed: bool = False) -> Array:
         """Solve by the factors alone, in scaled rows and unknowns, after another solution."""
-        by = self._by
+        by = self.by
         assert by is not None
         if isinstance(by, Factoriser) and by.count != self._number:
             # another matrix came between
@@ -328,22 +343,7 @@ class Factors:
     @property
     def is_singular(self) -> bool:
         """Whether the matrix is singular to round-off, after a solution with it."""
-        return self._least_singular_value() <= SINGULAR
-
-    @property
-    def negative(self) -> int | None:
-        """Number of negative eigenvalues of the matrix that was factored; None where pivots do not tell it."""
-        return None if self._by is None else self._by.negative
-
-    @property
-    def name(self) -> str:
-        """The solver whose solutions were accepted."""
-        return "PARDISO" if isinstance(self._by, Factoriser) else "SuperLU"
-
-    @property
-    def order(self) -> Array | None:
-        """Of elimination, int32 [n], for factors of matrices of the same structure; None where it is not known."""
-        return None if self._factoriser is None else self._factoriser.order
+        return self.by is None or self._least_singular_value() <= SINGULAR
 
     def _otherwise(self, b: Array, transposed: bool, fair: tuple[Factoriser | LU, Array, float] | None) -> Array | None:
         """Where no solution was accepted; fair: solver, solution and residual where it was round-off of large terms."""
@@ -353,17 +353,17 @@ class Factors:
         """Go on to the next solver."""
         if self._solvers is None:
             self._solvers = self._every_solver()
-        self._by, self._least = next(self._solvers, None), -1.0
+        self.by, self._least = next(self._solvers, None), -1.0
 
     def _every_solver(self) -> Iterator[Factoriser | LU]:
         by = self._factoriser
         if by is not None:
             for again in (False, True):
                 self.factorisations += 1
-                if by.factor(self.matrix, self._held, again):
-                    self._number = by.count
+                is_factored, was_fresh, self._number = by.factor(self.matrix, self._held, again), by.is_fresh, by.count
+                if is_factored:
                     yield by
-                if by.is_fresh:
+                if was_fresh:
                     break
             by.refused += 1
         held = with_values(self.matrix, self._held).tocsc()
@@ -390,8 +390,8 @@ class Factors:
 
     def _is_accepted(self, x: Array, b: Array, transposed: bool) -> bool:
         of = self.limits
-        assert self._by is not None
-        if self.residual <= of.accepted and not (of.is_strict and self._by.perturbed):
+        assert self.by is not None
+        if self.residual <= of.accepted and not (of.is_strict and self.by.perturbed):
             return True
         return self._is_fair(x, b, transposed) and not (of.is_strict and self._least_singular_value() <= CLEARLY_REGULAR)
 

@@ -86,15 +86,6 @@ class OnThreads:
         self._mkl.MKL_Set_Num_Threads_Local(self._before)
 
 
-def settings(more: dict[int, int]) -> Array:
-    """PARDISO's iparm: METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of
-    its own, which would take the present matrix and cost two more solutions; and `more`, by place."""
-    iparm = np.zeros(64, np.int32)
-    for k, value in ({0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 34: 1} | more).items():
-        iparm[k] = value
-    return iparm
-
-
 def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int], columns: int = 1, size: int = 1,
                    refined: bool = False) -> PardisoTables:
     """What PARDISO takes, not yet analysed.
@@ -106,17 +97,20 @@ def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int
     kind : int
         `kernels.sparse.SYMMETRIC` (blocks on and above the diagonal) or `UNSYMMETRIC`.
     more : dict
-        Of `settings`.
+        Entries of PARDISO's iparm, by place, besides METIS order, no scaling or matching (they are computed from the values of the
+        analysis), and no refinement of its own, which would take the present matrix and cost two more solutions.
     columns, size : int
         Right-hand sides at most; unknowns of a block.
     refined : bool
         Keep places for residuals and corrections.
     """
     n, rows = indptr.size - 1, size * (indptr.size - 1)
-    every = np.arange(indices.size)
+    every, iparm = np.arange(indices.size), np.zeros(64, np.int32)
+    for k, value in ({0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 34: 1} | more).items():
+        iparm[k] = value
     indptr, indices = indptr.astype(np.int32), indices.astype(np.int32)
     return PardisoTables(
-        np.zeros(64, np.int64), settings(more), np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32),
+        np.zeros(64, np.int64), iparm, np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32),
         np.zeros(max(n, 1), np.int32), indptr, indices, every, every, empty(size**2 * indices.size),
         *(empty((m, rows)) for m in (columns, columns, *(columns * refined,) * 2)), np.zeros(5, np.int64), np.zeros(2))
 

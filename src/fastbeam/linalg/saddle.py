@@ -17,7 +17,6 @@ import numpy as np
 
 from fastbeam.linalg.factors import LU, Factoriser, Factors, lu, refined
 from fastbeam.linalg.inertia import SKEW, Entries, Nodes, Signs, held, inertia, orthonormal_columns, sizes_of
-from fastbeam.linalg.mkl import mkl_for
 from fastbeam.linalg.scaling import typical_factors, with_values
 
 Array = np.ndarray
@@ -29,18 +28,6 @@ NULL, SMALL, MOST_NULL, REFINEMENTS = 3e-15, 1e-13, 12, 6
 PENALTIES, DENSE = (1e2, 1e4, 1e6), 4000
 # eigenvalues of the matrix of the multipliers, next to its largest, that are round-off
 ZERO = 1e-13
-
-
-def factoriser_for(backend: str, threads: int | None = 1) -> Factoriser | None:
-    """Make what factors the matrices of equilibria by PARDISO; None where SuperLU is wanted, or all there is.
-
-    Raises
-    ------
-    BackendError
-        backend='pardiso' without MKL.
-    """
-    mkl = mkl_for(backend)
-    return None if mkl is None else Factoriser(mkl, threads=threads)
 
 
 class Saddle(Factors):
@@ -120,7 +107,7 @@ class Saddle(Factors):
                 return x
         if fair is None:
             return None
-        self._by, x, self.residual = fair
+        self.by, x, self.residual = fair
         self.limits = self.limits._replace(is_strict=False)
         return x
 

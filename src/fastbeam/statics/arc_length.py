@@ -9,7 +9,8 @@ import numpy as np
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.linalg.eigen import Pencil, SingularError, grown, lowest
-from fastbeam.linalg.saddle import Saddle, factoriser_for
+from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.saddle import Saddle
 from fastbeam.linalg.scaling import with_values
 from fastbeam.model.model import Model
 from fastbeam.statics.constrained import Increment
@@ -71,7 +72,7 @@ class PathSolver(SlidingSolver):
             self.along.is_exact = True
         self._laws, self._strains = laws, strains
         self.is_unsymmetric = not self.has_potential(self.stepper.plane is not None)
-        self._of_path, self._backend = factoriser_for(backend), backend
+        self._of_path, self._backend = factoriser_for(backend, threads=1), backend
         loads = []
         for part in factors:
             self._load(part)

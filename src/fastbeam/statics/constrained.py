@@ -8,7 +8,8 @@ import numpy as np
 
 from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import State
-from fastbeam.linalg.saddle import Saddle, factoriser_for
+from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.maps import RowMap
 from fastbeam.model.model import Model
@@ -73,7 +74,7 @@ class SaddleSolver(StaticSolver):
         self.constraints = Constraints(self.stepper)
         core = self.core
         self._matrix = SaddleMatrix(core.pattern, len(core.dofs), core.n_sliders, core.n_forces)
-        self._factoriser = factoriser_for(backend)
+        self._factoriser = factoriser_for(backend, threads=1)
         self.held = held
         self.lengths, self.ends = uneliminated.slider_lengths, self.stepper.model.limits_at(
             self.stepper.core_state.s, self.stepper.core_state.history)

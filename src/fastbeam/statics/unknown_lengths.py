@@ -10,7 +10,8 @@ import numpy as np
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.kernels.state import State
-from fastbeam.linalg.saddle import Saddle, factoriser_for
+from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.model import Model
 from fastbeam.model.tables import elements_of
 from fastbeam.results.observe.points import place_of
@@ -181,7 +182,7 @@ class LengthSolver(Response):
         # conditions are at the start
         self.part, self.may_leap = 0.0, False
         self.max_iterations = max_iterations
-        self._of_lengths = factoriser_for(backend)
+        self._of_lengths = factoriser_for(backend, threads=1)
         self.begun = self.values()
         self.asked = np.array([condition.wanted.value for condition in conditions])
 
@@ -330,7 +331,7 @@ class LengthSolver(Response):
         x = whole.solve(np.append(right, off))
         if x is None or not np.isfinite(x).all():
             return None
-        if whole.is_singular:
+        if whole.unbalanced:
             noise = np.zeros(x.size)
             noise[:self.nodes] = self._round_off(saddle)
             noise[-m:] = [UNBALANCED * condition.size for condition in self.conditions]
