@@ -97,8 +97,8 @@ def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int
     kind : int
         `kernels.sparse.SYMMETRIC` (blocks on and above the diagonal) or `UNSYMMETRIC`.
     more : dict
-        Entries of PARDISO's iparm, by place, besides METIS order, no scaling or matching (they are computed from the values of the
-        analysis), and no refinement of its own, which would take the present matrix and cost two more solutions.
+        Entries of PARDISO's iparm, by place. The others: METIS order, no scaling or matching (they are computed from the values
+        of the analysis), no refinement of its own, which would take the present matrix and cost two more solutions.
     columns, size : int
         Right-hand sides at most; unknowns of a block.
     refined : bool
