@@ -14,7 +14,7 @@ import numpy as np
 from fastbeam.linalg.factors import Factoriser, Factors, Limits, factoriser_for
 from fastbeam.linalg.orthonormal import NOTHING, TINY, orthonormal
 from fastbeam.linalg.saddle import signs_between
-from fastbeam.linalg.scaling import counted, equilibrated, parity, scaled_entries, typical_factors, with_diagonal
+from fastbeam.linalg.scaling import counted, entry_scales, equilibrated, parity, typical_factors, with_diagonal
 
 Array = np.ndarray
 # right-hand sides of a solution
@@ -350,7 +350,7 @@ def _below(pencil: Pencil, shift: float) -> int | None:
     n = pencil.multiplier.size
     matrix = (pencil.stiffness - shift * grown(pencil.mass, n)).tocsr()
     once, scale = scales(matrix, True, pencil)
-    matrix.data = scaled_entries(matrix, once * scale, scale)
+    matrix.data *= entry_scales(matrix, once * scale, scale)
     if n <= DENSE:
         # dependent constraints and idle coordinates are zeros
         values = np.linalg.eigvalsh(matrix.toarray())

@@ -6,7 +6,7 @@ are not, another analysis follows, then SuperLU with few exchanges of rows, then
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.scaling import leave
 from fastbeam.linalg.mkl import PardisoMemory, mkl_for, pardiso_tables, threads_for
-from fastbeam.linalg.scaling import SWEEPS_AGAIN, equilibrated, rows_of, scaled_entries, structure_of, with_values
+from fastbeam.linalg.scaling import entry_scales, equilibrated, rows_of, structure_of, with_values
 
 Array = np.ndarray
 # a smaller pivot next to the largest tells a singular matrix
@@ -24,6 +24,8 @@ LEAST_PIVOT = 1e-15
 # of the scaled matrix: a smallest singular value that is round-off, and one above which there are no null vectors for certain
 # (fine meshes of slender beams have some of 1e-14)
 SINGULAR, CLEARLY_REGULAR = 10.0 * np.finfo(float).eps, 3e-14
+# size of the largest entry of a scaled row, or its reciprocal, up to which factors of an earlier matrix serve
+FAR = 64.0
 # residual up to which one that is round-off of the product is no sign of a singular matrix
 CLEAR = 1e-4
 # types of complex matrices in PARDISO: structurally symmetric, symmetric
@@ -70,8 +72,8 @@ class Factoriser:
     ----------
     count, analyses, refused : int
         Factorisations and analyses until now, and equations that SuperLU solved instead.
-    scales : (float64 [n], float64 [n]) or None
-        Factors of rows and columns of the last matrix.
+    scales : ((float64 [n], float64 [n]), float64 [entries]) or None
+        Factors of rows and columns of an earlier matrix of this structure, and of its entries.
     """
 
     name = "PARDISO"
@@ -88,7 +90,7 @@ class Factoriser:
         self._kind = 0
         self.count = self.analyses = self.refused = 0
         self.is_fresh = False
-        self.scales: tuple[Array, Array] | None = None
+        self.scales: tuple[tuple[Array, Array], Array] | None = None
 
     def knows(self, matrix: Any) -> bool:
         """Whether a matrix by rows has the structure that was analysed last."""
@@ -253,9 +255,11 @@ class Factors:
         self.is_finite = bool(np.isfinite(self.matrix.data).all())
         if scales is not None:
             self.scales = scales
-        self._give, self._exchange = give, exchange
+        self._give = give
         self.residual, self.factorisations = 0.0, 0
-        self._solvers: Iterator[Factoriser | LU] | None = None
+        # how it is factored, one after the other: by PARDISO, with the known analysis or another one, by SuperLU with options
+        self._ways: list[bool | dict[str, Any]] = [] if factoriser is None else [False, True]
+        self._ways += [SYMMETRIC_MODE | {"diag_pivot_thresh": exchange}, {}]
         self.by: Factoriser | LU | None = None
         self._last: LU | None = None
         self._number, self._least = 0, -1.0
@@ -266,11 +270,18 @@ class Factors:
         known = self._factoriser
         if not self.is_finite:
             return (np.ones(self.matrix.shape[0]),) * 2
-        if known is None:
-            return equilibrated(self.matrix)
-        begin = known.scales if known.knows(self.matrix) else None
-        known.scales = equilibrated(self.matrix) if begin is None else equilibrated(self.matrix, begin, SWEEPS_AGAIN)
-        return known.scales
+        if known is not None and known.scales is not None and known.knows(self.matrix):
+            # those of a matrix before serve as long as no row has grown or shrunk much
+            data = self.matrix.data * known.scales[1]
+            sizes = np.maximum.reduceat(np.abs(data), self.matrix.indptr[:-1])
+            if 1.0 / FAR <= sizes.min() and sizes.max() <= FAR:
+                self._data = data
+                return known.scales[0]
+        scales = equilibrated(self.matrix)
+        if known is not None:
+            has_empty = bool((self.matrix.indptr[1:] == self.matrix.indptr[:-1]).any())
+            known.scales = None if has_empty else (scales, entry_scales(self.matrix, *scales))
+        return scales
 
     @property
     def row(self) -> Array:
@@ -289,8 +300,8 @@ class Factors:
 
     @cached_property
     def _data(self) -> Array:
-        """Its entries."""
-        return scaled_entries(self.matrix, *self.scales)
+        """Its entries, where `scales` has not left them."""
+        return np.asarray(self.matrix.data * entry_scales(self.matrix, *self.scales))
 
     @cached_property
     def _held(self) -> Array:
@@ -314,7 +325,7 @@ class Factors:
         """The same in scaled rows and unknowns; most_given: share of the right-hand sides that `give` may take up at
         multipliers, where it is negative."""
         fair: tuple[Factoriser | LU, Array, float] | None = None
-        if self._solvers is None:
+        if not self.factorisations:
             self._advance()
         while self.by is not None:
             x, self.residual = refined(lambda rest: self.solve_roughly(rest, transposed), self._rest_of(b, transposed), b,
@@ -350,29 +361,23 @@ class Factors:
         return None
 
     def _advance(self) -> None:
-        """Go on to the next solver."""
-        if self._solvers is None:
-            self._solvers = self._every_solver()
-        self.by, self._least = next(self._solvers, None), -1.0
-
-    def _every_solver(self) -> Iterator[Factoriser | LU]:
-        by = self._factoriser
-        if by is not None:
-            for again in (False, True):
-                self.factorisations += 1
-                is_factored, was_fresh, self._number = by.factor(self.matrix, self._held, again), by.is_fresh, by.count
-                if is_factored:
-                    yield by
-                if was_fresh:
-                    break
-            by.refused += 1
-        held = with_values(self.matrix, self._held).tocsc()
-        for options in (SYMMETRIC_MODE | {"diag_pivot_thresh": self._exchange}, {}):
+        """Go on to the next solver that factors the matrix."""
+        self.by, self._least, by = None, -1.0, self._factoriser
+        while self.by is None and self._ways:
+            way = self._ways.pop(0)
             self.factorisations += 1
-            found = lu(held, options, LEAST_PIVOT if self.limits.is_strict else 0.0)
-            if found is not None:
-                self._last = found
-                yield found
+            if not isinstance(way, bool):
+                held = with_values(self.matrix, self._held).tocsc()
+                self.by = found = lu(held, way, LEAST_PIVOT if self.limits.is_strict else 0.0)
+                self._last = found or self._last
+                if way and by is not None:
+                    by.refused += 1
+            elif by is not None:
+                self.by = by if by.factor(self.matrix, self._held, way) else None
+                self._number = by.count
+                if by.is_fresh and not way:
+                    # another analysis would be the same
+                    self._ways.pop(0)
 
     def _rest_of(self, b: Array, transposed: bool) -> Callable[[Array], Array]:
         """What the scaled matrix leaves of right-hand sides, by solution."""

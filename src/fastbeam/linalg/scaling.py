@@ -9,8 +9,8 @@ import numpy as np
 from fastbeam.kernels.linalg.scaling import balance
 
 Array = np.ndarray
-# sweeps of the equilibration; each halves the exponent of what is missing; and of one that begins with factors of a like matrix
-SWEEPS, SWEEPS_AGAIN = 12, 2
+# sweeps of the equilibration; each halves the exponent of what is missing
+SWEEPS = 12
 # a stiffness next to the largest of its kind that is round-off
 ROUND_OFF = 1e-12
 
@@ -32,9 +32,9 @@ def with_values(matrix: Any, data: Array) -> Any:
     return out
 
 
-def scaled_entries(matrix: Any, row: Array, column: Array) -> Array:
-    """Return the entries of a matrix by rows, its rows and columns multiplied by factors [n]."""
-    return np.asarray(matrix.data * row.repeat(matrix.indptr[1:] - matrix.indptr[:-1]) * column[matrix.indices])
+def entry_scales(matrix: Any, row: Array, column: Array) -> Array:
+    """Return the factors of the entries of a matrix by rows from those of its rows and columns [n]."""
+    return np.asarray(row.repeat(matrix.indptr[1:] - matrix.indptr[:-1]) * column[matrix.indices])
 
 
 def with_diagonal(matrix: Any) -> Any:
@@ -52,12 +52,12 @@ def with_diagonal(matrix: Any) -> Any:
     return matrix
 
 
-def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None, sweeps: int = SWEEPS) -> tuple[Array, Array]:
+def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None) -> tuple[Array, Array]:
     """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
     same for both where the matrix is symmetric. 1 for those without entries. begin: factors to begin with; default: 1."""
     by_rows = matrix.tocsr()
     row, column = (np.ones(by_rows.shape[0]), np.ones(by_rows.shape[1])) if begin is None else (begin[0].copy(), begin[1].copy())
-    balance(np.abs(by_rows.data), *structure_of(by_rows), sweeps, row, column, np.zeros(row.size), np.zeros(column.size))
+    balance(np.abs(by_rows.data), *structure_of(by_rows), SWEEPS, row, column, np.zeros(row.size), np.zeros(column.size))
     return np.exp2(np.rint(np.log2(row))), np.exp2(np.rint(np.log2(column)))
 
 
