@@ -26,7 +26,7 @@ from fastbeam.dynamics.time_loop import simulate
 from fastbeam.interface.arguments import Anything, Count, FilePath, Flag, Function, Names, Word, checked, real, shown
 from fastbeam.interface.errors import BackendError, ResultFileError, SceneError
 from fastbeam.interface.result_warnings import MOST, Doubts, warns
-from fastbeam.linalg.mkl import load_mkl, on_threads
+from fastbeam.linalg.mkl import OnThreads, load_mkl
 from fastbeam.model.model import Model
 from fastbeam.results.exports import import_pandas
 from fastbeam.results.progress import Progress
@@ -340,7 +340,7 @@ class Job:
         """The row of a case, a failed one too."""
         row: Row = {"run": k, "case": json.loads(json.dumps(case, default=_as_shown)), "values": {}, "error": None, "arrays": {}}
         try:
-            with nullcontext() if _mkl() is None else on_threads(_mkl(), self.threads):
+            with nullcontext() if _mkl() is None else OnThreads(_mkl(), self.threads):
                 row["values"], row["arrays"], lines = self._found(case)
             if lines:
                 row["doubts"] = lines

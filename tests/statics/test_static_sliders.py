@@ -11,9 +11,11 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.kernels.state import State
+from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.mkl import load_mkl
 from fastbeam.linalg.pattern import build_pattern
-from fastbeam.linalg.saddle import Saddle, equilibrated, factors_for
+from fastbeam.linalg.saddle import Saddle
+from fastbeam.linalg.scaling import equilibrated
 from fastbeam.model.mapping import contact, follow
 from fastbeam.model.maps import free_unknowns, share_map
 from fastbeam.model.model import Model
@@ -256,7 +258,7 @@ def test_saddle_is_solved_whatever_the_units(backend: str) -> None:
     x = np.random.default_rng(0).standard_normal(16)
     # of the size of the units
     x *= np.sqrt(1.0 / np.abs(matrix).max(axis=0))
-    saddle = Saddle(sparse.csc_matrix(matrix), multiplier, factors_for(backend))
+    saddle = Saddle(sparse.csc_matrix(matrix), multiplier, factoriser_for(backend, threads=1))
     found = saddle.solve(matrix @ x)
     assert found is not None and not saddle.is_singular
     np.testing.assert_allclose(found / x, 1.0, rtol=0.0, atol=1e-9)
@@ -276,7 +278,7 @@ def test_what_a_singular_saddle_is_not_asked_for_stays_small(backend: str) -> No
     matrix[0, 0], matrix[3, 0], matrix[4, 0] = 2e6, 1.0, 1.0
     matrix[0, 3:] = 1.0
     matrix[1, 1] = 5e3
-    factors = factors_for(backend)
+    factors = factoriser_for(backend, threads=1)
     saddle = Saddle(sparse.csc_matrix(matrix), np.array([False, False, False, True, True]), factors)
     x = saddle.solve(np.array([7.0, 1.0, 0.0, 0.0, 0.0]))
     assert x is not None and saddle.is_singular
@@ -287,7 +289,7 @@ def test_what_a_singular_saddle_is_not_asked_for_stays_small(backend: str) -> No
 @pytest.mark.skipif(load_mkl() is None, reason="no MKL")
 def test_pardiso_gives_the_solution_of_superlu_and_analyses_a_structure_once() -> None:
     from scipy import sparse
-    factors = factors_for("pardiso")
+    factors = factoriser_for("pardiso")
     assert factors is not None
     for seed in range(6):
         matrix, multiplier, _ = dense(30, 8, seed, seed % 2)

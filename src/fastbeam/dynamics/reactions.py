@@ -17,6 +17,7 @@ from fastbeam.kernels.joints.coordinates import JointMotion
 from fastbeam.kernels.loop import OK
 from fastbeam.kernels.state import State
 from fastbeam.kernels.terms import Conserving, Equilibrium
+from fastbeam.linalg.factors import LU, lu
 from fastbeam.model.connections import held_axes
 from fastbeam.model.contact.sleeve_twist import with_known_twist
 from fastbeam.model.feature import OfRun
@@ -81,13 +82,12 @@ class Reactions:
         self._free = self._left_free(None)
         # what another holds already
         self._shared = np.zeros(of_supports.size, bool) if core.ties is None else np.diff(core.ties.start)[of_supports] > 0
-        self._below = None
+        self._below: LU | None = None
         if hanging.size and len(holding.joints):
             from scipy.sparse import coo_matrix, identity
-            from scipy.sparse.linalg import splu
             # x = own + sum of those that hang on it
             children = coo_matrix((np.ones(hanging.size), (holding.parent[hanging], hanging)), shape=(n, n))
-            self._below = splu((identity(n) - children).tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
+            self._below = lu(identity(n) - children, {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.0})
 
     @property
     def size(self) -> int:
@@ -211,7 +211,7 @@ class Reactions:
         """[J, 2, 3] on side b, about side a."""
         holding = self.holding
         a, b = holding.joints.T
-        total = self._below.solve(np.concatenate((force, moment + np.cross(x, force)), axis=1))
+        total = self._below.solve(np.concatenate((force, moment + np.cross(x, force)), axis=1).T).T
         outward = holding.parent[b] == a
         below = np.where(outward, b, a)
         sign = np.where(outward, 1.0, -1.0)[:, None]

@@ -71,9 +71,10 @@ class _Critical:
         start[:base.nodes] *= base.map.free
         self.scale = saddle.typical(self.matrix)
         self.null = self.left = start / self.scale
+        self._whole: tuple[Saddle, Array, Array] | None = None
         for _ in range(4):
             null, left = self._ends(False), self._ends(True)
-            self.null, self.left = null / base.size_of(null), left / base.size_of(left)
+            self._whole, self.null, self.left = None, null / base.size_of(null), left / base.size_of(left)
         move = self.solved(right)
         value, noise = self._eigenvalue()
         if not abs(value) <= CRITICAL * self._next(start) + noise or not base.size_of(move) <= AT_REST:
@@ -91,26 +92,32 @@ class _Critical:
         size = float(np.linalg.norm(self.left / self.scale) * np.linalg.norm(self.scale * right))
         return push / max(size, 1e-300)
 
-    def _solve(self, right: Array, last: float, transposed: bool) -> tuple[Array, float]:
-        """Of [K, left, W free; null, 0, 0; (W free)^T, 0, 0], with scaled borders, or of its transpose.
-
-        Raises
-        ------
-        ConvergenceError
-            There is more than one null vector.
-        """
+    def _bordered(self) -> tuple[Saddle, Array, Array]:
+        """Scale [K, left, W free; null, 0, 0; (W free)^T, 0, 0]; also returned are the factors of its rows and columns."""
         from scipy import sparse
+        if self._whole is not None:
+            return self._whole
         borders = [np.column_stack((x, self.free)) for x in (self.left, self.null)]
         column, row = (sparse.csr_matrix(x) for x in borders)
         matrix = sparse.bmat([[self.matrix, column], [row.T, None]], format="csr")
         # whether it is singular does not depend on units
         of_row, of_column = (np.append(self.scale, 1.0 / np.max(self.scale[:, None] * np.abs(x), axis=0)) for x in borders[::-1])
         matrix = sparse.diags(of_row) @ matrix @ sparse.diags(of_column)
-        if transposed:
-            matrix, of_row, of_column = matrix.T, of_column, of_row
-        more = column.shape[1]
-        saddle = Saddle(matrix, np.append(self.multiplier, np.ones(more, bool)))
-        x = saddle.solve(of_row * np.concatenate((right, [last], np.zeros(more - 1))))
+        self._whole = Saddle(matrix, np.append(self.multiplier, np.ones(column.shape[1], bool))), of_row, of_column
+        return self._whole
+
+    def _solve(self, right: Array, last: float, transposed: bool) -> tuple[Array, float]:
+        """Solve the bordered equations, or the transposed ones.
+
+        Raises
+        ------
+        ConvergenceError
+            There is more than one null vector.
+        """
+        saddle, *factors = self._bordered()
+        of_row, of_column = factors[::-1] if transposed else factors
+        more = of_row.size - right.size
+        x = saddle.solve(of_row * np.concatenate((right, [last], np.zeros(more - 1))), transposed)
         if x is None or saddle.is_singular:
             raise ConvergenceError("critical_sensitivity: the tangent is singular in several directions at once, whose loads "
                                    "have no derivatives of their own", state=self.base.state)

@@ -15,7 +15,9 @@ from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.interface.result_warnings import Doubts, warns
 from fastbeam.interface.synonyms import known
 from fastbeam.kernels.state import State
+from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.linear_system import check_backend
+from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import factor_at, load_factors_at
 from fastbeam.model.model import Model
@@ -25,7 +27,7 @@ from fastbeam.results.observe.observer import Observer
 from fastbeam.results.observe.resolution import mesh_events
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
-from fastbeam.statics.linear_response import OutOfPlane, Response, Solver, at_shape, place_events
+from fastbeam.statics.linear_response import OutOfPlane, Response, at_shape, place_events
 from fastbeam.statics.reactions import reactions_of
 from fastbeam.statics.static_analysis import START, held_sliders, solve_static, which_sliders
 
@@ -91,7 +93,7 @@ class Sensitivity(Doubts):
         Where the equilibrium is not to be trusted, as in a `Result`.
     """
 
-    def __init__(self, family: Family, base: Response, solver: Solver, observe: tuple[str, ...], result: Result | None,
+    def __init__(self, family: Family, base: Response, solver: Saddle, observe: tuple[str, ...], result: Result | None,
                  factors: Callable[[Model], Array], backend: str) -> None:
         self._backend = backend
         self._family, self._base, self._solver, self._observe = family, base, solver, observe
@@ -113,7 +115,7 @@ class Sensitivity(Doubts):
         flat = base.stepper.plane is not None
         six = self._six(name, np.zeros(base.unknowns))
         left = [x.unbalanced() for x in six]
-        row = self._solver.saddle.row
+        row = self._solver.row
         family.check_smooth(name, left, row, float(np.linalg.norm(row * base.noise())))
         unbalanced, explicit = family.slope(name, left), self._slopes_of(name, six, flat)
         way = self._solved(unbalanced)
@@ -406,7 +408,10 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
         base = _at_rest(Response(family.base(plane).model, state, stays, plane, backend, at_time or 0.0, factors(model),
                                  load_factor))
         try:
-            return Sensitivity(family, base, Solver(base.linearised()[0], backend), kinds, result, factors, backend)
+            tangent = base.linearised()[0]
+            # on all threads
+            solver = Saddle(tangent.matrix, tangent.multiplier, factoriser_for(backend))
+            return Sensitivity(family, base, solver, kinds, result, factors, backend)
         except OutOfPlane:
             continue
     raise SceneError("sensitivity: the scene leaves its plane")

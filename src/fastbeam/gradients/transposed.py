@@ -1,21 +1,16 @@
 """Solutions with the transposed tangent of a step outside of compiled code, for the adjoint of runs (theory.md (13.12))."""
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from fastbeam.kernels.adjoint import adjoint as kernels
 from fastbeam.kernels.empty_arrays import aligned_empty
-from fastbeam.linalg.linear_system import SMALL
-from fastbeam.linalg.mkl import load_mkl
-from fastbeam.linalg.saddle import Factors
+from fastbeam.linalg.factors import OF_STEP, Factoriser, Factors, factoriser_for
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
-# relative residual of a solution
-GOOD = 1e-13
 
 
 class TransposedSolver:
@@ -28,8 +23,7 @@ class TransposedSolver:
 
     def __init__(self, stepper: Stepper) -> None:
         self.stepper, self.structure = stepper, None
-        self.mkl: Any = None
-        self.factors: Factors | None = None
+        self._factoriser: Factoriser | None = None
 
     def _begin(self) -> None:
         """The structure of tangents by columns, and where their entries stand in the blocks."""
@@ -38,7 +32,7 @@ class TransposedSolver:
         numbered = self.stepper.linear.superlu.matrix(np.arange(1.0, 8.0 * n * size + 1.0).reshape(-1, n, 8))
         self.place = numbered.data.astype(np.int64) - 1
         self.structure = numbered.indices, numbered.indptr
-        self.mkl = load_mkl()
+        self._factoriser = factoriser_for("auto")
 
     def _bordered(self, matrix: Any, terms: Any, system: Any) -> Any:
         """With columns and lines of constraints, by columns; of the terms of a system what turns with sleeves."""
@@ -91,29 +85,5 @@ class TransposedSolver:
         matrix = sparse.csc_matrix((blocks[self.place], *self.structure), shape=(n, n))
         if right.size > n:
             matrix = self._bordered(matrix, terms, system)
-        back = matrix.T
-        solved: Any = None
         # the structure of a border changes as sliders go on
-        if self.mkl is not None and right.size == n:
-            if self.factors is None:
-                self.factors = Factors(self.mkl, threads=1 if right.size < SMALL else self.mkl.MKL_Get_Max_Threads())
-            if self.factors.factor(back.tocsr()):
-                solved = self.factors.solve
-        if solved is None:
-            from scipy.sparse.linalg import splu
-            try:
-                lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-            except RuntimeError:
-                try:
-                    lu = splu(matrix)
-                except RuntimeError:
-                    return None
-            solved = partial(lu.solve, trans="T")
-        x = np.asarray(solved(right))
-        size = float(np.linalg.norm(right)) or 1.0
-        for _ in range(2):
-            rest = right - back @ x
-            if np.linalg.norm(rest) <= GOOD * size:
-                break
-            x = x + solved(rest)
-        return x if np.isfinite(x).all() else None
+        return Factors(matrix.T.tocsr(), self._factoriser if right.size == n else None, OF_STEP).solve(right)

@@ -7,29 +7,24 @@ K - shift M tell how many eigenvalues lie below a shift (Sylvester), so that non
 """
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.linalg.linear_system import SMALL
-from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.factors import Factoriser, Factors, Limits, factoriser_for
 from fastbeam.linalg.orthonormal import NOTHING, TINY, orthonormal
-from fastbeam.linalg.saddle import Factors, counted, equilibrated, parity, signs_between, typical_factors
+from fastbeam.linalg.saddle import signs_between
+from fastbeam.linalg.scaling import counted, entry_scales, equilibrated, parity, typical_factors, with_diagonal
 
 Array = np.ndarray
 # right-hand sides of a solution
 BLOCK = 4
 # residual of a Ritz pair next to its value, up to which it counts
 CONVERGED = 1e-9
-# relative residual of a solution: wanted, and accepted
-GOOD, FAIR = 1e-13, 1e-6
-# solutions for last digits, solutions at most, and the residual next to the largest of its terms that is round-off
-REFINEMENTS, MOST_REFINEMENTS, ROUND_OFF = 4, 20, 1e-12
-# residual next to the solution of a matrix of size 1 that is round-off of the product
-LAST_BITS = 2.0 * np.finfo(float).eps
-# and residual up to which that is no sign of a matrix that is singular to round-off
-CLEAR = 1e-4
+# of solutions
+LIMITS = Limits(1e-13, 1e-6, np.inf, 1e-12, 3, 19, last_bits=2.0 * np.finfo(float).eps)
+# share of the largest entry of a column from which on SuperLU takes the one on the diagonal: without exchanges pivots are counted
+FEW = 0.01
 # share of a right-hand side that GIVE may take up: factors whose pivots were moved leave more between dependent constraints
 GIVEN_WAY = 1e-3
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
@@ -87,114 +82,53 @@ class Shifted:
     """
 
     def __init__(self, pencil: Pencil, shift: float, backend: str, order: Array | None = None) -> None:
-        self.shift, self.pencil, self.order = shift, pencil, order
+        self.shift, self.pencil = shift, pencil
         n, k = pencil.multiplier.size, pencil.mass.shape[0]
-        self.columns = BLOCK
         matrix = pencil.stiffness
         if shift:
             matrix = (matrix - shift * grown(pencil.mass, n)).tocsr()
         bordered = bool(pencil.multiplier.any()) or k < n
-        self.once, self.scale = scales(matrix, bordered, pencil)
-        self.matrix = with_diagonal(matrix)
-        row = rows_of(self.matrix)
-        self.matrix.data *= self.once * self.scale[self.matrix.indices] * self.scale[row]
-        diagonal = np.flatnonzero(self.matrix.indices == row)
-        self.below: int | None = None
+        once, self.scale = scales(matrix, bordered, pencil)
+        # neither stiffness nor mass, such as the spin of a thin rod about its axis
         massless = np.ones(n, bool)
         massless[:k] = pencil.mass.diagonal() == 0.0
-        test = agreeing(self.matrix, massless, np.random.default_rng(1).standard_normal((2 * BLOCK, n)))
-        for idle in (0.0, IDLE):
-            held = self.matrix.copy()
-            # idle: neither stiffness nor mass, such as the spin of a thin rod about its axis
-            held.data[diagonal] += np.where(pencil.multiplier, -GIVE, np.where(massless, idle, 0.0))
-            if self._factored(held, test, backend, bordered):
-                return
-        raise SingularError
-
-    def _factored(self, matrix: Any, test: Array, backend: str, bordered: bool) -> bool:
-        """Whether there are factors, of this matrix, whose solutions can be accepted."""
-        n = matrix.shape[0]
-        mkl = None if backend == "superlu" else load_mkl()
-        if mkl is not None:
-            threads = 1 if n < SMALL else mkl.MKL_Get_Max_Threads()
-            factors = Factors(mkl, self.pencil.is_symmetric, bordered, BLOCK, threads, self.order)
-            if factors.factor(upper(matrix) if self.pencil.is_symmetric else matrix):
-                self._solve, self.order = factors.solve, factors.order
-                if self._is_good(test):
-                    if self.pencil.is_symmetric and not factors.perturbed:
-                        self.below = factors.negative - int(self.pencil.multiplier.sum())
-                    self.name = "PARDISO"
-                    return True
-        from scipy.sparse.linalg import splu
-        self.name = "SuperLU"
-        try:
-            symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
-            factors = splu(matrix.tocsc(), **(symmetric if self.pencil.is_symmetric else {}))
-        except RuntimeError:
-            return False
-        if self.pencil.is_symmetric and np.array_equal(factors.perm_r, factors.perm_c):
-            self.below = int(np.sum(factors.U.diagonal() < 0.0)) - int(self.pencil.multiplier.sum())
-        self._solve = lambda right: np.ascontiguousarray(factors.solve(np.ascontiguousarray(right.T)).T)
-        return self._is_good(test)
-
-    def _is_good(self, right: Array) -> bool:
-        try:
-            found = self._refined(right)
-        except SingularError:
-            return False
-        return bool(GIVE * np.max(np.abs(found[:, self.pencil.multiplier]), initial=0.0) <= GIVEN_WAY * np.max(np.abs(right)))
-
-    def _refined(self, right: Array) -> Array:
-        """Solutions of the scaled equations [m, n], refined where that helps."""
-        if len(right) < BLOCK:
-            return self._refined(np.concatenate((right, np.zeros((BLOCK - len(right), right.shape[1])))))[:len(right)]
-        return refined(self._solve, self.matrix, right, to_last_bits=False)[0]
+        by = factoriser_for(backend, symmetric=pencil.is_symmetric, matching=bordered, order=order)
+        draw = np.random.default_rng(1).standard_normal((2 * BLOCK, n))
+        self._factors = given_way(with_diagonal(matrix), by, LIMITS, (once * self.scale, self.scale), pencil.multiplier, massless,
+                                  draw, GIVEN_WAY)
+        of = self._factors.by
+        assert of is not None
+        self.order, self.name, negative = of.order, of.name, of.negative
+        self.below = negative - int(pencil.multiplier.sum()) if pencil.is_symmetric and negative is not None else None
 
     def solve(self, right: Array) -> Array:
         """Of K - shift M for right-hand sides [n, m]."""
-        return (self._refined(np.ascontiguousarray((self.once * self.scale[:, None] * right).T)) * self.scale).T
+        x = self._factors.solve(np.ascontiguousarray(right.T))
+        if x is None:
+            raise SingularError
+        return x.T
 
 
-def agreeing(matrix: Any, rows: Array, draw: Array) -> Array:
-    """Right-hand sides [m, n], the first half of what is drawn [2 m, n], that in some rows, bool [n], are products of the matrix
-    with the second half: constraints that say the same twice, and what is idle, can meet them."""
-    right, x = np.split(draw, 2)
-    return np.where(rows, (matrix @ x.T).T, right)
+def given_way(matrix: Any, by: Factoriser | None, limits: Limits, scales: tuple[Array, Array], multiplier: Array, idle: Array,
+              draw: Array, most: float = np.inf) -> Factors:
+    """Factor a matrix whose constraints may say the same twice, and with coordinates, bool `idle` [n], without stiffness.
 
-
-def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, to_last_bits: bool = True,
-            round_off: float = ROUND_OFF) -> tuple[Array, float]:
-    """Solutions of matrix x = b for rows b of `right` [m, n], real or complex, refined where that helps, and the largest residual
-    next to its b; to_last_bits: also where the residual is round-off of the product; round_off: next to the largest term.
+    Solutions are tried for the first half of what is drawn [2 m, n], in scaled rows; in those of constraints and idle coordinates
+    for products of the matrix with the second half, so that they can be met. most: share of these that GIVE may take up.
 
     Raises
     ------
     SingularError
-        The residual is neither small nor what round-off leaves of large terms.
+        No solver finds solutions that are accepted.
     """
-    size = np.linalg.norm(right, axis=1)
-    size[size == 0.0] = 1.0
-    x = best = solve(right)
-    worst = np.inf
-    for k in range(MOST_REFINEMENTS):
-        rest = right - (matrix @ x.T).T
-        left = float(np.max(np.linalg.norm(rest, axis=1) / size))
-        if not left < 0.5 * worst:
+    for share in (0.0, IDLE):
+        if share and not idle.any():
             break
-        worst, best = left, x
-        if k >= REFINEMENTS - 1 and worst <= FAIR:
-            break
-        if left <= GOOD:
-            break
-        # of a matrix whose largest entries are 1
-        if not to_last_bits and left <= CLEAR and np.all(np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
-            return x, left
-        x = x + solve(rest)
-    if worst <= FAIR:
-        return best, worst
-    terms = (abs(matrix) @ np.abs(best).T).T + np.abs(right)
-    if np.isfinite(best).all() and np.max(np.abs(right - (matrix @ best.T).T)) <= round_off * np.max(terms):
-        return best, worst
+        found = Factors(matrix, by, limits, scales, np.where(multiplier, -GIVE, np.where(idle, share, 0.0)), FEW)
+        right, x = np.split(draw, 2)
+        right = np.where(multiplier | idle, (found.scaled @ x.T).T, right)
+        if found.solve_scaled(right, most_given=most) is not None:
+            return found
     raise SingularError
 
 
@@ -337,10 +271,7 @@ def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array)
     size[_others(values)] = size[np.flatnonzero(np.imag(values) > 0.0)]
     whole /= size
     absolute = abs(pencil.stiffness)
-    live = _allowed(pencil, factors, whole)
-    if pencil.is_symmetric:
-        # of vectors that only GIVE allows the refined solution leaves round-off
-        live = live[(size * np.abs(values - factors.shift))[live] > 0.5]
+    live = _is_eigenvector(pencil, factors, whole, size * np.abs(values - factors.shift))
     values, whole = values[live], whole[:, live]
     free = np.where(pencil.multiplier[:, None], 0.0, np.abs(whole))
     noise = NOISE * (np.sum(free * (absolute @ free), axis=0) + 2.0 * abs(factors.shift))
@@ -349,14 +280,15 @@ def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array)
     return Eigen(values, whole, noise, False, factors)
 
 
-def _allowed(pencil: Pencil, factors: Shifted, whole: Array) -> Array:
-    """Which vectors satisfy the constraints; GIVE makes eigenvalues of its own behind all others."""
-    rows = np.flatnonzero(pencil.multiplier)
-    if not rows.size:
-        return np.arange(whole.shape[1])
-    gap = np.abs(factors.scale[rows, None] * (pencil.stiffness[rows] @ whole)).max(axis=0)
+def _is_eigenvector(pencil: Pencil, factors: Shifted, whole: Array, kept: Array) -> Array:
+    """Sieve vectors [n, m], bool [m]: GIVE makes eigenvalues of its own behind all others, whose vectors do not satisfy the
+    constraints, or are round-off once a refined solution has taken it out. kept: what that leaves of their size, [m]."""
+    is_kept = kept > 0.5 if pencil.is_symmetric else np.ones(kept.size, bool)
+    if not pencil.multiplier.any():
+        return is_kept
+    gap = np.abs(factors.scale[pencil.multiplier, None] * (pencil.stiffness[pencil.multiplier] @ whole)).max(axis=0)
     size = np.abs(whole[~pencil.multiplier] / factors.scale[~pencil.multiplier, None]).max(axis=0)
-    return np.flatnonzero(gap <= OPEN * size)
+    return is_kept & (gap <= OPEN * size)
 
 
 def _in_pairs(values: Array, vectors: Array) -> tuple[Array, Array]:
@@ -418,7 +350,7 @@ def _below(pencil: Pencil, shift: float) -> int | None:
     n = pencil.multiplier.size
     matrix = (pencil.stiffness - shift * grown(pencil.mass, n)).tocsr()
     once, scale = scales(matrix, True, pencil)
-    matrix = (once * matrix.multiply(scale[:, None]).multiply(scale)).tocsr()
+    matrix.data *= entry_scales(matrix, once * scale, scale)
     if n <= DENSE:
         # dependent constraints and idle coordinates are zeros
         values = np.linalg.eigvalsh(matrix.toarray())
@@ -466,31 +398,3 @@ def scales(matrix: Any, bordered: bool, pencil: Pencil) -> tuple[float, Array]:
         once = parity(largest)
         squares = 1.0 / (once * np.maximum(diagonal, 1e-20 * largest))
     return once, np.exp2(np.round(0.5 * np.log2(squares)))
-
-
-def rows_of(matrix: Any) -> Array:
-    """Row of every entry of a matrix by rows."""
-    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-
-
-def with_diagonal(matrix: Any) -> Any:
-    """A copy of a matrix by rows with all of its diagonal, zeros too, in order."""
-    from scipy import sparse
-    matrix = matrix.copy()
-    matrix.sum_duplicates()
-    row = rows_of(matrix)
-    absent = np.setdiff1d(np.arange(matrix.shape[0]), row[matrix.indices == row], assume_unique=True)
-    if not absent.size:
-        return matrix
-    where = np.append(row, absent), np.append(matrix.indices, absent)
-    matrix = sparse.csr_matrix((np.append(matrix.data, np.zeros(absent.size)), where), matrix.shape)
-    matrix.sort_indices()
-    return matrix
-
-
-def upper(matrix: Any) -> Any:
-    """Entries of a matrix by rows, in order, on and above the diagonal."""
-    from scipy import sparse
-    keep = matrix.indices >= rows_of(matrix)
-    before = np.concatenate(([0], np.cumsum(keep)))[matrix.indptr]
-    return sparse.csr_matrix((matrix.data[keep], matrix.indices[keep], before), matrix.shape)

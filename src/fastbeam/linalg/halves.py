@@ -5,7 +5,6 @@ the same bits on any number of them, do not make its solutions faster; two halve
 """
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from ctypes import c_void_p
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
-from fastbeam.linalg.mkl import on_threads, pardiso_tables
+from fastbeam.linalg.mkl import OnThreads, PardisoMemory, pardiso_tables
 
 Array = np.ndarray
 Each = Callable[[Callable[[int, Any], Any], Sequence[Any]], Any]
@@ -68,7 +67,7 @@ class Half:
     """
 
     def __init__(self, mkl: Any, nodes: Array, between: Array, indptr: Array, indices: Array, columns: int, size: int) -> None:
-        self._mkl, self.own = mkl, size * nodes.size
+        self.own = size * nodes.size
         mine = np.concatenate((nodes, between))
         place = np.full(indptr.size - 1, -1)
         place[mine] = np.arange(mine.size)
@@ -87,12 +86,12 @@ class Half:
         # the Schur complement is of these rows
         self.tables.perm[self.own:] = 1
         self.schur = empty((size * between.size,) * 2)
+        self._memory = PardisoMemory(mkl, self.tables, 1)
         if self._call(kernels.ANALYSE, self.schur):
             raise ArithmeticError(f"PARDISO error {self.tables.numbers[7]} in the analysis of a half")
 
     def _call(self, phase: int, out: Array) -> int:
-        with on_threads(self._mkl, 1):
-            return int(kernels.call_pardiso(self.tables, phase, self.tables.b, out))
+        return self._memory.call(phase, self.tables.b, out)
 
     def factor(self, data: Array, size: Any) -> int:
         """Factors and Schur complement from the blocks of the whole matrix; PARDISO's error code."""
@@ -112,12 +111,6 @@ class Half:
         code = self._call(kernels.BACKWARD, self.tables.x)
         y[:, self.rows] = self.tables.x[:, :self.own]
         return code
-
-    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
-        # as of `linear_system.Pardiso`
-        tables = getattr(self, "tables", None)
-        if tables is not None and not python_ends() and tables.handle.any():
-            self._call(kernels.RELEASE, tables.x)
 
 
 class Halves:
@@ -192,5 +185,5 @@ class Halves:
         return int(any(codes))
 
     def _call(self, name: str, *pointers: Any) -> None:
-        with on_threads(self._mkl, 1):
+        with OnThreads(self._mkl, 1):
             getattr(self._mkl, name)(*(x if isinstance(x, bytes) else c_void_p(x) for x in pointers))

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.kernels.linalg import band
+from fastbeam.linalg.factors import LU, SYMMETRIC_MODE, lu
 
 Array = np.ndarray
 # of a matrix scaled to a diagonal of 1, in which round-off moves eigenvalues by 1e-16 to 1e-15: where none is nearer to zero than
@@ -177,13 +178,12 @@ class Signs:
                 return 0
             signs, odd = np.sign(lapack[2 * width]), np.sum(exchanged != np.arange(exchanged.size)) % 2
         else:
-            from scipy.sparse.linalg import splu
-            try:
-                factors = splu(self._of.matrix)
-            except RuntimeError:
+            factors = lu(self._of.matrix)
+            if factors is None:
                 return 0
-            signs = np.sign(np.concatenate((factors.L.diagonal(), factors.U.diagonal())))
-            odd = _is_odd(factors.perm_r) ^ _is_odd(factors.perm_c)
+            raw = factors.raw
+            signs = np.sign(np.concatenate((raw.L.diagonal(), raw.U.diagonal())))
+            odd = _is_odd(raw.perm_r) ^ _is_odd(raw.perm_c)
         return int(np.prod(signs)) * (-1 if odd else 1)
 
     @cached_property
@@ -361,21 +361,15 @@ def sizes_of(diagonal: Array) -> Array:
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
-def _factored(matrix: Any) -> Any:
-    """Without exchange of rows; None where the matrix is singular."""
-    from scipy.sparse.linalg import splu
-    try:
-        return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except RuntimeError:
-        return None
+def _factored(matrix: Any) -> LU | None:
+    """Factor without exchange of rows; None where the matrix is singular."""
+    return lu(matrix, SYMMETRIC_MODE | {"diag_pivot_thresh": 0.0})
 
 
 def _pivots(matrix: Any) -> Array | None:
     """Pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
     factors = _factored(matrix)
-    # perm_c[j] is where column j went
-    exchanged = factors is None or not np.array_equal(factors.perm_r, factors.perm_c)
-    return None if exchanged else factors.U.diagonal()[factors.perm_c]
+    return None if factors is None else factors.pivots
 
 
 def _below(matrix: Any, shift: float) -> int:
@@ -396,7 +390,7 @@ def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
         return None
     v = np.random.default_rng(0).standard_normal((n, min(n, count + MORE)))
     for _ in range(SWEEPS):
-        v = orthonormal_columns(factors.solve(v))[0]
+        v = orthonormal_columns(factors.solve(v.T).T)[0]
         if not np.isfinite(v).all():
             return None
     return v

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.linalg.factors import Limits, lu, refined
+
 Array = np.ndarray
 # share of its inertia with which every unknown is held to its value in one solution (proximal point iteration)
 HOLD = 1e-8
@@ -14,7 +16,8 @@ GIVE = 1e-14
 SHARED = 1e-8
 # share of what a constraint has of single nodes, below which a rigid motion leaves it as it is
 UNMOVED = 1e-9
-SOLUTIONS = 30
+# solutions, as many as help
+LIMITS = Limits(0.0, 0.0, 0.0, 0.0, 30, 30)
 # share of the kinetic energy that was given: rigid motions that leave less are no answer, supports stop the parts. A load
 # thrown along a rope whose far end stands keeps sin(x)^2 of it, x the angle between both: 6 degrees, as of directions from typed
 # coordinates and nets that sag, are none of a load that swings. Either way the event `projected` tells energies before and after
@@ -90,7 +93,6 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, 
     are the multipliers l of the constraints, with which mass (x - given) = momentum + matrix^T l.
     """
     from scipy import sparse
-    from scipy.sparse.linalg import splu
     n, m = given.size, right.size
     diagonal = mass.diagonal()
     _, piece = pieces(mass, matrix)
@@ -109,17 +111,11 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, 
     weight = unit @ mass @ unit
     exact = sparse.bmat([[weight, rows.T], [rows, None]]).tocsr()
     held = exact + sparse.diags(np.concatenate((np.full(n, hold), np.full(m, -give))))
-    factors = splu(held.tocsc())
-    start = given * np.sqrt(scale)
-    pull = weight @ start if momentum is None else weight @ start + unit @ momentum
+    factors = lu(held)
+    assert factors is not None, "what is held is regular"
+    start = np.concatenate((given * np.sqrt(scale), np.zeros(m)))
+    pull = weight @ start[:n] if momentum is None else weight @ start[:n] + unit @ momentum
     goal = np.concatenate((pull, right / size))
-    solution = np.concatenate((start, np.zeros(m)))
-    best, kept = np.inf, solution
-    for _ in range(SOLUTIONS):
-        rest = goal - exact @ solution
-        left = float(np.max(np.abs(rest), initial=0.0))
-        if not left < 0.5 * best:
-            break
-        best, kept = left, solution
-        solution = solution + factors.solve(rest)
+    off = goal - exact @ start
+    kept = start + refined(factors.solve, lambda x: np.asarray(off - exact @ x), off, LIMITS)[0]
     return kept[:n] / np.sqrt(scale), -kept[n:] / size

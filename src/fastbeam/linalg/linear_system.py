@@ -1,35 +1,29 @@
-"""Sparse direct solution of block matrices: PARDISO by phases, SuperLU as the fallback, every residual checked.
-
-MKL's PARDISO perturbs small pivots and may return garbage without an error code on indefinite matrices; the check is the only
-warning there is.
-"""
+"""Sparse direct solution of the block matrices of steps: PARDISO inside compiled code, SuperLU as the fallback."""
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
 
-from fastbeam.interface.errors import BackendError, SceneError
+from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.linalg import pardiso as kernels
-from fastbeam.kernels.linalg.pardiso import REFINE_AT, REFUSE_AT, PardisoTables
+from fastbeam.kernels.linalg.pardiso import PardisoTables
+from fastbeam.linalg.factors import OF_STEP, Factors
 from fastbeam.linalg.halves import Each, Halves, cut
-from fastbeam.linalg.inertia import Blocks, Nodes, Signs, held, sizes_of
-from fastbeam.linalg.mkl import load_mkl, on_threads, pardiso_tables
+from fastbeam.linalg.inertia import Blocks, Nodes, Signs, held
+from fastbeam.linalg.mkl import PardisoMemory, mkl_for, pardiso_tables, threads_for
 from fastbeam.linalg.pattern import Pattern
 
 Array = np.ndarray
 # PARDISO cuts a matrix for so many threads and gets the same bits on any number; another number gives other bits
 REPRODUCIBLE = 8
-# unknowns below which PARDISO runs on one thread
-SMALL = 5000
 BACKENDS = ("auto", "pardiso", "superlu")
 # unknowns from which on a matrix is cut in two, where results have to be the same bits on any number of threads
 HALVES_FROM = 8000
-# relative residual up to which a solution of slender beams may be round-off of their stiff directions; its backward error decides
-ILL_CONDITIONED = 1e-2
+# share of the largest entry of a column from which on SuperLU takes the one on the diagonal, in statics
+FEW = 1e-3
 
 
 def check_backend(backend: str) -> None:
@@ -76,28 +70,24 @@ class Pardiso:
             block = np.flatnonzero(indices >= rows)
             mirror = np.searchsorted(rows * n + indices, indices[block] * n + rows[block])
             indptr, indices = np.searchsorted(rows[block], np.arange(n + 1)), indices[block]
-        self._mkl = mkl
-        # threads cost more than they bring in small systems
-        self._threads = 1 if size * n < SMALL else threads or mkl.MKL_Get_Max_Threads()
         kind = kernels.SYMMETRIC if symmetric else kernels.UNSYMMETRIC
         more = {33: REPRODUCIBLE if reproducible else 0, 36: size}
-        self._call = kernels.call_pardiso
         self.halves: Halves | None = None
         tables = pardiso_tables(indptr, indices, kind, more, columns, size, refined=True)
         self.tables = tables._replace(block=block, mirror=mirror)
+        self._memory = PardisoMemory(mkl, self.tables, threads_for(mkl, size * n, threads))
         if reproducible and not symmetric and size * n >= HALVES_FROM:
             parts = cut(self.tables.indptr, self.tables.indices)
             if parts is not None:
                 self.halves = Halves(mkl, parts, self.tables, size)
                 return
-        with self.threads():
-            code = self._call(self.tables, kernels.ANALYSE, self.tables.b, self.tables.x)
+        code = self._memory.call(kernels.ANALYSE, self.tables.b, self.tables.x)
         if code:
             raise ArithmeticError(f"PARDISO error {code} in the analysis")
 
     def threads(self) -> AbstractContextManager[None]:
-        """Calls in here run on the threads of the analysis; PARDISO crashes with fewer."""
-        return on_threads(self._mkl, self._threads)
+        """Run calls of compiled code on the threads of the analysis."""
+        return self._memory.threads
 
     @property
     def factor_bytes(self) -> int:
@@ -116,65 +106,25 @@ class Pardiso:
         with self.threads():
             return bool(kernels.solve_sparse(self.tables, blocks, panel, width, size))
 
-    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
-        # nothing to free where the analysis was never reached; where Python ends compiled code may be gone before this
-        tables = getattr(self, "tables", None)
-        if tables is not None and not python_ends() and tables.handle.any():
-            with self.threads():
-                self._call(tables, kernels.RELEASE, tables.b, tables.x)
-
 
 class SuperLU:
-    """The fallback: factorises anew every time, slower, with pivoting across blocks.
-
-    Attributes
-    ----------
-    solves : int
-    worst_residual : float
-        Largest accepted relative residual.
-    """
+    """The fallback: factorises anew every time, slower, with pivoting across blocks."""
 
     def __init__(self, rows: Array, columns: Array, n: int, size: int) -> None:
         self.n, self.size = n, size
         self._rows, self._columns = np.ascontiguousarray(rows), np.ascontiguousarray(columns)
-        self.solves = 0
-        self.worst_residual = 0.0
         # what finds one unknown of every free motion of the matrix by rows, to be held
         self.free: Callable[[Any], Array] | None = None
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
         """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
-        from scipy import sparse
-        from scipy.sparse.linalg import splu
-        if not (np.isfinite(blocks).all() and np.isfinite(right).all()):
+        if not np.isfinite(blocks).all():
             return None
-        self.solves += 1
-        matrix, scale = self.matrix(blocks), np.ones(right.shape[1])
-        # the order that suits a symmetric structure first, then plain partial pivoting
-        symmetric: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
-        tried = [symmetric, {}]
-        if self.free is not None:
-            # in statics before that with few exchanges of rows, which fill the factors of fine meshes
-            free = self.free(self.by_rows(blocks))
-            matrix = held(matrix.tocsr(), free)
-            scale = np.sqrt(1.0 / sizes_of(matrix.diagonal()))
-            matrix = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
-            tried.insert(0, symmetric | {"diag_pivot_thresh": 1e-3})
-        right = scale * right
-        for options in tried:
-            try:
-                factors = splu(matrix, **options)
-            except RuntimeError:
-                continue
-            x = factors.solve(right.T).T
-            worst = self._residual(matrix, x, right)
-            if REFINE_AT < worst < 1.0:
-                x = x + factors.solve((right - (matrix @ x.T).T).T).T
-                worst = self._residual(matrix, x, right)
-            if worst <= REFUSE_AT or (worst <= ILL_CONDITIONED and self._backward_error(matrix, x, right) <= REFINE_AT):
-                self.worst_residual = max(self.worst_residual, worst)
-                return np.ascontiguousarray(scale * x)
-        return None
+        matrix = self.by_rows(blocks)
+        if self.free is None:
+            return Factors(matrix, limits=OF_STEP).solve(right)
+        # in statics with few exchanges of rows, which fill the factors of fine meshes
+        return Factors(held(matrix, self.free(matrix)), limits=OF_STEP, exchange=FEW).solve(right)
 
     def signs(self, blocks: Array, symmetric: bool, free: Callable[[Any], Array] | None = None) -> tuple[int, int] | None:
         """As `inertia.Signs.count`, of the matrix of blocks [n_blocks, size, 8]."""
@@ -191,19 +141,6 @@ class SuperLU:
 
     def _of(self, blocks: Array) -> Blocks:
         return Blocks(self.size * self.n, self._rows, self._columns, blocks, self.size)
-
-    @staticmethod
-    def _backward_error(matrix: Any, x: Array, b: Array) -> float:
-        """Largest relative change of any entry of matrix and right-hand side that would make x exact."""
-        rest = np.abs(b - (matrix @ x.T).T)
-        size = (abs(matrix) @ np.abs(x).T).T + np.abs(b)
-        return float(np.max(rest / np.where(size > 0.0, size, 1.0)))
-
-    @staticmethod
-    def _residual(matrix: Any, x: Array, b: Array) -> float:
-        size = np.linalg.norm(b, axis=1)
-        worst = float(np.max(np.linalg.norm(b - (matrix @ x.T).T, axis=1) / np.where(size > 0.0, size, 1.0)))
-        return worst if np.isfinite(worst) else np.inf
 
 
 class LinearSystem:
@@ -237,10 +174,8 @@ class LinearSystem:
         self._why = ""
         if pattern.plan is not None or backend == "superlu":
             return
-        mkl = load_mkl()
+        mkl = mkl_for(backend)
         if mkl is None:
-            if backend == "pardiso":
-                raise BackendError("backend='pardiso': no MKL runtime was found; pip install pypardiso, or use backend='auto'")
             self._why = "MKL not found"
             return
         indptr = np.searchsorted(pattern.rows, np.arange(pattern.n + 1))

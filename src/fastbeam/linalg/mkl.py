@@ -7,24 +7,45 @@ import ctypes.util
 import glob
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from fastbeam.interface.errors import BackendError
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.jit.decorators import link_library
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
 
 Array = np.ndarray
+# unknowns below which PARDISO runs on one thread: threads cost more than they bring in small systems
+SMALL = 5000
 
 
 def load_mkl() -> Any | None:
     """The MKL runtime, or None where it is not installed."""
     return None if os.environ.get("FASTBEAM_NO_MKL") else _found_mkl()
+
+
+def mkl_for(backend: str) -> Any | None:
+    """Load the MKL runtime where a backend takes it; None with backend='superlu', and where there is none.
+
+    Raises
+    ------
+    BackendError
+        backend='pardiso' without MKL.
+    """
+    mkl = None if backend == "superlu" else load_mkl()
+    if mkl is None and backend == "pardiso":
+        raise BackendError("backend='pardiso': no MKL runtime was found; pip install pypardiso, or use backend='auto'")
+    return mkl
+
+
+def threads_for(mkl: Any, n: int, threads: int | None = None) -> int:
+    """Number of threads for n unknowns; threads: at most, where they were chosen."""
+    return 1 if n < SMALL else threads or int(mkl.MKL_Get_Max_Threads())
 
 
 @cache
@@ -52,23 +73,17 @@ def _loaded(path: str) -> Any | None:
     return library
 
 
-@contextmanager
-def on_threads(mkl: Any, n: int) -> Iterator[None]:
-    """MKL on so many threads, the calling one among them."""
-    before = mkl.MKL_Set_Num_Threads_Local(n)
-    try:
-        yield
-    finally:
-        mkl.MKL_Set_Num_Threads_Local(before)
+class OnThreads:
+    """MKL on so many threads, the calling one among them, in a with statement."""
 
+    def __init__(self, mkl: Any, n: int) -> None:
+        self._mkl, self._n, self._before = mkl, n, 0
 
-def settings(more: dict[int, int]) -> Array:
-    """PARDISO's iparm: METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of
-    its own, which would take the present matrix and cost two more solutions; and `more`, by place."""
-    iparm = np.zeros(64, np.int32)
-    for k, value in ({0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 34: 1} | more).items():
-        iparm[k] = value
-    return iparm
+    def __enter__(self) -> None:
+        self._before = self._mkl.MKL_Set_Num_Threads_Local(self._n)
+
+    def __exit__(self, *error: object) -> None:
+        self._mkl.MKL_Set_Num_Threads_Local(self._before)
 
 
 def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int], columns: int = 1, size: int = 1,
@@ -82,19 +97,47 @@ def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int
     kind : int
         `kernels.sparse.SYMMETRIC` (blocks on and above the diagonal) or `UNSYMMETRIC`.
     more : dict
-        Of `settings`.
+        Entries of PARDISO's iparm, by place. The others: METIS order, no scaling or matching (they are computed from the values
+        of the analysis), no refinement of its own, which would take the present matrix and cost two more solutions.
     columns, size : int
         Right-hand sides at most; unknowns of a block.
     refined : bool
         Keep places for residuals and corrections.
     """
     n, rows = indptr.size - 1, size * (indptr.size - 1)
-    every = np.arange(indices.size)
+    every, iparm = np.arange(indices.size), np.zeros(64, np.int32)
+    for k, value in ({0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 34: 1} | more).items():
+        iparm[k] = value
     indptr, indices = indptr.astype(np.int32), indices.astype(np.int32)
     return PardisoTables(
-        np.zeros(64, np.int64), settings(more), np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32),
+        np.zeros(64, np.int64), iparm, np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32),
         np.zeros(max(n, 1), np.int32), indptr, indices, every, every, empty(size**2 * indices.size),
         *(empty((m, rows)) for m in (columns, columns, *(columns * refined,) * 2)), np.zeros(5, np.int64), np.zeros(2))
+
+
+class PardisoMemory:
+    """What PARDISO keeps of one structure and its values, freed with this object.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+    tables : PardisoTables
+    threads : int
+        Of all calls: PARDISO crashes with fewer than it was analysed on.
+    """
+
+    def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
+        self.tables, self.threads = tables, OnThreads(mkl, threads)
+
+    def call(self, phase: int, b: Array, x: Array) -> int:
+        """Call PARDISO with right-hand sides and solutions [m, n]; return its error code."""
+        with self.threads:
+            return int(kernels.call_pardiso(self.tables, phase, b, x))
+
+    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
+        # then compiled code may be gone before this, and the memory goes with the process
+        if not python_ends() and self.tables.handle.any():
+            self.call(kernels.RELEASE, self.tables.b, self.tables.x)
 
 
 def nested_dissection(matrix: Any) -> Array | None:
@@ -114,7 +157,5 @@ def nested_dissection(matrix: Any) -> Array | None:
         return None
     t = pardiso_tables(matrix.indptr, matrix.indices, kernels.UNSYMMETRIC, {4: 2})
     t.data[:] = 1.0
-    with on_threads(mkl, 1):
-        failed = kernels.call_pardiso(t, kernels.ANALYSE, t.b, t.x)
-        kernels.call_pardiso(t, kernels.RELEASE, t.b, t.x)
+    failed = PardisoMemory(mkl, t, 1).call(kernels.ANALYSE, t.b, t.x)
     return None if failed else t.perm

@@ -1,7 +1,6 @@
 """Linear maps of a compiled scene between its unknowns, velocities and coordinates, for whoever needs them outside of a step."""
 from __future__ import annotations
 
-from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -215,10 +214,3 @@ class RowMap:
     def rates(self, q: Array) -> Any:
         """Unknowns -> rates of the coordinates of all nodes at q [12 N], sparse [12 N, m]."""
         return self.ties @ velocity_map(q.reshape(-1, 4, 3)) @ self.rows
-
-
-def with_values(matrix: Any, data: Array) -> Any:
-    """A sparse matrix with the structure of this one, shared, and other values: making one anew looks at the structure."""
-    out = copy(matrix)
-    out.data = data
-    return out

@@ -59,7 +59,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
 
 
 def check_border(model: Model) -> None:
-    """Refuse a dense border of constraints that the memory of this computer does not hold.
+    """Refuse constraints whose dense columns over all nodes the memory of this computer does not hold.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def check_border(model: Model) -> None:
     if needed > there:
         of = f"{model.bordered_sliders} sliders and {len(model.kept)} joints with multipliers"
         size = f"{needed / 1e9:.3g} GB where this computer has {there / 1e9:.3g} GB"
-        raise SceneError(f"scene {model.scene_name!r}: {of} are a dense border of {model.columns - 1} columns over all nodes of "
+        raise SceneError(f"scene {model.scene_name!r}: {of} take a dense matrix of {model.columns - 1} columns over all nodes of "
                          f"a net, {size}. Let sliders be masses or bodies on beams that nothing else touches and compile with "
                          "condense=True (docs/limits.md), and close loops of rigid parts by RigidConnection, elastic beams or "
                          "springs instead of ball joints; or take fewer of them")

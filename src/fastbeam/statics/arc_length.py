@@ -9,8 +9,9 @@ import numpy as np
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.linalg.eigen import Pencil, SingularError, grown, lowest
-from fastbeam.linalg.saddle import Saddle, factors_for
-from fastbeam.model.maps import with_values
+from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.saddle import Saddle
+from fastbeam.linalg.scaling import with_values
 from fastbeam.model.model import Model
 from fastbeam.statics.constrained import Increment
 from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
@@ -71,7 +72,7 @@ class PathSolver(SlidingSolver):
             self.along.is_exact = True
         self._laws, self._strains = laws, strains
         self.is_unsymmetric = not self.has_potential(self.stepper.plane is not None)
-        self._of_path, self._backend = factors_for(backend), backend
+        self._of_path, self._backend = factoriser_for(backend, threads=1), backend
         loads = []
         for part in factors:
             self._load(part)
@@ -85,7 +86,6 @@ class PathSolver(SlidingSolver):
         self._push: Array | None = None
         # structure of the matrix with border
         self._structure: tuple[Array, ...] | None = None
-        self._whole_scales: tuple[Array, Array] | None = None
         self._places: tuple[Array, ...] = ()
         self._whole: Any = None
         # largest stiffness in the metric of the steps
@@ -233,7 +233,7 @@ class PathSolver(SlidingSolver):
         inner, n = saddle.matrix, column.size
         kind = inner.indptr, inner.indices, column != 0.0, row != 0.0
         if self._structure is None or not all(x is y or np.array_equal(x, y) for x, y in zip(self._structure, kind)):
-            self._structure, self._whole_scales = kind, None
+            self._structure = kind
             self._places = _bordered_places(*kind)
             self._whole = sparse.csr_matrix((np.zeros(self._places[1].size), self._places[1], self._places[0]),
                                             shape=(n + 1, n + 1))
@@ -241,9 +241,7 @@ class PathSolver(SlidingSolver):
         data = np.empty(indices.size)
         data[of_inner], data[of_column] = inner.data, -column[kind[2]]
         data[indptr[n]:-1], data[-1] = row[kind[3]], corner
-        whole = Saddle(with_values(self._whole, data), np.append(saddle.multiplier, True), self._of_path, self._whole_scales)
-        if self._whole_scales is None and self._of_path is not None:
-            whole.measured_in = self._whole_scales = whole.scales
+        whole = Saddle(with_values(self._whole, data), np.append(saddle.multiplier, True), self._of_path)
         x = whole.solve(np.append(right, last))
         left = whole.left[:-1]
         if x is None or not np.isfinite(x).all() or np.any(np.abs(right @ left) > self.round_off(saddle, left)):

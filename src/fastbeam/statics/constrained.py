@@ -8,7 +8,8 @@ import numpy as np
 
 from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import State
-from fastbeam.linalg.saddle import Saddle, factors_for
+from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.maps import RowMap
 from fastbeam.model.model import Model
@@ -73,10 +74,7 @@ class SaddleSolver(StaticSolver):
         self.constraints = Constraints(self.stepper)
         core = self.core
         self._matrix = SaddleMatrix(core.pattern, len(core.dofs), core.n_sliders, core.n_forces)
-        self._factors = factors_for(backend)
-        self._refused = 0
-        # of the first matrix of those with the same free sliders
-        self._scales: dict[bytes, tuple[Array, Array]] = {}
+        self._factoriser = factoriser_for(backend, threads=1)
         self.held = held
         self.lengths, self.ends = uneliminated.slider_lengths, self.stepper.model.limits_at(
             self.stepper.core_state.s, self.stepper.core_state.history)
@@ -140,9 +138,9 @@ class SaddleSolver(StaticSolver):
     @property
     def name(self) -> str:
         """What was used, for the result."""
-        if self._factors is None or not self._factors.count:
+        f = self._factoriser
+        if f is None or not f.count:
             return "SuperLU on nodes and sliders"
-        f = self._factors
         return f"PARDISO on nodes and sliders, {f.count} factorisations, {f.refused} left to SuperLU"
 
     @property
@@ -209,10 +207,8 @@ class SaddleSolver(StaticSolver):
         right = np.concatenate((-r, np.where(sliding, -equations.sliding, 0.0), gaps))
         multiplier = np.zeros(right.size, bool)
         multiplier[r.size + sliding.size:] = True
-        saddle = Saddle(matrix, multiplier, self._factors, self._scales.get(sliding.tobytes()))
+        saddle = Saddle(matrix, multiplier, self._factoriser)
         saddle.nodes, saddle.free = self.free_motions.nodes, self.hold_free
-        if saddle.measured_in is None and self._factors is not None:
-            saddle.measured_in = self._scales[sliding.tobytes()] = saddle.scales
         return saddle, right
 
     def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:

@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.kernels.state import State
-from fastbeam.linalg.linear_system import SMALL
-from fastbeam.linalg.mkl import load_mkl
-from fastbeam.linalg.saddle import REGULAR, Factors, Saddle, least_singular_value
+from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.model import Model
 from fastbeam.results.observe.contact_ripples import rest_events
@@ -22,8 +20,6 @@ Array = np.ndarray
 
 # of round-off of coordinates and sums, relative
 NOISE = 1e-13
-# smallest singular value of a matrix of size 1 that is round-off
-SINGULAR = 10.0 * np.finfo(float).eps
 
 
 class OutOfPlane(Exception):
@@ -178,91 +174,12 @@ def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
         return []
     saddle, free = solver.at_places()
     first = saddle.multiplier.size - solver.core.n_forces - free.size
-    factored = Solver(saddle, "superlu")
 
     def compliance(k: int) -> Array | None:
         push = np.zeros(saddle.multiplier.size)
         push[first + k] = 1.0
-        x = factored.solve(push)
+        x = saddle.solve(push)
         return None if x is None else x[first:first + free.size]
 
     state = State(*(x.copy() for x in solver.state))
     return rest_events(model, state, Resolution(model).tension(state.q), free, compliance)
-
-
-class Solver:
-    """Solutions with one tangent and with its transpose, factored once each.
-
-    Parameters
-    ----------
-    saddle : Saddle
-    backend : {'auto', 'pardiso', 'superlu'}
-
-    Attributes
-    ----------
-    factorisations : int
-        Until now.
-    is_singular : bool
-        Whether a matrix of the solutions until now was singular to round-off.
-    """
-
-    def __init__(self, saddle: Saddle, backend: str) -> None:
-        self.saddle = saddle
-        mkl = None if backend == "superlu" or saddle.multiplier.size < SMALL else load_mkl()
-        self._mkl = mkl
-        self._solved: dict[bool, Any] = {}
-        self._transposed: Saddle | None = None
-        self.factorisations = 0
-        self.is_singular = False
-
-    def solve(self, right: Array, transposed: bool = False) -> Array | None:
-        """x [n] of matrix x = right, or of its transpose; None where nothing acceptable is found."""
-        saddle = self.saddle
-        if transposed:
-            if self._transposed is None:
-                self._transposed = Saddle(saddle.matrix.T.tocsr(), saddle.multiplier)
-            saddle = self._transposed
-        x = self._quick(saddle, right, transposed)
-        if x is None:
-            x = saddle.solve(right)
-            self.is_singular |= saddle.is_singular
-        return x
-
-    def _quick(self, saddle: Saddle, right: Array, transposed: bool) -> Array | None:
-        """By factors that are kept; None where the residual is not round-off."""
-        if not saddle.is_finite or not np.isfinite(right).all():
-            return None
-        if transposed not in self._solved:
-            solved = self._solved[transposed] = self._factored(saddle, transposed)
-            # of a singular matrix residuals may be small, too
-            self.is_singular |= solved is not None and least_singular_value(
-                solved, lambda x: saddle.scaled @ x, right.size) <= SINGULAR
-        solved = self._solved[transposed]
-        if solved is None:
-            return None
-        b = saddle.row * right
-        size = float(np.linalg.norm(b)) or 1.0
-        x, left = np.zeros(b.size), np.inf
-        for _ in range(4):
-            better = x + solved(b - saddle.scaled @ x)
-            found = float(np.linalg.norm(b - saddle.scaled @ better)) / size
-            if not found < 0.5 * left:
-                break
-            x, left = better, found
-        return saddle.column * x if left <= REGULAR else None
-
-    def _factored(self, saddle: Saddle, transposed: bool) -> Any:
-        """A function that solves with the scaled matrix, or None."""
-        if self._mkl is not None:
-            factors = Factors(self._mkl, threads=self._mkl.MKL_Get_Max_Threads())
-            self.factorisations += 1
-            if factors.factor(saddle.scaled.tocsr()) and not factors.perturbed:
-                return factors.solve
-        from scipy.sparse.linalg import splu
-        self.factorisations += 1
-        try:
-            found = splu(saddle.scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
-        except RuntimeError:
-            self.is_singular = True
-            return None
-        return found.solve

@@ -67,10 +67,6 @@ class SlidingSolver(SaddleSolver):
         self._load(factors)
         self._loads[:] = self.work.f_ext
         self.longest, self.runaway, self.stuck = 0, -1, -1
-        if self._factors is not None and self._factors.refused > self._refused:
-            # they may have changed too much
-            self._scales.clear()
-            self._refused = self._factors.refused
         along, state = self.along, self.stepper.core_state
         if along is not None:
             state.s[:] = along.begin(state.s)

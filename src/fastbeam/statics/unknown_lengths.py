@@ -10,7 +10,8 @@ import numpy as np
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.kernels.state import State
-from fastbeam.linalg.saddle import Saddle, factors_for
+from fastbeam.linalg.factors import factoriser_for
+from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.model import Model
 from fastbeam.model.tables import elements_of
 from fastbeam.results.observe.points import place_of
@@ -19,7 +20,7 @@ from fastbeam.scene import Beam
 from fastbeam.scene.checks import Place
 from fastbeam.statics.constrained import Increment
 from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
-from fastbeam.statics.linear_response import Response, Solver
+from fastbeam.statics.linear_response import Response
 from fastbeam.statics.path_stops import AXES, MOMENTS, Wanted
 from fastbeam.statics.prestrains import LEAST, MOST, StrainPath
 from fastbeam.stepping.iteration import newton_loop
@@ -181,7 +182,7 @@ class LengthSolver(Response):
         # conditions are at the start
         self.part, self.may_leap = 0.0, False
         self.max_iterations = max_iterations
-        self._of_lengths = factors_for(backend)
+        self._of_lengths = factoriser_for(backend, threads=1)
         self.begun = self.values()
         self.asked = np.array([condition.wanted.value for condition in conditions])
 
@@ -257,20 +258,16 @@ class LengthSolver(Response):
         how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions, and prestrains
         push along what has no stiffness."""
         saddle, _, push, slopes, direct = self.bordered()
-        solver = Solver(saddle, "auto")
-        columns = [solver.solve(push[:, k]) for k in range(push.shape[1])]
-        if solver.is_singular:
+        columns = []
+        for k in range(push.shape[1]):
+            x = saddle.solve(push[:, k])
             # beams may spin
-            columns = []
-            for k in range(push.shape[1]):
-                columns.append(saddle.solve(push[:, k]))
-                if saddle.unbalanced > UNBALANCED * np.linalg.norm(saddle.row * push[:, k]):
-                    return None
-        if any(x is None for x in columns):
-            return None
-        found = direct + slopes @ np.stack(columns, axis=1)  # type: ignore[arg-type]
+            if x is None or saddle.unbalanced > UNBALANCED * np.linalg.norm(saddle.row * push[:, k]):
+                return None
+            columns.append(x)
+        found = direct + slopes @ np.stack(columns, axis=1)
         size = np.array([condition.size for condition in self.conditions])
-        return np.asarray(found / size[:, None]), np.array([self.size_of(x) for x in columns if x is not None])
+        return np.asarray(found / size[:, None]), np.array([self.size_of(x) for x in columns])
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before, change = self._saved(), self.change.copy()
@@ -334,7 +331,7 @@ class LengthSolver(Response):
         x = whole.solve(np.append(right, off))
         if x is None or not np.isfinite(x).all():
             return None
-        if whole.is_singular:
+        if whole.unbalanced:
             noise = np.zeros(x.size)
             noise[:self.nodes] = self._round_off(saddle)
             noise[-m:] = [UNBALANCED * condition.size for condition in self.conditions]

@@ -22,7 +22,8 @@ from fastbeam.kernels.joints.conditions import JointConditions
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
 from fastbeam.kernels.joints.drives import JointDrives
 from fastbeam.linalg.pattern import Pattern
-from fastbeam.model.maps import free_of_rows, with_values
+from fastbeam.linalg.scaling import with_values
+from fastbeam.model.maps import free_of_rows
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray

@@ -1,0 +1,454 @@
+"""Factors of sparse matrices, real or complex: by PARDISO, or SuperLU, with scaling, refinement and acceptance of solutions.
+
+Rows and columns are brought to a size of 1 before, so that units do not matter. PARDISO perturbs small pivots and may return
+garbage without an error code. Solutions are therefore refined with the matrix itself, and accepted by their residuals; where they
+are not, another analysis follows, then SuperLU with few exchanges of rows, then SuperLU with many.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.linalg import pardiso as kernels
+from fastbeam.kernels.linalg.scaling import leave
+from fastbeam.linalg.mkl import PardisoMemory, mkl_for, pardiso_tables, threads_for
+from fastbeam.linalg.scaling import entry_scales, equilibrated, rows_of, structure_of, with_values
+
+Array = np.ndarray
+# a smaller pivot next to the largest tells a singular matrix
+LEAST_PIVOT = 1e-15
+# of the scaled matrix: a smallest singular value that is round-off, and one above which there are no null vectors for certain
+# (fine meshes of slender beams have some of 1e-14)
+SINGULAR, CLEARLY_REGULAR = 10.0 * np.finfo(float).eps, 3e-14
+# size of the largest entry of a scaled row, or its reciprocal, up to which factors of an earlier matrix serve
+FAR = 64.0
+# residual up to which one that is round-off of the product is no sign of a singular matrix
+CLEAR = 1e-4
+# types of complex matrices in PARDISO: structurally symmetric, symmetric
+COMPLEX, COMPLEX_SYMMETRIC = 13, 6
+# an order that suits a symmetric structure, with few exchanges of rows
+SYMMETRIC_MODE: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+
+
+class Limits(NamedTuple):
+    """Residuals of solutions, relative to the right-hand side where nothing else is said."""
+
+    good: float             # is not refined any more
+    accepted: float         # is accepted
+    fair: float             # is accepted where it is round-off:
+    round_off: float        # so much next to the largest term of the equations
+    enough: int             # refinements after which what can be accepted is not refined any more
+    most: int               # refinements at most
+    is_strict: bool = False  # perturbed pivots, and what is only fair, count where no singular value is near round-off
+    last_bits: float = 0.0  # residual next to the solution, scaled, that is round-off of the product and not refined any more
+
+
+# of equilibria, where a singular matrix has to be noticed; of a step, whose iteration goes on anyway
+EXACT = Limits(1e-14, 1e-12, 1e-2, 1e-12, 2, 2, True)
+OF_STEP = Limits(1e-13, 1e-8, 1e-2, 1e-12, 2, 2)
+
+
+class Factoriser:
+    """PARDISO for one matrix after another. A structure is analysed once; with it goes the permutation that brings large entries
+    to the diagonal, for the values that it is analysed with.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+    symmetric : bool
+        Take the entries on and above the diagonal only, all of the diagonal among them.
+    matching : bool
+        Bring large entries to the diagonal.
+    threads : int, optional
+        Default: as many as suit the size of the matrix.
+    order : int32 [n], optional
+        Of elimination, `order` of a factoriser of matrices of the same structure; not with matching. Default: by METIS.
+
+    Attributes
+    ----------
+    count, analyses, refused : int
+        Factorisations and analyses until now, and equations that SuperLU solved instead.
+    scales : ((float64 [n], float64 [n]), float64 [entries]) or None
+        Factors of rows and columns of an earlier matrix of this structure, and of its entries.
+    """
+
+    name = "PARDISO"
+
+    def __init__(self, mkl: Any, symmetric: bool = False, matching: bool = True, threads: int | None = None,
+                 order: Array | None = None) -> None:
+        self._mkl, self._symmetric, self._threads, self._order = mkl, symmetric, threads, order
+        # matching finds an order for the values in hand; else it is given, or kept
+        self._settings = {10: 1, 12: 1} if matching else {4: 2 if order is None else 1}
+        self._memory: PardisoMemory | None = None
+        self._indices = self._indptr = np.zeros(0, np.int32)
+        # entries that PARDISO takes
+        self._upper = np.zeros(0, bool)
+        self._kind = 0
+        self.count = self.analyses = self.refused = 0
+        self.is_fresh = False
+        self.scales: tuple[tuple[Array, Array], Array] | None = None
+
+    def knows(self, matrix: Any) -> bool:
+        """Whether a matrix by rows has the structure that was analysed last."""
+        if self._memory is None or self._indices.size != matrix.indices.size:
+            return False
+        return self._indices is matrix.indices or (
+            np.array_equal(self._indices, matrix.indices) and np.array_equal(self._indptr, matrix.indptr))
+
+    def factor(self, matrix: Any, data: Array, again: bool = False) -> bool:
+        """Factor a matrix with the structure of one by rows and these entries; again: analyse it even if its structure is that of
+        the last one."""
+        is_complex = data.dtype.kind == "c"
+        kind = ((kernels.UNSYMMETRIC, kernels.SYMMETRIC), (COMPLEX, COMPLEX_SYMMETRIC))[is_complex][self._symmetric]
+        self.is_fresh = again or kind != self._kind or not self.knows(matrix)
+        if self.is_fresh:
+            # the memory of another structure goes before
+            self._memory = None
+            self._indices, self._indptr, self._kind = matrix.indices, matrix.indptr, kind
+            indptr = matrix.indptr
+            self._upper = matrix.indices >= rows_of(matrix) if self._symmetric else np.ones(data.size, bool)
+            if self._symmetric:
+                indptr = np.concatenate(([0], np.cumsum(self._upper)))[indptr]
+            tables = pardiso_tables(indptr, matrix.indices[self._upper], kind, self._settings)
+            if is_complex:
+                tables = tables._replace(data=empty(2 * tables.indices.size))
+            if self._order is not None:
+                tables.perm[:] = self._order
+            self._memory = PardisoMemory(self._mkl, tables, threads_for(self._mkl, matrix.shape[0], self._threads))
+        assert self._memory is not None
+        t = self._memory.tables
+        t.data[:] = (data[self._upper] if self._symmetric else data).view(float)
+        if self.is_fresh:
+            self.analyses += 1
+            if self._memory.call(kernels.ANALYSE, t.b, t.x):
+                return False
+        self.count += 1
+        return self._memory.call(kernels.FACTOR, t.b, t.x) == 0
+
+    @property
+    def order(self) -> Array | None:
+        """Of elimination, int32 [n], for another factoriser; None with matching."""
+        return self._memory.tables.perm if self._memory is not None and 4 in self._settings else None
+
+    @property
+    def perturbed(self) -> int:
+        """Number of pivots of the last matrix that were so small that PARDISO changed them."""
+        return 0 if self._memory is None else int(self._memory.tables.iparm[13])
+
+    @property
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of the last matrix; None where it is not symmetric, or pivots were changed."""
+        counts = self._memory is not None and self._kind == kernels.SYMMETRIC and not self.perturbed
+        return int(self._memory.tables.iparm[22]) if self._memory is not None and counts else None
+
+    def solve(self, right: Array, transposed: bool = False) -> Array:
+        """Of the last matrix, or its transpose, for right-hand side [n], or rows of several [m, n]; NaN where PARDISO fails."""
+        memory = self._memory
+        assert memory is not None
+        memory.tables.iparm[11] = 2 * (transposed and not self._symmetric)
+        b = np.ascontiguousarray(right if right.ndim > 1 else right[None])
+        x = np.empty(b.shape, b.dtype)
+        failed = memory.call(kernels.SOLVE, b.view(float), x.view(float))
+        return np.full(right.shape, np.nan) if failed else x.reshape(right.shape)
+
+
+def factoriser_for(backend: str, **options: Any) -> Factoriser | None:
+    """Make a factoriser with these options; None where SuperLU is wanted, or all there is.
+
+    Raises
+    ------
+    BackendError
+        backend='pardiso' without MKL.
+    """
+    mkl = mkl_for(backend)
+    return None if mkl is None else Factoriser(mkl, **options)
+
+
+class LU:
+    """SuperLU's factors of one matrix, as `lu` returns them; `raw`: SciPy's object."""
+
+    name, perturbed, order = "SuperLU", 0, None
+
+    def __init__(self, raw: Any) -> None:
+        self.raw = raw
+
+    def solve(self, right: Array, transposed: bool = False) -> Array:
+        """Of the matrix, or its transpose, for right-hand side [n], or rows of several [m, n]."""
+        x = self.raw.solve(np.ascontiguousarray(right.T), "T" if transposed else "N")
+        return np.ascontiguousarray(x.T)
+
+    @cached_property
+    def pivots(self) -> Array | None:
+        """Pivots in the order of the rows, those of a symmetric matrix have the signs of its eigenvalues; None where rows were
+        exchanged."""
+        # perm_c[j] is where column j went
+        unmoved = np.array_equal(self.raw.perm_r, self.raw.perm_c)
+        return self.raw.U.diagonal()[self.raw.perm_c] if unmoved else None
+
+    @property
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of a symmetric matrix; None where rows were exchanged."""
+        return None if self.pivots is None else int(np.sum(self.pivots < 0.0))
+
+
+def lu(matrix: Any, options: dict[str, Any] | None = None, least: float = 0.0) -> LU | None:
+    """Factor a sparse matrix by SuperLU; None where it is singular, or a pivot is smaller than this share of the largest.
+
+    Parameters
+    ----------
+    matrix : sparse matrix [n, n]
+    options : dict, optional
+        Of SciPy's `splu`. Default: partial pivoting.
+    """
+    from scipy.sparse.csgraph import structural_rank
+    from scipy.sparse.linalg import splu
+    matrix = matrix.tocsc()
+    # SuperLU writes beyond its arrays where a matrix is singular whatever its entries are (SciPy 1.17)
+    if not np.all(matrix.diagonal()) and structural_rank(matrix) < matrix.shape[0]:
+        return None
+    try:
+        found = LU(splu(matrix, **(options or {})))
+    except RuntimeError:
+        return None
+    if least:
+        pivots = np.abs(found.raw.U.diagonal())
+        return found if np.min(pivots, initial=np.inf) > least * np.max(pivots, initial=0.0) else None
+    return found
+
+
+class Factors:
+    """One matrix, factored when it is first solved, by the first solver whose solutions are accepted.
+
+    Parameters
+    ----------
+    matrix : sparse [n, n]
+        Real or complex.
+    factoriser : Factoriser, optional
+        Asked before SuperLU.
+    limits : Limits
+    scales : (float64 [n], float64 [n]), optional
+        Factors of rows and columns; the same for both where the factoriser is a symmetric one. Default: those that bring them to
+        a size of 1.
+    give : float64 [n], optional
+        Added to the diagonal of the scaled matrix that is factored, and taken out again by the refinement; the matrix has all of
+        its diagonal then.
+    exchange : float
+        Share of the largest entry of a column from which on SuperLU takes the one on the diagonal, when first asked.
+
+    Attributes
+    ----------
+    residual : float
+        Of the last solution, relative to the right-hand side, in scaled rows.
+    factorisations : int
+        Until now.
+    by : Factoriser or LU, or None
+        Whose solutions were accepted.
+    """
+
+    def __init__(self, matrix: Any, factoriser: Factoriser | None = None, limits: Limits = EXACT,
+                 scales: tuple[Array, Array] | None = None, give: Array | None = None, exchange: float = 0.1) -> None:
+        self.matrix, self.limits, self._factoriser = matrix.tocsr(), limits, factoriser
+        self.is_finite = bool(np.isfinite(self.matrix.data).all())
+        if scales is not None:
+            self.scales = scales
+        self._give = give
+        self.residual, self.factorisations = 0.0, 0
+        # how it is factored, one after the other: by PARDISO, with the known analysis or another one, by SuperLU with options
+        self._ways: list[bool | dict[str, Any]] = [] if factoriser is None else [False, True]
+        self._ways += [SYMMETRIC_MODE | {"diag_pivot_thresh": exchange}, {}]
+        self.by: Factoriser | LU | None = None
+        self._last: LU | None = None
+        self._number, self._least = 0, -1.0
+
+    @cached_property
+    def scales(self) -> tuple[Array, Array]:
+        """Factors of rows and columns that bring them to a size of 1, [n] each."""
+        known = self._factoriser
+        if not self.is_finite:
+            return (np.ones(self.matrix.shape[0]),) * 2
+        if known is not None and known.scales is not None and known.knows(self.matrix):
+            # those of a matrix before serve as long as no row has grown or shrunk much
+            data = self.matrix.data * known.scales[1]
+            sizes = np.maximum.reduceat(np.abs(data), self.matrix.indptr[:-1])
+            if 1.0 / FAR <= sizes.min() and sizes.max() <= FAR:
+                self._data = data
+                return known.scales[0]
+        scales = equilibrated(self.matrix)
+        if known is not None:
+            has_empty = bool((self.matrix.indptr[1:] == self.matrix.indptr[:-1]).any())
+            known.scales = None if has_empty else (scales, entry_scales(self.matrix, *scales))
+        return scales
+
+    @property
+    def row(self) -> Array:
+        """Factors of the rows [n]."""
+        return self.scales[0]
+
+    @property
+    def column(self) -> Array:
+        """Factors of the columns [n]."""
+        return self.scales[1]
+
+    @cached_property
+    def scaled(self) -> Any:
+        """The matrix with rows and columns of size 1, by rows."""
+        return with_values(self.matrix, self._data)
+
+    @cached_property
+    def _data(self) -> Array:
+        """Its entries, where `scales` has not left them."""
+        return np.asarray(self.matrix.data * entry_scales(self.matrix, *self.scales))
+
+    @cached_property
+    def _held(self) -> Array:
+        """Entries of what is factored."""
+        if self._give is None:
+            return self._data
+        data = self._data.copy()
+        data[self.matrix.indices == rows_of(self.matrix)] += self._give
+        return data
+
+    def solve(self, right: Array, transposed: bool = False) -> Array | None:
+        """x with matrix x = right, or with its transpose, for right-hand side [n], or rows of several [m, n]. None where no
+        solution is accepted."""
+        if not (self.is_finite and np.isfinite(right).all()):
+            return None
+        into, out = self.scales[::-1] if transposed else self.scales
+        x = self.solve_scaled(into * right, transposed)
+        return None if x is None else np.asarray(out * x)
+
+    def solve_scaled(self, b: Array, transposed: bool = False, most_given: float = np.inf) -> Array | None:
+        """The same in scaled rows and unknowns; most_given: share of the right-hand sides that `give` may take up at
+        multipliers, where it is negative."""
+        fair: tuple[Factoriser | LU, Array, float] | None = None
+        if not self.factorisations:
+            self._advance()
+        while self.by is not None:
+            x, self.residual = refined(lambda rest: self.solve_roughly(rest, transposed), self._rest_of(b, transposed), b,
+                                       self.limits)
+            if self._is_accepted(x, b, transposed):
+                if not most_given < np.inf or self._given(x) <= most_given * float(np.max(np.abs(b), initial=0.0)):
+                    return x
+            elif fair is None and self._is_fair(x, b, transposed):
+                fair = self.by, x, self.residual
+            self._advance()
+        return self._otherwise(b, transposed, fair)
+
+    def solve_roughly(self, b: Array, transposed: bool = False) -> Array:
+        """Solve by the factors alone, in scaled rows and unknowns, after another solution."""
+        by = self.by
+        assert by is not None
+        if isinstance(by, Factoriser) and by.count != self._number:
+            # another matrix came between
+            by.factor(self.matrix, self._held)
+            self._number, self.factorisations = by.count, self.factorisations + 1
+        if b.dtype.kind == "c" and self.matrix.dtype.kind != "c":
+            x = by.solve(np.array([b.real, b.imag]).reshape(-1, b.shape[-1]), transposed).reshape(2, *b.shape)
+            return np.asarray(x[0] + 1j * x[1])
+        return by.solve(b, transposed)
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether the matrix is singular to round-off, after a solution with it."""
+        return self.by is None or self._least_singular_value() <= SINGULAR
+
+    def _otherwise(self, b: Array, transposed: bool, fair: tuple[Factoriser | LU, Array, float] | None) -> Array | None:
+        """Where no solution was accepted; fair: solver, solution and residual where it was round-off of large terms."""
+        return None
+
+    def _advance(self) -> None:
+        """Go on to the next solver that factors the matrix."""
+        self.by, self._least, by = None, -1.0, self._factoriser
+        while self.by is None and self._ways:
+            way = self._ways.pop(0)
+            self.factorisations += 1
+            if not isinstance(way, bool):
+                held = with_values(self.matrix, self._held).tocsc()
+                self.by = found = lu(held, way, LEAST_PIVOT if self.limits.is_strict else 0.0)
+                self._last = found or self._last
+                if way and by is not None:
+                    by.refused += 1
+            elif by is not None:
+                self.by = by if by.factor(self.matrix, self._held, way) else None
+                self._number = by.count
+                if by.is_fresh and not way:
+                    # another analysis would be the same
+                    self._ways.pop(0)
+
+    def _rest_of(self, b: Array, transposed: bool) -> Callable[[Array], Array]:
+        """What the scaled matrix leaves of right-hand sides, by solution."""
+        if b.ndim > 1 or transposed or "c" in (b.dtype.kind, self.matrix.dtype.kind):
+            matrix = self.scaled.T if transposed else self.scaled
+            return lambda x: np.asarray(b - (matrix @ x.T).T)
+
+        def rest_of(x: Array) -> Array:
+            rest = np.empty(b.size)
+            leave(self.matrix.data, *structure, *self.scales, x, b, rest)
+            return rest
+
+        structure = structure_of(self.matrix)
+        return rest_of
+
+    def _is_accepted(self, x: Array, b: Array, transposed: bool) -> bool:
+        of = self.limits
+        assert self.by is not None
+        if self.residual <= of.accepted and not (of.is_strict and self.by.perturbed):
+            return True
+        return self._is_fair(x, b, transposed) and not (of.is_strict and self._least_singular_value() <= CLEARLY_REGULAR)
+
+    def _is_fair(self, x: Array, b: Array, transposed: bool) -> bool:
+        """Whether the residual is small, or what round-off leaves of large terms."""
+        if not self.residual <= self.limits.fair or not np.isfinite(x).all():
+            return False
+        matrix = abs(self.scaled.T if transposed else self.scaled)
+        terms = float(np.max((matrix @ np.abs(x).T).T + np.abs(b)))
+        return float(np.max(np.abs(self._rest_of(b, transposed)(x)))) <= self.limits.round_off * terms
+
+    def _given(self, x: Array) -> float:
+        """What `give` takes up at multipliers."""
+        return 0.0 if self._give is None else float(np.max(np.abs(np.minimum(self._give, 0.0) * x)))
+
+    def _least_singular_value(self) -> float:
+        """The smallest one of the scaled matrix, from above, by inverse iteration; 0 where that fails."""
+        if self._least < 0.0:
+            v, self._least = np.random.default_rng(0).standard_normal(self.matrix.shape[0]), 0.0
+            for _ in range(2):
+                v = self.solve_roughly(v)
+                size = float(_norms(v))
+                if not 0.0 < size < np.inf:
+                    return 0.0
+                v = v / size
+            self._least = float(_norms(self.scaled @ v))
+        return self._least
+
+
+def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array], Array], right: Array,
+            limits: Limits) -> tuple[Array, float]:
+    """Refine solutions of equations for a right-hand side [n], or rows of several [m, n], as long as that helps; return the best
+    and the largest residual next to its right-hand side. solve: by factors; rest_of: what a solution leaves."""
+    size = _norms(right)
+    size += size == 0.0
+    x = best = solve(right)
+    worst = np.inf
+    for k in range(limits.most + 1):
+        rest = rest_of(x)
+        norms = _norms(rest)
+        left = float(np.maximum.reduce(norms / size, axis=None))
+        if not left < worst:
+            break
+        goes_on, worst, best = left < 0.5 * worst, left, x
+        if not goes_on or left <= limits.good or k == limits.most or (k >= limits.enough and left <= limits.accepted):
+            break
+        if limits.last_bits and left <= CLEAR and np.all(norms <= limits.last_bits * _norms(x)):
+            break
+        x = x + solve(rest)
+    return best, worst
+
+
+def _norms(x: Array) -> Array:
+    """Of rows; without BLAS, which begins threads for it."""
+    return np.asarray(np.sqrt(np.add.reduce((x * x.conj()).real, axis=-1)))

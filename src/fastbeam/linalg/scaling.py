@@ -1,0 +1,116 @@
+"""Factors of rows and columns that bring the entries of a sparse matrix to a size of 1, all of them powers of two."""
+from __future__ import annotations
+
+from copy import copy
+from typing import Any
+
+import numpy as np
+
+from fastbeam.kernels.linalg.scaling import balance
+
+Array = np.ndarray
+# sweeps of the equilibration; each halves the exponent of what is missing
+SWEEPS = 12
+# a stiffness next to the largest of its kind that is round-off
+ROUND_OFF = 1e-12
+
+
+def rows_of(matrix: Any) -> Array:
+    """Return the row of every entry of a matrix by rows."""
+    return np.arange(matrix.shape[0]).repeat(matrix.indptr[1:] - matrix.indptr[:-1])
+
+
+def structure_of(matrix: Any) -> tuple[Array, Array]:
+    """Return `indptr` and `indices` of a matrix by rows, int32."""
+    return matrix.indptr.astype(np.int32, copy=False), matrix.indices.astype(np.int32, copy=False)
+
+
+def with_values(matrix: Any, data: Array) -> Any:
+    """Return a sparse matrix with the structure of this one, shared, and other values: making one anew looks at the structure."""
+    out = copy(matrix)
+    out.data = data
+    return out
+
+
+def entry_scales(matrix: Any, row: Array, column: Array) -> Array:
+    """Return the factors of the entries of a matrix by rows from those of its rows and columns [n]."""
+    return np.asarray(row.repeat(matrix.indptr[1:] - matrix.indptr[:-1]) * column[matrix.indices])
+
+
+def with_diagonal(matrix: Any) -> Any:
+    """Copy a matrix by rows with all of its diagonal, zeros too, in order."""
+    from scipy import sparse
+    matrix = matrix.copy()
+    matrix.sum_duplicates()
+    row = rows_of(matrix)
+    absent = np.setdiff1d(np.arange(matrix.shape[0]), row[matrix.indices == row], assume_unique=True)
+    if not absent.size:
+        return matrix
+    where = np.append(row, absent), np.append(matrix.indices, absent)
+    matrix = sparse.csr_matrix((np.append(matrix.data, np.zeros(absent.size)), where), matrix.shape)
+    matrix.sort_indices()
+    return matrix
+
+
+def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None) -> tuple[Array, Array]:
+    """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
+    same for both where the matrix is symmetric. 1 for those without entries. begin: factors to begin with; default: 1."""
+    by_rows = matrix.tocsr()
+    row, column = (np.ones(by_rows.shape[0]), np.ones(by_rows.shape[1])) if begin is None else (begin[0].copy(), begin[1].copy())
+    balance(np.abs(by_rows.data), *structure_of(by_rows), SWEEPS, row, column, np.zeros(row.size), np.zeros(column.size))
+    return np.exp2(np.rint(np.log2(row))), np.exp2(np.rint(np.log2(column)))
+
+
+def parity(size: float) -> float:
+    """1 or 2, with which the power of two in a number becomes an even one: its root is a power of two as well."""
+    return float(2.0**(np.frexp(size)[1] % 2))
+
+
+def counted(stiff: Array, kind: Array) -> Array:
+    """Which stiffnesses, bool [n], are more than round-off of the largest among those of one kind, bool [n]."""
+    return stiff > ROUND_OFF * float(np.max(stiff[kind], initial=0.0))
+
+
+def _levers(size: Any, of: tuple[Array, Array], multiplier: Array, turns: Array) -> Array:
+    """Which entries, bool, are no round-off of a constraint: next to the largest by displacements, or by rotations."""
+    joins = multiplier[of[0]] != multiplier[of[1]]
+    of_turns = turns[np.where(multiplier[of[0]], of[1], of[0])]
+    use = np.ones(size.data.size, bool)
+    for kind in (joins & of_turns, joins & ~of_turns):
+        use[kind] = counted(size.data, kind)[kind]
+    return use
+
+
+def typical_factors(size: Any, multiplier: Array, turns: Array, stiff: Array) -> tuple[float, Array, Array]:
+    """Factors of a matrix, 1 or 2, of its rows, and of its columns, from typical stiffnesses against displacements and rotations,
+    not from units. size: of the entries, by rows; stiff: stiffnesses, 0 where they do not count."""
+    n, diagonal = multiplier.size, size.diagonal()
+    of = np.repeat(np.arange(n), np.diff(size.indptr)), size.indices
+    # rows of what is held have nothing beside the diagonal
+    joined = np.zeros(n, bool)
+    joined[of[0][(of[0] != of[1]) & (size.data > 0.0)]] = True
+    once, row = 0.0, np.zeros(n)
+    for kind in (~turns & ~multiplier, turns & ~multiplier):
+        own = stiff[kind & joined & counted(stiff, kind & joined)]
+        if own.size:
+            typical = float(np.median(own))
+            once = once or parity(typical)
+            row[kind] = 1.0 / np.sqrt(once * typical)
+    once = once or 1.0
+    column, free = row.copy(), ~multiplier & (row == 0.0)
+    use = _levers(size, of, multiplier, turns)
+    # constraints, what has no stiffness by way of these, and constraints of nothing else
+    for kind in (multiplier & joined, free, multiplier & joined):
+        most = np.zeros((2, n))
+        for largest, at, factor in zip(most, (of, of[::-1]), (column, row)):
+            np.maximum.at(largest, at[0][use], once * size.data[use] * factor[at[1][use]])
+        row, column = (np.where(kind & (factor == 0.0) & (largest > 0.0), 1.0 / np.where(largest > 0.0, largest, 1.0), factor)
+                       for largest, factor in zip(most, (row, column)))
+        for one in (free & turns, free & ~turns):
+            for factor in (row, column):
+                known = factor[one & (factor > 0.0)]
+                factor[one & (factor == 0.0)] = np.median(known) if known.size else 0.0
+    alone = ~joined & (diagonal > 0.0)
+    column[column == 0.0] = row[row == 0.0] = 1.0
+    row[alone] = 1.0 / (once * diagonal * column)[alone]
+    return once, row, column
