@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord, system_record
+from fastbeam.kernels.call_tables import ADDED, ASSEMBLY, Calls, SystemRecord, system_record
 from fastbeam.kernels.contact.slider import Sliding
 from fastbeam.kernels.empty_arrays import aligned_empty
 from fastbeam.kernels.forces.drag import Drag
@@ -66,8 +66,8 @@ class Reactions:
         self.terms = Calls(tuple(_at_nodes(term, core.pattern.row_of) for term in known), ASSEMBLY)
         some = [x for x in sections if x is not None]
         self.bodies = FreeBodies(stepper.model, self.terms.terms, some, stepper.plane, core.pattern.n) if some else None
-        self._sliding = Calls(tuple(term for term in self.terms.terms if isinstance(term, Sliding)), ASSEMBLY)
-        self.ties = None if core.ties is None else Calls((core.ties,), ASSEMBLY)
+        self._sliding = Calls(tuple(term for term in self.terms.terms if isinstance(term, Sliding)), ADDED)
+        self.ties = None if core.ties is None else Calls((core.ties,), ADDED)
         self._system: SystemRecord | None = None
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
         # joints with multipliers, and which of them every link belongs to; -1: what acts on the places of contacts on moving
@@ -142,7 +142,7 @@ class Reactions:
         first[k] = self.own.contact.first[k]
         work = system.work._replace(r=aligned_empty(8 * (n + 1)))
         alone = system._replace(contact=system.contact._replace(first=first), work=work, row_of=np.arange(n))
-        one = SystemRecord(alone, ASSEMBLY)
+        one = SystemRecord(alone, ADDED)
         kernels.assemble_some(*self._sliding.on(one), 0.0)
         return -work.r[:8 * n].reshape(-1, 8)
 

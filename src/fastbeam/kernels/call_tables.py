@@ -33,7 +33,8 @@ def _numbers(*asked: Any) -> frozenset[int]:
     return frozenset(x.question.number for x in asked)
 
 
-# what is asked where equations are assembled, of a shape at rest, in an iteration, and in steps
+# what is asked of terms that add to equations, where equations are assembled, of a shape at rest, in an iteration, and in steps
+ADDED = _numbers(assemble)
 ASSEMBLY = _numbers(spread_nodes, clear, assemble, scale_residual, scale_solutions)
 AT_REST = ASSEMBLY | _numbers(begin_step, begin_contact, first_guess)
 EVERYTHING = frozenset(x.number for x in Question.all)

@@ -8,9 +8,10 @@ import numpy as np
 
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.call_tables import ADDED, Calls, SystemRecord
 from fastbeam.kernels.contact.slider import NoForceAlong, Sliding
 from fastbeam.kernels.entries.dense import Contact
-from fastbeam.kernels.jit.records import Record
+from fastbeam.kernels.jit.calls import Unknown
 from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.conditions import JointConditions
 from fastbeam.kernels.joints.distance_joint import DistanceJoints
@@ -85,16 +86,15 @@ class GapRows:
         own = {} if model.motions is None else {"motions": model.motions.work(model, None, True)}
         run = OfRun(model, static=True, own=own)
         of_features = [x for key in ("sliding", "motions") if key in model.by_key for _, x in model.by_key[key].terms(run)]
-        # one by one, so that scenes share what is compiled
-        self._terms = [Record((_on_nodes(x, nodes),)) for x in (*of_features, *model.links) if isinstance(x, CONSTRAINTS)]
+        self._terms = Calls(tuple(_on_nodes(x, nodes) for x in (*of_features, *model.links) if isinstance(x, CONSTRAINTS)), ADDED)
         contact = contact_of(model, at_rest=True)
         assert contact is not None
         # those that are eliminated with their beams, too
         self._contact = contact = contact._replace(first=np.arange(model.n_constraints))
         self._work = work_of(model, keep=False)
         self._state = State(model.q0.copy(), np.zeros(0), model.s0.copy(), np.zeros(self._size), np.zeros(model.history_size))
-        self._system = Record(System(SPACE, Equilibrium(), contact, SolverOutside(), nodes, model.spinless, self._state,
-                                     self._work, model.width, model.length))
+        self._system = SystemRecord(System(Unknown(0), nodes, model.spinless, self._state, model.width, model.length, self._work,
+                                           SPACE, Equilibrium(), contact, SolverOutside()), ADDED)
         self._of_force = np.arange(8) < contact.forces[:, None]
 
     def values(self, q: Array, s: Array) -> tuple[Array, Array]:
@@ -104,8 +104,7 @@ class GapRows:
         contact, state, work = self._contact, self._state, self._work
         state.q[:] = work.q_mid[:] = work.q_end[:] = q
         state.s[:] = s
-        for term in self._terms:
-            kernels.assemble_some(term, self._system, 0.0)
+        kernels.assemble_some(*self._terms.on(self._system), 0.0)
         assert not contact.full[0]
         values = contact.residual[self._of_force]
         values[self._unknown] = values[self._free] = 0.0

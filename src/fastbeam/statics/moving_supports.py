@@ -9,7 +9,7 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord
+from fastbeam.kernels.call_tables import ADDED, ASSEMBLY, Calls, SystemRecord
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.connections import held_axes
@@ -369,7 +369,7 @@ class Carrying:
         core = stepper.core
         held, pattern = core.static_held, core.pattern
         self.free = Calls(tuple(term for term in stepper.terms if term is not held), ASSEMBLY)
-        self.held = Calls((held,), ASSEMBLY)
+        self.held = Calls((held,), ADDED)
         columns = pattern.columns
         self.block = np.flatnonzero(np.isin(columns, pattern.row_of[own]))
         self.row, self.column = pattern.rows[self.block], columns[self.block]

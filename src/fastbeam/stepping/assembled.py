@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.call_tables import ASSEMBLY, Calls
+from fastbeam.kernels.call_tables import ADDED, Calls
 from fastbeam.kernels.contact.slider import NoSleeves, Sliding
 from fastbeam.kernels.joints.ball_joint import BallJoints
 from fastbeam.kernels.joints.conditions import JointConditions
@@ -97,7 +97,7 @@ class Constraints:
     def __init__(self, stepper: Stepper) -> None:
         self.stepper = stepper
         core, self._contact = stepper.core, stepper.contact
-        self._terms = Calls(tuple(term for term in stepper.terms if isinstance(term, CONSTRAINTS)), ASSEMBLY)
+        self._terms = Calls(tuple(term for term in stepper.terms if isinstance(term, CONSTRAINTS)), ADDED)
         self._free = free_of_rows(core) != 0.0
         self.loose: Array | None = None
         self.angles: dict[int, float] = {}

@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.compile.unpack import of_elements, points_of
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.beams.beam_term import Beams
-from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord, system_record
+from fastbeam.kernels.call_tables import ADDED, Calls, SystemRecord, system_record
 from fastbeam.kernels.contact.curves import Paths
 from fastbeam.kernels.contact.slider import Sliding
 from fastbeam.kernels.empty_arrays import aligned_empty
@@ -152,12 +152,12 @@ class FreeBodies:
         rows = len(self.row_of)
         self._r = aligned_empty(8 * (rows + 1))
         self.beams = Calls(tuple(x for x in (self._elements(term, wanted, rows) for term in terms if isinstance(term, Beams))
-                                  if x is not None), ASSEMBLY)
+                                  if x is not None), ADDED)
         node_row = np.full(model.n_nodes, rows)
         for key, row in self.row_of.items():
             if not isinstance(key, tuple):
                 node_row[key] = row
-        self.on_nodes = Calls(tuple(_routed(term, node_row, rows) for term in terms if isinstance(term, ON_NODES)), ASSEMBLY)
+        self.on_nodes = Calls(tuple(_routed(term, node_row, rows) for term in terms if isinstance(term, ON_NODES)), ADDED)
         self._system: SystemRecord | None = None
         self._lines: dict[int, tuple[Array, Array]] = {}
         # curves of sliders, which change in a run over corners of switches; in statics those of the model
@@ -282,7 +282,7 @@ class FreeBodies:
             What it exerts on nodes.
         """
         own = system._replace(work=system.work._replace(r=self._r))
-        self._system = system_record(own, self._system, ASSEMBLY)
+        self._system = system_record(own, self._system, ADDED)
         rows = self._assembled(self.beams, h)
         entry = np.zeros((len(self.node), 6))
         np.add.at(entry, self.slot_entry, rows[self.slot_row])
