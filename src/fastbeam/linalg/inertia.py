@@ -136,13 +136,13 @@ class Signs:
         Of a matrix that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
         (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
         neither decides, or the eigenvalues cannot be counted."""
+        clear = self.clear()
+        if clear is not None and (symmetric or clear == (0, 0)):
+            return clear
         free = self._free(self._of.by_rows) if self._free is not None else np.zeros(0, np.int64)
         if free.size:
             found = Signs(Entries(held(self._of.by_rows, free)), self._nodes).count(symmetric)
             return None if found is None else (found[0], found[1] + len(free))
-        clear = self.clear()
-        if clear is not None and (symmetric or clear == (0, 0)):
-            return clear
         # stiffnesses differ by many powers of ten
         if not symmetric and self.skew(np.sqrt(1.0 / self._diagonal())) > SKEW:
             # at first without the eigenvalues next to zero
@@ -210,10 +210,9 @@ def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
     is far above round-off. What lies between is computed: its vectors by inverse iteration, its values from differences of
     positions (`Form`), and a value is zero where it is round-off of the terms that it is the sum of."""
     from scipy import sparse
-    diagonal = np.abs(matrix.diagonal())
-    pivots = _pivots(matrix)
-    if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
-        return int(np.sum(pivots < 0.0)), 0
+    count = negative_pivots(matrix)
+    if count is not None:
+        return count, 0
     scale = np.sqrt(1.0 / sizes_of(matrix.diagonal()))
     scaled = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
     low = high = 0
@@ -368,6 +367,14 @@ def _factored(matrix: Any) -> Any:
         return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:
         return None
+
+
+def negative_pivots(matrix: Any) -> int | None:
+    """Count the negative pivots of a symmetric matrix by columns; None where one is not clearly different from zero."""
+    pivots = _pivots(matrix)
+    if pivots is None or not np.all(np.abs(pivots) > CLEAR_PIVOT * np.abs(matrix.diagonal())):
+        return None
+    return int(np.sum(pivots < 0.0))
 
 
 def _pivots(matrix: Any) -> Array | None:

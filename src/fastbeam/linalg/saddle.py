@@ -25,7 +25,7 @@ from fastbeam.interface.errors import BackendError
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
 from fastbeam.kernels.linalg.scaling import balance, leave
-from fastbeam.linalg.inertia import SKEW, Entries, Nodes, Signs, held, inertia, orthonormal_columns, sizes_of
+from fastbeam.linalg.inertia import SKEW, Entries, Nodes, Signs, held, inertia, negative_pivots, orthonormal_columns, sizes_of
 from fastbeam.linalg.mkl import load_mkl, pardiso_tables
 
 Array = np.ndarray
@@ -373,6 +373,8 @@ class Saddle:
         B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
         if not self.multiplier.any():
             return Signs(Entries(self.matrix), self.nodes, self.free).count(symmetric)
+        if is_positive(self.matrix, self.multiplier):
+            return 0, 0
         free = np.zeros(0, np.int64) if self.free is None else self.free(self.matrix)
         matrix = held(self.matrix, free) if free.size else self.matrix
         whole = (matrix + matrix.T).tocsr()
@@ -472,6 +474,31 @@ def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
         zero = np.abs(values) <= ZERO * np.max(np.abs(values))
         return found[0] - int(np.sum((values < 0.0) & ~zero)), int(np.sum(zero))
     return found
+
+
+def is_positive(matrix: Any, multiplier: Array) -> bool:
+    """Tell whether the symmetric part of a matrix by rows [n, n] is clearly positive on the motions that its constraints, the
+    rows of multipliers [n], allow: all pivots of A + B^T D B are, with a D that brings B^T D B to the size of A."""
+    from scipy import sparse
+    n, number = multiplier.size, np.cumsum(~multiplier) - 1
+    row, column, data = np.repeat(np.arange(n), np.diff(matrix.indptr)), matrix.indices, matrix.data
+    above, left = multiplier[row], multiplier[column]
+    within, constrains, own = ~(above | left), above & ~left, row == column
+    stiff = np.zeros(n)
+    stiff[row[own]] = np.abs(data[own])
+    # constraints, and all pairs of the entries of each
+    b, j = data[constrains], column[constrains]
+    count = np.bincount(row[constrains], minlength=n)
+    first, size = (np.cumsum(count) - count)[count > 0], count[count > 0]
+    largest = np.maximum.reduceat(b * b, first) if b.size else b
+    weight = np.where(largest > 0.0, np.maximum.reduceat(stiff[j], first) / np.where(largest > 0.0, largest, 1.0), 0.0)
+    pairs = np.repeat(size, size)
+    one = np.repeat(np.arange(b.size), pairs)
+    other = np.arange(one.size) + np.repeat(np.repeat(first, size) - np.cumsum(pairs) + pairs, pairs)
+    half, i, k = 0.5 * data[within], number[row[within]], number[column[within]]
+    values = np.concatenate((half, half, np.repeat(weight, size)[one] * b[one] * b[other]))
+    places = np.concatenate((i, k, number[j[one]])), np.concatenate((k, i, number[j[other]]))
+    return negative_pivots(sparse.csc_matrix((values, places), shape=(n - int(multiplier.sum()),) * 2)) == 0
 
 
 def signs_between(matrix: Any, multiplier: Array, nodes: Nodes | None = None) -> tuple[int, int] | None:

@@ -1,7 +1,6 @@
 """Linear maps of a compiled scene between its unknowns, velocities and coordinates, for whoever needs them outside of a step."""
 from __future__ import annotations
 
-from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -249,6 +248,6 @@ class RowMap:
 
 def with_values(matrix: Any, data: Array) -> Any:
     """A sparse matrix with the structure of this one, shared, and other values: making one anew looks at the structure."""
-    out = copy(matrix)
-    out.data = data
+    out = object.__new__(type(matrix))
+    vars(out).update(vars(matrix), data=data)
     return out

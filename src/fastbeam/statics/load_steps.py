@@ -162,7 +162,8 @@ class LoadSteps:
         self.flat = self.solver.stepper.plane is not None
         # what spins may fly freely
         self.held_in_space = task.steady is not None or check_supports(model, self.flat)
-        Observer(model, task.observe, task.points)  # refuses what does not exist; at rest there is only energy to record
+        if not set(task.observe) <= set(RECORDED):
+            Observer(model, task.observe, task.points)  # refuses what does not exist
         self.observed = "slider", "joint", *(kind for kind in task.observe if kind in RECORDED)
         self.observer = Observer(model, self.observed, task.points)
         self.reactions = reactions_of(self.solver, self.observer)
