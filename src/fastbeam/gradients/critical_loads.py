@@ -63,7 +63,7 @@ class _Critical:
         self.loads = plus.unbalanced() - right
         self.matrix, self.multiplier = saddle.matrix, saddle.multiplier
         # what nothing resists all along is none of the direction
-        base.hold_free(self.matrix)
+        base.hold_free(lambda: self.matrix)
         self.free = base.weights[:, None] * base.free_motions.motions(right.size)
         start = np.random.default_rng(0).standard_normal(right.size)
         start[base.nodes:] *= 0.0
@@ -109,7 +109,7 @@ class _Critical:
         if transposed:
             matrix, of_row, of_column = matrix.T, of_column, of_row
         more = column.shape[1]
-        saddle = Saddle(matrix, np.append(self.multiplier, np.ones(more, bool)))
+        saddle = Saddle(matrix.tocsr(), np.append(self.multiplier, np.ones(more, bool)))
         x = saddle.solve(of_row * np.concatenate((right, [last], np.zeros(more - 1))))
         if x is None or saddle.is_singular:
             raise ConvergenceError("critical_sensitivity: the tangent is singular in several directions at once, whose loads "

@@ -140,7 +140,7 @@ class SuperLU:
         self.solves = 0
         self.worst_residual = 0.0
         # what finds one unknown of every free motion of the matrix by rows, to be held
-        self.free: Callable[[Any], Array] | None = None
+        self.free: Callable[[Callable[[], Any]], Array] | None = None
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
         """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
@@ -155,7 +155,7 @@ class SuperLU:
         tried = [symmetric, {}]
         if self.free is not None:
             # in statics before that with few exchanges of rows, which fill the factors of fine meshes
-            free = self.free(self.by_rows(blocks))
+            free = self.free(lambda: self.by_rows(blocks))
             matrix = held(matrix.tocsr(), free)
             scale = np.sqrt(1.0 / sizes_of(matrix.diagonal()))
             matrix = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
@@ -176,7 +176,7 @@ class SuperLU:
                 return np.ascontiguousarray(scale * x)
         return None
 
-    def signs(self, blocks: Array, symmetric: bool, free: Callable[[Any], Array] | None = None) -> tuple[int, int] | None:
+    def signs(self, blocks: Array, symmetric: bool, free: Callable[[Callable[[], Any]], Array] | None = None) -> tuple[int, int] | None:
         """As `inertia.Signs.count`, of the matrix of blocks [n_blocks, size, 8]."""
         of = self._of(blocks)
         return Signs(of, Nodes(of.n, self.size, 2 if self.size == 3 else 3), free).count(symmetric)
@@ -233,6 +233,8 @@ class LinearSystem:
         self.pattern, self.size = pattern, size
         self.fallbacks = 0
         self.pardiso: Pardiso | None = None
+        # for the compiled loop
+        self.tables: PardisoTables | None = None
         self._superlu: SuperLU | None = None
         self._why = ""
         if pattern.plan is not None or backend == "superlu":
@@ -245,6 +247,7 @@ class LinearSystem:
             return
         indptr = np.searchsorted(pattern.rows, np.arange(pattern.n + 1))
         self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size, threads, reproducible, symmetric)
+        self.tables = self.pardiso.tables
 
     def threads(self) -> AbstractContextManager[None]:
         """Where the compiled loop has to run."""
@@ -259,11 +262,6 @@ class LinearSystem:
     def is_compiled(self) -> bool:
         """Whether the time loop runs in compiled code."""
         return self.pattern.plan is not None or self.pardiso is not None
-
-    @property
-    def tables(self) -> PardisoTables | None:
-        """For the compiled loop."""
-        return None if self.pardiso is None else self.pardiso.tables
 
     @property
     def superlu(self) -> SuperLU:

@@ -25,7 +25,8 @@ from fastbeam.interface.errors import BackendError
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
 from fastbeam.kernels.linalg.scaling import balance, leave
-from fastbeam.linalg.inertia import SKEW, Entries, Nodes, Signs, held, inertia, negative_pivots, orthonormal_columns, sizes_of
+from fastbeam.linalg.inertia import (SKEW, Entries, Nodes, Signs, Terms, held, inertia, negative_pivots, orthonormal_columns,
+    sizes_of)
 from fastbeam.linalg.mkl import load_mkl, pardiso_tables
 
 Array = np.ndarray
@@ -170,7 +171,7 @@ class Saddle:
 
     Parameters
     ----------
-    matrix : sparse float64 [n, n]
+    matrix : sparse float64 [n, n] by rows
         All rows and columns, coordinates and multipliers in any order.
     multiplier : bool [n]
         Which unknowns are multipliers.
@@ -196,12 +197,12 @@ class Saddle:
     def __init__(self, matrix: Any, multiplier: Array, factors: Factors | None = None,
                  measured_in: tuple[Array, Array] | None = None) -> None:
         self.measured_in = measured_in
-        self.matrix, self.multiplier, self._factors = matrix.tocsr(), multiplier, factors
-        self.is_finite = bool(np.isfinite(self.matrix.data).all())
+        self.matrix, self.multiplier, self._factors = matrix, multiplier, factors
+        self.is_finite = bool(np.logical_and.reduce(np.isfinite(self.matrix.data)))
         self.is_singular = False
         # which unknowns are those of nodes, and what finds one unknown of every free motion: for signs
         self.nodes: Nodes | None = None
-        self.free: Callable[[Any], Array] | None = None
+        self.free: Callable[[Callable[[], Any]], Array] | None = None
         self.residual = self.unbalanced = 0.0
         self.drift, self.left = np.zeros(multiplier.size), np.zeros((multiplier.size, 0))
 
@@ -239,7 +240,7 @@ class Saddle:
         n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
         at = np.flatnonzero(indices == np.repeat(np.arange(n), np.diff(indptr)))
         if not np.array_equal(indices[at][~self.multiplier[indices[at]]], np.flatnonzero(~self.multiplier)):
-            return Saddle(self.matrix + sparse.diags(more), self.multiplier, self._factors, self.measured_in)
+            return Saddle((self.matrix + sparse.diags(more)).tocsr(), self.multiplier, self._factors, self.measured_in)
         data = self.matrix.data.copy()
         data[at] += more[indices[at]]
         stiff = sparse.csr_matrix((data, indices, indptr), shape=self.matrix.shape)
@@ -247,7 +248,7 @@ class Saddle:
 
     def solve(self, right: Array) -> Array | None:
         """x [n] with matrix x = right [n]. None where nothing acceptable is found."""
-        if not (self.is_finite and np.isfinite(right).all()):
+        if not (self.is_finite and np.logical_and.reduce(np.isfinite(right))):
             return None
         self.is_singular, self.unbalanced, self.drift, self.left = False, 0.0, np.zeros(right.size), np.zeros((right.size, 0))
         x = self._by_pardiso(right) if self._factors is not None else None
@@ -276,7 +277,7 @@ class Saddle:
     def _by_factors(self, factors: Factors, b: Array, row: Array, column: Array) -> tuple[Array, float]:
         """As `_refine`, with residuals in compiled code; b, and the solution, scaled by row, column."""
         matrix, size, rest = self.matrix, _norm(b) or 1.0, np.empty_like(b)
-        structure = [x.astype(np.int32, copy=False) for x in (matrix.indptr, matrix.indices)]
+        structure = matrix.indptr.astype(np.int32, copy=False), matrix.indices.astype(np.int32, copy=False)
         x = factors.solve(b / row) / column
         left = leave(matrix.data, *structure, row, column, x, b, rest) / size
         for _ in range(2):
@@ -373,9 +374,9 @@ class Saddle:
         B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
         if not self.multiplier.any():
             return Signs(Entries(self.matrix), self.nodes, self.free).count(symmetric)
-        if is_positive(self.matrix, self.multiplier):
+        free = np.zeros(0, np.int64) if self.free is None else self.free(lambda: self.matrix)
+        if not free.size and is_positive(self.matrix, self.multiplier):
             return 0, 0
-        free = np.zeros(0, np.int64) if self.free is None else self.free(self.matrix)
         matrix = held(self.matrix, free) if free.size else self.matrix
         whole = (matrix + matrix.T).tocsr()
         whole.data *= 0.5
@@ -479,8 +480,8 @@ def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
 def is_positive(matrix: Any, multiplier: Array) -> bool:
     """Tell whether the symmetric part of a matrix by rows [n, n] is clearly positive on the motions that its constraints, the
     rows of multipliers [n], allow: all pivots of A + B^T D B are, with a D that brings B^T D B to the size of A."""
-    from scipy import sparse
-    n, number = multiplier.size, np.cumsum(~multiplier) - 1
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+    n = multiplier.size
     row, column, data = np.repeat(np.arange(n), np.diff(matrix.indptr)), matrix.indices, matrix.data
     above, left = multiplier[row], multiplier[column]
     within, constrains, own = ~(above | left), above & ~left, row == column
@@ -495,10 +496,14 @@ def is_positive(matrix: Any, multiplier: Array) -> bool:
     pairs = np.repeat(size, size)
     one = np.repeat(np.arange(b.size), pairs)
     other = np.arange(one.size) + np.repeat(np.repeat(first, size) - np.cumsum(pairs) + pairs, pairs)
-    half, i, k = 0.5 * data[within], number[row[within]], number[column[within]]
+    half, i, k = 0.5 * data[within], row[within], column[within]
     values = np.concatenate((half, half, np.repeat(weight, size)[one] * b[one] * b[other]))
-    places = np.concatenate((i, k, number[j[one]])), np.concatenate((k, i, number[j[other]]))
-    return negative_pivots(sparse.csc_matrix((values, places), shape=(n - int(multiplier.sum()),) * 2)) == 0
+    order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
+    number = np.empty(n, np.int64)
+    number[order] = np.add.accumulate(~multiplier[order], dtype=np.int64) - 1
+    i, k = number[np.concatenate((i, k, j[one]))], number[np.concatenate((k, i, j[other]))]
+    signs = Signs(Terms(n - int(np.add.reduce(multiplier)), i, k, values))
+    return (signs.clear() if signs.is_narrow else (negative_pivots(signs.of.matrix), 0)) == (0, 0)
 
 
 def signs_between(matrix: Any, multiplier: Array, nodes: Nodes | None = None) -> tuple[int, int] | None:

@@ -6,7 +6,10 @@ come near to. A vector counts where the tangent K has K z = 0 to round-off, ever
 """
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -39,6 +42,9 @@ class Part(NamedTuple):
     signs: Array      # float64 [k]: a spin about the axis of the first beam is one about these times d1; NaN where there is none
 
 
+_KNOWN: WeakKeyDictionary[Model, list[Part]] = WeakKeyDictionary()
+
+
 class FreeMotions:
     """Of one model.
 
@@ -60,7 +66,14 @@ class FreeMotions:
         core = model if axes is None else model.plane.model
         size = len(core.dofs)
         self.nodes = Nodes(size * core.pattern.n, size, core.dim)
-        # tied nodes follow, and share no unknowns of their own
+        self.names: tuple[str, ...] = ()
+        # unknowns and motions in these of those found last
+        self._found: list[tuple[Array, Array]] = []
+
+    @cached_property
+    def _free(self) -> Array:
+        """Which of the six unknowns of rows are their own, bool [rows, 6]: tied nodes follow others."""
+        model = self.model
         free = np.zeros((model.pattern.n, 6), bool)
         first = np.unique(model.pattern.row_of, return_index=True)[1]
         free[model.pattern.row_of[first]] = True
@@ -70,24 +83,25 @@ class FreeMotions:
                 held[model.held.row] = model.held.mask
             of = model.pattern.row_of[model.ties.slave]
             free[of] &= (held[of][:, None] >> np.arange(6)) & 1 == 0
-        self._free = free
-        # by supports, and of tied nodes
-        self.held = np.zeros(self.nodes.total, bool)
+        return free
+
+    @cached_property
+    def held(self) -> Array:
+        """Which unknowns of nodes supports hold, and those of tied nodes, bool [n]."""
+        core, size = self.model if self.axes is None else self.model.plane.model, self.nodes.size
+        held = np.zeros(self.nodes.total, bool)
         if core.held is not None:
             bits = (core.held.mask[:, None] >> np.arange(size)) & 1 != 0
             inside = core.held.row < core.pattern.n
-            self.held[(core.held.row[inside, None] * size + np.arange(size))[bits[inside]]] = True
-        self._parts: list[Part] | None = None
-        self.names: tuple[str, ...] = ()
-        # unknowns and motions in these of those found last
-        self._found: list[tuple[Array, Array]] = []
+            held[(core.held.row[inside, None] * size + np.arange(size))[bits[inside]]] = True
+        return held
 
     @property
     def parts(self) -> list[Part]:
         """What is joined rigidly."""
-        if self._parts is None:
-            self._parts = _parts(self.model)
-        return self._parts
+        if (found := _KNOWN.get(self.model)) is None:
+            found = _KNOWN[self.model] = _parts(self.model)
+        return found
 
     @property
     def may_be(self) -> bool:
@@ -95,17 +109,17 @@ class FreeMotions:
         q = self.model.q0.reshape(-1, 4, 3)
         return any(_Own(self, part, q).is_loose for part in self.parts[:MOST_PARTS])
 
-    def find(self, matrix: Any, q: Array) -> Array:
+    def find(self, matrix: Callable[[], Any], q: Array) -> Array:
         """One unknown of every free motion [m]; `names` has their names.
 
         Parameters
         ----------
-        matrix : sparse by rows [n, n]
-            The tangent; unknowns of nodes come first.
+        matrix : callable
+            Gives the tangent, sparse by rows [n, n]; unknowns of nodes come first.
         q : float64 [N, 4, 3]
             Coordinates in space.
         """
-        whole = (0.5 * (matrix + matrix.T)).tocsr()
+        whole: Any = None
         unknowns: list[Array] = []
         names: list[str] = []
         loose: list[_Near] = []
@@ -114,6 +128,9 @@ class FreeMotions:
             own = _Own(self, part, q)
             if not own.is_loose:
                 continue
+            if whole is None:
+                of = matrix()
+                whole = (0.5 * (of + of.T)).tocsr()
             near = _Near(self, whole, own)
             found = near.spin[:, :0]
             if near.spin.any() and _is_free(near.matrix, near.nodes, near.spin):
@@ -125,7 +142,7 @@ class FreeMotions:
             if near.rest.shape[1]:
                 loose.append(near)
         count = sum(near.rest.shape[1] for near in loose)
-        together = len(loose) <= MOST_TOGETHER and count * whole.shape[0] <= MOST_NUMBERS
+        together = len(loose) <= MOST_TOGETHER and (not loose or count * whole.shape[0] <= MOST_NUMBERS)
         for group in ([loose] if together else [[near] for near in loose]):
             if group:
                 held, how = self._of_group(whole, group)
