@@ -176,7 +176,8 @@ class SuperLU:
                 return np.ascontiguousarray(scale * x)
         return None
 
-    def signs(self, blocks: Array, symmetric: bool, free: Callable[[Callable[[], Any]], Array] | None = None) -> tuple[int, int] | None:
+    def signs(self, blocks: Array, symmetric: bool,
+              free: Callable[[Callable[[], Any]], Array] | None = None) -> tuple[int, int] | None:
         """As `inertia.Signs.count`, of the matrix of blocks [n_blocks, size, 8]."""
         of = self._of(blocks)
         return Signs(of, Nodes(of.n, self.size, 2 if self.size == 3 else 3), free).count(symmetric)

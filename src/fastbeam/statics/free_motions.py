@@ -210,10 +210,14 @@ class _Own:
         inside = part.nodes[first]
         self.part, self.rows = part, pattern.row_of[inside]
         self.unknowns = (self.rows[:, None] * size + np.arange(size)).reshape(-1)
-        spin, rigid = (of.on_unknowns(self.rows, x).reshape(self.unknowns.size, -1)
-                       for x in (_spin(part.signs[first], q[inside, 1]), _rigid(q[inside, 0], of.model.length)))
         held = of.held[self.unknowns]
+        spin = of.on_unknowns(self.rows, _spin(part.signs[first], q[inside, 1])).reshape(self.unknowns.size, -1)
         self.spin = spin[:, ~np.any(spin[held], axis=0) & np.any(spin, axis=0)]
+        if held.reshape(-1, size).all(axis=1).any():
+            # a node that is held in all directions leaves no rigid motion
+            self.rigid = spin[:, :0]
+            return
+        rigid = of.on_unknowns(self.rows, _rigid(q[inside, 0], of.model.length)).reshape(self.unknowns.size, -1)
         # what supports feel of rigid motions
         sizes, turn = _singular(rigid[held])
         self.rigid = rigid @ turn[sizes <= HELD * max(1.0, float(np.max(sizes)))].T

@@ -203,7 +203,8 @@ class LoadSteps:
             target = stop if reached + size > stop - 1e-12 else reached + size
             solver.set_time(t, target if raised else 1.0)
             solver.move_to(target)
-            before, shape = solver.stepper.core_state.q.copy(), solver.state.q.copy()
+            before = solver.stepper.core_state.q.copy()
+            shape = None if task.model.lines is None else solver.state.q.copy()
             shorter = size > smallest * (1.0 + 1e-12)
             solver.may_leap = not shorter
             status, sizes = solver.equilibrium(target * factors if raised else factors)
@@ -247,11 +248,11 @@ class LoadSteps:
             return False
         return True
 
-    def _swaps_back(self, before: Array, shape: Array) -> bool:
+    def _swaps_back(self, before: Array, shape: Array | None) -> bool:
         """Go back to the coordinates `before`, `shape` in space, where ends of a spring or line force have passed each other: a
-        smaller step may meet it. Returns whether that was so."""
+        smaller step may meet it. Returns whether that was so. shape: None where there are no such ends."""
         solver, lines = self.solver, self.task.model.lines
-        if lines is None or isinstance(solver, SlidingSolver) or not lines.swapped(shape, solver.state.q):
+        if shape is None or isinstance(solver, SlidingSolver) or not lines.swapped(shape, solver.state.q):
             return False
         solver.stepper.core_state.q[:] = before
         return True

@@ -413,7 +413,7 @@ class Contacts:
             self._note(sleeve.name, error, t, text)
 
     def _roundings(self, t: float, state: Any) -> None:
-        """Measure how far curves with one tangent at element ends lie beside the axes of beams, where these have kinks at some."""
+        """Measure how far curves with one tangent at element ends lie beside the axes of beams, which may have kinks there."""
         positions = state.q.reshape(-1, 4, 3)[:, 0]
         on = dict[Beam, list[tuple[int, Slider, float]]]()
         for k, slider in self.rounded:
