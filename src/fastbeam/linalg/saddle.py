@@ -276,7 +276,7 @@ class Saddle:
 
     def _by_factors(self, factors: Factors, b: Array, row: Array, column: Array) -> tuple[Array, float]:
         """As `_refine`, with residuals in compiled code; b, and the solution, scaled by row, column."""
-        matrix, size, rest = self.matrix, _norm(b) or 1.0, np.empty_like(b)
+        matrix, size, rest = self.matrix, _norm(b) or 1.0, np.empty(b.size)
         structure = matrix.indptr.astype(np.int32, copy=False), matrix.indices.astype(np.int32, copy=False)
         x = factors.solve(b / row) / column
         left = leave(matrix.data, *structure, row, column, x, b, rest) / size

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.linalg.saddle import Saddle, factors_for
@@ -197,7 +198,7 @@ class SaddleSolver(StaticSolver):
         self._all_loads = work.f_ext + equations.loads
         given = None if self.motion is None else self.motion.pending(coordinates_of(self.stepper, self.motion.own))
         if given is None:
-            self.stepper.parts.assemble(0.0)
+            kernels.assemble_all(*self.stepper.records, 0.0)
         else:
             x = self.motion.rows(given, model, self.map.axes)
             self.carrying.assemble(self.stepper, self.stepper.records[1], x)
@@ -262,7 +263,7 @@ class SaddleSolver(StaticSolver):
             work.q_mid[:] = work.q_end[:] = state.q
         # the kernels take half of what solves the equations of half the tangent, and subtract it
         work.panel.reshape(-1, core.width)[:x.nodes.size, 0] = -2.0 * x.nodes
-        moved = self.stepper.parts.update()
+        moved = float(kernels.update(*self.stepper.records))
         state.s[:] += x.s
         state.force[:] += x.force
         return moved + float(np.maximum.reduce(np.abs(x.s), initial=0.0)) / core.length
