@@ -116,7 +116,7 @@ class Entries:
 
 
 class Terms:
-    """A symmetric matrix as a sum of entries, several at one place.
+    """A symmetric matrix as a sum of entries, of which several may stand at one place.
 
     Parameters
     ----------
@@ -131,13 +131,13 @@ class Terms:
         self.width = int(np.maximum.reduce(column - row, initial=0))
 
     def add_half(self, upper: Array) -> None:
-        """Its symmetric part, as `kernels.band` keeps it."""
+        """Add the entries to a band, as `kernels.band` keeps it."""
         at = self._column >= self._row
         np.add.at(upper, (self._row[at], self._column[at] - self._row[at]), self._value[at])
 
     @property
     def matrix(self) -> Any:
-        """By columns."""
+        """Form the sparse matrix by columns."""
         from scipy import sparse
         return sparse.csc_matrix((self._value, (self._row, self._column)), shape=(self.n, self.n))
 

@@ -71,8 +71,8 @@ class FreeMotions:
         self._found: list[tuple[Array, Array]] = []
 
     @cached_property
-    def _free(self) -> Array:
-        """Which of the six unknowns of rows are their own, bool [rows, 6]: tied nodes follow others."""
+    def own(self) -> Array:
+        """Whether unknowns of rows are their own, bool [rows, 6]: tied nodes follow others."""
         model = self.model
         free = np.zeros((model.pattern.n, 6), bool)
         first = np.unique(model.pattern.row_of, return_index=True)[1]
@@ -87,7 +87,7 @@ class FreeMotions:
 
     @cached_property
     def held(self) -> Array:
-        """Which unknowns of nodes supports hold, and those of tied nodes, bool [n]."""
+        """Whether unknowns of nodes are held by supports, or are those of tied nodes, bool [n]."""
         core, size = self.model if self.axes is None else self.model.plane.model, self.nodes.size
         held = np.zeros(self.nodes.total, bool)
         if core.held is not None:
@@ -161,7 +161,7 @@ class FreeMotions:
 
     def on_unknowns(self, rows: Array, motion: Array) -> Array:
         """Velocities and spins [k, 6, m] of nodes that have these rows [k] in their unknowns [k, size, m]."""
-        motion = motion * self._free[rows][:, :, None]
+        motion = motion * self.own[rows][:, :, None]
         if self.axes is None:
             return motion
         shift = np.einsum("ij,njm->nim", self.axes[:2], motion[:, :3])
@@ -213,8 +213,8 @@ class _Own:
         held = of.held[self.unknowns]
         spin = of.on_unknowns(self.rows, _spin(part.signs[first], q[inside, 1])).reshape(self.unknowns.size, -1)
         self.spin = spin[:, ~np.any(spin[held], axis=0) & np.any(spin, axis=0)]
-        if held.reshape(-1, size).all(axis=1).any():
-            # a node that is held in all directions leaves no rigid motion
+        if (held.reshape(-1, size).all(axis=1) & of.own[self.rows].all(axis=1)).any():
+            # a node that supports hold in all directions leaves no rigid motion
             self.rigid = spin[:, :0]
             return
         rigid = of.on_unknowns(self.rows, _rigid(q[inside, 0], of.model.length)).reshape(self.unknowns.size, -1)
