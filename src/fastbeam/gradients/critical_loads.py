@@ -63,7 +63,7 @@ class _Critical:
         self.loads = plus.unbalanced() - right
         self.matrix, self.multiplier = saddle.matrix, saddle.multiplier
         # what nothing resists all along is none of the direction
-        base.hold_free(self.matrix)
+        base.hold_free(lambda: self.matrix)
         self.free = base.weights[:, None] * base.free_motions.motions(right.size)
         start = np.random.default_rng(0).standard_normal(right.size)
         start[base.nodes:] *= 0.0

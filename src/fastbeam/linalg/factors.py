@@ -252,7 +252,7 @@ class Factors:
     def __init__(self, matrix: Any, factoriser: Factoriser | None = None, limits: Limits = EXACT,
                  scales: tuple[Array, Array] | None = None, give: Array | None = None, exchange: float = 0.1) -> None:
         self.matrix, self.limits, self._factoriser = matrix.tocsr(), limits, factoriser
-        self.is_finite = bool(np.isfinite(self.matrix.data).all())
+        self.is_finite = bool(np.logical_and.reduce(np.isfinite(self.matrix.data)))
         if scales is not None:
             self.scales = scales
         self._give = give
@@ -315,7 +315,7 @@ class Factors:
     def solve(self, right: Array, transposed: bool = False) -> Array | None:
         """x with matrix x = right, or with its transpose, for right-hand side [n], or rows of several [m, n]. None where no
         solution is accepted."""
-        if not (self.is_finite and np.isfinite(right).all()):
+        if not (self.is_finite and np.logical_and.reduce(np.isfinite(right), axis=None)):
             return None
         into, out = self.scales[::-1] if transposed else self.scales
         x = self.solve_scaled(into * right, transposed)

@@ -116,20 +116,48 @@ class Entries:
         return self.by_rows.tocsc()
 
 
+class Terms:
+    """A symmetric matrix as a sum of entries, of which several may stand at one place.
+
+    Parameters
+    ----------
+    n : int
+        Rows.
+    row, column, value : array [m]
+        Of the entries on both sides of the diagonal.
+    """
+
+    def __init__(self, n: int, row: Array, column: Array, value: Array) -> None:
+        self.n, self._row, self._column, self._value = n, row, column, value
+        self.width = int(np.maximum.reduce(column - row, initial=0))
+
+    def add_half(self, upper: Array) -> None:
+        """Add the entries to a band, as `kernels.band` keeps it."""
+        at = self._column >= self._row
+        np.add.at(upper, (self._row[at], self._column[at] - self._row[at]), self._value[at])
+
+    @property
+    def matrix(self) -> Any:
+        """Form the sparse matrix by columns."""
+        from scipy import sparse
+        return sparse.csc_matrix((self._value, (self._row, self._column)), shape=(self.n, self.n))
+
+
 class Signs:
     """Signs of the eigenvalues of a matrix.
 
     Parameters
     ----------
-    of : Blocks or Entries
+    of : Blocks, Entries or Terms
+        Of terms only `clear` is known.
     nodes : Nodes, optional
-    free : function of the matrix by rows -> int array, optional
+    free : function of what gives the matrix by rows -> int array, optional
         One unknown of every free motion that is known, to be held.
     """
 
-    def __init__(self, of: Blocks | Entries, nodes: Nodes | None = None, free: Callable[[Any], Array] | None = None) -> None:
-        self._of, self._nodes, self._free = of, nodes, free
-        self._is_narrow = of.width <= WIDEST and of.n * of.width**2 <= MOST_IN_BAND
+    def __init__(self, of: Any, nodes: Nodes | None = None, free: Callable[[Callable[[], Any]], Array] | None = None) -> None:
+        self.of, self._nodes, self._free = of, nodes, free
+        self.is_narrow = of.width <= WIDEST and of.n * of.width**2 <= MOST_IN_BAND
 
     def count(self, symmetric: bool) -> tuple[int, int] | None:
         """Numbers of negative eigenvalues, if it is symmetric but for round-off, and of those that are zero to it.
@@ -137,9 +165,9 @@ class Signs:
         Of a matrix that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
         (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
         neither decides, or the eigenvalues cannot be counted."""
-        free = self._free(self._of.by_rows) if self._free is not None else np.zeros(0, np.int64)
+        free = self._free(lambda: self.of.by_rows) if self._free is not None else np.zeros(0, np.int64)
         if free.size:
-            found = Signs(Entries(held(self._of.by_rows, free)), self._nodes).count(symmetric)
+            found = Signs(Entries(held(self.of.by_rows, free)), self._nodes).count(symmetric)
             return None if found is None else (found[0], found[1] + len(free))
         clear = self.clear()
         if clear is not None and (symmetric or clear == (0, 0)):
@@ -154,31 +182,31 @@ class Signs:
     def clear(self, least: float = CLEAR_PIVOT) -> tuple[int, int] | None:
         """Of the symmetric part, from pivots in the order of the rows; None where the band is wide, or a pivot is not above the
         least share of its diagonal entry."""
-        if not self._is_narrow:
+        if not self.is_narrow:
             return None
-        upper = np.zeros((self._of.n, self._of.width + 2))
-        self._of.add_half(upper)
+        upper = np.zeros((self.of.n, self.of.width + 2))
+        self.of.add_half(upper)
         count = int(band.negative_pivots(upper, least))
         return None if count < 0 else (count, 0)
 
     def skew(self, scale: Array) -> float:
         """Largest entry of the difference to the transposed matrix, rows and columns multiplied by a scale [n]."""
         if self._whole is not None:
-            return float(band.largest_skew(self._whole, self._of.width, scale))
-        skew = (self._of.matrix - self._of.matrix.T).tocoo()
+            return float(band.largest_skew(self._whole, self.of.width, scale))
+        skew = (self.of.matrix - self.of.matrix.T).tocoo()
         return float(np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0))
 
     def determinant(self) -> int:
         """Its sign: 1, -1, or 0 where the matrix is singular."""
         if self._whole is not None:
             from scipy.linalg.lapack import dgbtrf
-            width = self._of.width
+            width = self.of.width
             lapack, exchanged, fault = dgbtrf(self._whole.T, width, width)
             if fault:
                 return 0
             signs, odd = np.sign(lapack[2 * width]), np.sum(exchanged != np.arange(exchanged.size)) % 2
         else:
-            factors = lu(self._of.matrix)
+            factors = lu(self.of.matrix)
             if factors is None:
                 return 0
             raw = factors.raw
@@ -189,17 +217,17 @@ class Signs:
     @cached_property
     def _whole(self) -> Array | None:
         """The matrix as a band, None where it is wide."""
-        if not self._is_narrow:
+        if not self.is_narrow:
             return None
-        whole = np.zeros((self._of.n, 3 * self._of.width + 1))
-        self._of.put(whole)
+        whole = np.zeros((self.of.n, 3 * self.of.width + 1))
+        self.of.put(whole)
         return whole
 
     def _diagonal(self) -> Array:
-        return sizes_of(self._of.matrix.diagonal() if self._whole is None else self._whole[:, 2 * self._of.width])
+        return sizes_of(self.of.matrix.diagonal() if self._whole is None else self._whole[:, 2 * self.of.width])
 
     def _of_symmetric_part(self) -> tuple[int, int] | None:
-        return inertia((0.5 * (self._of.matrix + self._of.matrix.T)).tocsc(), self._nodes)
+        return inertia((0.5 * (self.of.matrix + self.of.matrix.T)).tocsc(), self._nodes)
 
 
 def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
@@ -210,10 +238,9 @@ def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
     is far above round-off. What lies between is computed: its vectors by inverse iteration, its values from differences of
     positions (`Form`), and a value is zero where it is round-off of the terms that it is the sum of."""
     from scipy import sparse
-    diagonal = np.abs(matrix.diagonal())
-    pivots = _pivots(matrix)
-    if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
-        return int(np.sum(pivots < 0.0)), 0
+    count = negative_pivots(matrix)
+    if count is not None:
+        return count, 0
     scale = np.sqrt(1.0 / sizes_of(matrix.diagonal()))
     scaled = (sparse.diags(scale) @ matrix @ sparse.diags(scale)).tocsc()
     low = high = 0
@@ -364,6 +391,14 @@ def sizes_of(diagonal: Array) -> Array:
 def _factored(matrix: Any) -> LU | None:
     """Factor without exchange of rows; None where the matrix is singular."""
     return lu(matrix, SYMMETRIC_MODE | {"diag_pivot_thresh": 0.0})
+
+
+def negative_pivots(matrix: Any) -> int | None:
+    """Count the negative pivots of a symmetric matrix by columns; None where one is not clearly different from zero."""
+    pivots = _pivots(matrix)
+    if pivots is None or not np.all(np.abs(pivots) > CLEAR_PIVOT * np.abs(matrix.diagonal())):
+        return None
+    return int(np.sum(pivots < 0.0))
 
 
 def _pivots(matrix: Any) -> Array | None:

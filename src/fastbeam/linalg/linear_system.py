@@ -114,7 +114,7 @@ class SuperLU:
         self.n, self.size = n, size
         self._rows, self._columns = np.ascontiguousarray(rows), np.ascontiguousarray(columns)
         # what finds one unknown of every free motion of the matrix by rows, to be held
-        self.free: Callable[[Any], Array] | None = None
+        self.free: Callable[[Callable[[], Any]], Array] | None = None
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
         """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
@@ -124,9 +124,10 @@ class SuperLU:
         if self.free is None:
             return Factors(matrix, limits=OF_STEP).solve(right)
         # in statics with few exchanges of rows, which fill the factors of fine meshes
-        return Factors(held(matrix, self.free(matrix)), limits=OF_STEP, exchange=FEW).solve(right)
+        return Factors(held(matrix, self.free(lambda: matrix)), limits=OF_STEP, exchange=FEW).solve(right)
 
-    def signs(self, blocks: Array, symmetric: bool, free: Callable[[Any], Array] | None = None) -> tuple[int, int] | None:
+    def signs(self, blocks: Array, symmetric: bool,
+              free: Callable[[Callable[[], Any]], Array] | None = None) -> tuple[int, int] | None:
         """As `inertia.Signs.count`, of the matrix of blocks [n_blocks, size, 8]."""
         of = self._of(blocks)
         return Signs(of, Nodes(of.n, self.size, 2 if self.size == 3 else 3), free).count(symmetric)
@@ -170,6 +171,8 @@ class LinearSystem:
         self.pattern, self.size = pattern, size
         self.fallbacks = 0
         self.pardiso: Pardiso | None = None
+        # for the compiled loop
+        self.tables: PardisoTables | None = None
         self._superlu: SuperLU | None = None
         self._why = ""
         if pattern.plan is not None or backend == "superlu":
@@ -180,6 +183,7 @@ class LinearSystem:
             return
         indptr = np.searchsorted(pattern.rows, np.arange(pattern.n + 1))
         self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size, threads, reproducible, symmetric)
+        self.tables = self.pardiso.tables
 
     def threads(self) -> AbstractContextManager[None]:
         """Where the compiled loop has to run."""
@@ -194,11 +198,6 @@ class LinearSystem:
     def is_compiled(self) -> bool:
         """Whether the time loop runs in compiled code."""
         return self.pattern.plan is not None or self.pardiso is not None
-
-    @property
-    def tables(self) -> PardisoTables | None:
-        """For the compiled loop."""
-        return None if self.pardiso is None else self.pardiso.tables
 
     @property
     def superlu(self) -> SuperLU:

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from fastbeam.linalg.factors import LU, Factoriser, Factors, lu, refined
-from fastbeam.linalg.inertia import SKEW, Entries, Nodes, Signs, held, inertia, orthonormal_columns, sizes_of
+from fastbeam.linalg.inertia import (SKEW, Entries, Nodes, Signs, Terms, held, inertia, negative_pivots, orthonormal_columns,
+    sizes_of)
 from fastbeam.linalg.scaling import typical_factors, with_values
 
 Array = np.ndarray
@@ -35,7 +36,7 @@ class Saddle(Factors):
 
     Parameters
     ----------
-    matrix : sparse float64 [n, n]
+    matrix : sparse float64 [n, n] by rows
         All rows and columns, coordinates and multipliers in any order.
     multiplier : bool [n]
         Which unknowns are multipliers.
@@ -57,7 +58,7 @@ class Saddle(Factors):
         self.multiplier = multiplier
         # which unknowns are those of nodes, and what finds one unknown of every free motion: for signs
         self.nodes: Nodes | None = None
-        self.free: Callable[[Any], Array] | None = None
+        self.free: Callable[[Callable[[], Any]], Array] | None = None
         self.unbalanced, self.drift, self.left = 0.0, np.zeros(multiplier.size), np.zeros((multiplier.size, 0))
 
     @property
@@ -153,7 +154,9 @@ class Saddle(Factors):
         B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
         if not self.multiplier.any():
             return Signs(Entries(self.matrix), self.nodes, self.free).count(symmetric)
-        free = np.zeros(0, np.int64) if self.free is None else self.free(self.matrix)
+        free = np.zeros(0, np.int64) if self.free is None else self.free(lambda: self.matrix)
+        if not free.size and is_positive(self.matrix, self.multiplier):
+            return 0, 0
         matrix = held(self.matrix, free) if free.size else self.matrix
         whole = (matrix + matrix.T).tocsr()
         whole.data *= 0.5
@@ -199,6 +202,35 @@ def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
         zero = np.abs(values) <= ZERO * np.max(np.abs(values))
         return found[0] - int(np.sum((values < 0.0) & ~zero)), int(np.sum(zero))
     return found
+
+
+def is_positive(matrix: Any, multiplier: Array) -> bool:
+    """Tell whether the symmetric part of a matrix by rows [n, n] is clearly positive on the motions that its constraints, the
+    rows of multipliers [n], allow: all pivots of A + B^T D B are, with a D that brings B^T D B to the size of A."""
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+    n = multiplier.size
+    row, column, data = np.repeat(np.arange(n), np.diff(matrix.indptr)), matrix.indices, matrix.data
+    above, left = multiplier[row], multiplier[column]
+    within, constrains, own = ~(above | left), above & ~left, row == column
+    stiff = np.zeros(n)
+    stiff[row[own]] = np.abs(data[own])
+    # constraints, and all pairs of the entries of each
+    b, j = data[constrains], column[constrains]
+    count = np.bincount(row[constrains], minlength=n)
+    first, size = (np.cumsum(count) - count)[count > 0], count[count > 0]
+    largest = np.maximum.reduceat(b * b, first) if b.size else b
+    weight = np.where(largest > 0.0, np.maximum.reduceat(stiff[j], first) / np.where(largest > 0.0, largest, 1.0), 0.0)
+    pairs = np.repeat(size, size)
+    one = np.repeat(np.arange(b.size), pairs)
+    other = np.arange(one.size) + np.repeat(np.repeat(first, size) - np.cumsum(pairs) + pairs, pairs)
+    half, i, k = 0.5 * data[within], row[within], column[within]
+    values = np.concatenate((half, half, np.repeat(weight, size)[one] * b[one] * b[other]))
+    order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
+    number = np.empty(n, np.int64)
+    number[order] = np.add.accumulate(~multiplier[order], dtype=np.int64) - 1
+    i, k = number[np.concatenate((i, k, j[one]))], number[np.concatenate((k, i, j[other]))]
+    signs = Signs(Terms(n - int(np.add.reduce(multiplier)), i, k, values))
+    return (signs.clear() if signs.is_narrow else (negative_pivots(signs.of.matrix), 0)) == (0, 0)
 
 
 def signs_between(matrix: Any, multiplier: Array, nodes: Nodes | None = None) -> tuple[int, int] | None:

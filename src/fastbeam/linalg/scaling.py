@@ -1,7 +1,6 @@
 """Factors of rows and columns that bring the entries of a sparse matrix to a size of 1, all of them powers of two."""
 from __future__ import annotations
 
-from copy import copy
 from typing import Any
 
 import numpy as np
@@ -27,8 +26,8 @@ def structure_of(matrix: Any) -> tuple[Array, Array]:
 
 def with_values(matrix: Any, data: Array) -> Any:
     """Return a sparse matrix with the structure of this one, shared, and other values: making one anew looks at the structure."""
-    out = copy(matrix)
-    out.data = data
+    out = object.__new__(type(matrix))
+    vars(out).update(vars(matrix), data=data)
     return out
 
 

@@ -27,17 +27,20 @@ NO_SLIDERS = SimpleNamespace(curves=None, sliders=None, sleeves=None, slider_len
 
 
 class Found:
-    """The feature of a model whose key is the name of this attribute, or None."""
+    """The feature of a model whose key is the name of this attribute, or None; looked for once, as a model never changes."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._key = name
 
     def __get__(self, model: Any, owner: type | None = None) -> Any:
-        return self if model is None else model.by_key.get(self._key)
+        if model is None:
+            return self
+        found = vars(model)[self._key] = model.by_key.get(self._key)
+        return found
 
 
 class Part(Generic[T]):
-    """An attribute of one record of a model as an attribute of the model."""
+    """An attribute of one record of a model as an attribute of the model, read once."""
 
     def __init__(self, of: str) -> None:
         self._of = of
@@ -48,7 +51,8 @@ class Part(Generic[T]):
     def __get__(self, model: Any, owner: type | None = None) -> T:
         if model is None:
             return self  # type: ignore[return-value]
-        return getattr(getattr(model, self._of), self._name)  # type: ignore[no-any-return]
+        found = vars(model)[self._name] = getattr(getattr(model, self._of), self._name)
+        return found  # type: ignore[no-any-return]
 
 
 class WithFeatures:

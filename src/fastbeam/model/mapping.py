@@ -78,8 +78,8 @@ def each_once(curves: Curves | Paths, c: int, local: Array, values: Array) -> tu
     return nodes[local], out
 
 
-def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
-    """Nodes [n] under the contact of slider k at s; their shape functions, slopes and second derivatives by s [3, n]."""
+def shapes_at(model: Model, k: int, s: float, derivatives: int = 2) -> tuple[Array, Array]:
+    """Nodes [n] under the contact of slider k at s; their shape functions, and so many derivatives of these by s, [1 to 3, n]."""
     curves, sliders = model.curves, model.sliders
     assert curves is not None and sliders is not None
     c = int(sliders.curve[k])
@@ -91,8 +91,8 @@ def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
     coef = curves.coef[co + e * size[0] * size[1]:][:size[0] * size[1]].reshape(size)[:count].T
     scale = 2.0 / (ends[e + 1] - ends[e])
     xi = scale * (s - ends[e]) - 1.0
-    values = [legendre.legval(xi, coef), scale * legendre.legval(xi, legendre.legder(coef)),
-              scale * scale * legendre.legval(xi, legendre.legder(coef, 2))]
+    values = [legendre.legval(xi, coef)]
+    values += [scale**m * legendre.legval(xi, legendre.legder(coef, m)) for m in range(1, derivatives + 1)]
     return each_once(curves, c, int(curves.first[p + e]) + np.arange(count), np.array(values))
 
 

@@ -129,6 +129,8 @@ class Series:
     """Numbers of any shape, not finite ones too; arrays are not copied."""
 
     def __call__(self, value: Any) -> np.ndarray:
+        if type(value) is np.ndarray and value.dtype.kind in "iufb":
+            return value
         try:
             huge = isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE
             foreign = value is None or huge or isinstance(value, (bytearray, memoryview)) or is_masked(value)
@@ -169,7 +171,7 @@ class Items:
         fits = isinstance(value, Iterable) and not isinstance(value, (str, bytes, type, range))
         fits = fits and not (isinstance(value, np.ndarray) and value.ndim == 0)
         items = list(value) if fits else []
-        if not fits or not all(isinstance(item, self.of) for item in items):
+        if not fits or self.of is not object and not all(isinstance(item, self.of) for item in items):
             raise Refusal(f"must be a list{f' of {self.of.__name__}' if self.of is not object else ''}, got {shown(value)}")
         return items
 
@@ -479,8 +481,8 @@ class Result(Readings, Exports, Doubts):
                                      f"{'nodes' if n_nodes is None else f'{n_nodes} nodes'}, got {shown(entry)}")
                 inner = [*entry.get("starts", ()), *entry.get("junctions", ())]
                 ends = entry.get("element_ends", ())
-                if not (all(_is_node(k, entry["count"]) for k in inner) and all(
-                        _is_node(k, None) and 0 <= k - entry["first"] < entry["count"] for k in ends)):
+                first, count = entry.get("first", 0), entry.get("count", 0)
+                if not (_are_nodes(inner, 0, count) and _are_nodes(ends, first, count)):
                     raise SceneError(f"names: an entry of '{kind}' names nodes that it does not have")
 
 
@@ -488,6 +490,13 @@ def shape_row(header: ResultHeader, t: float, phi: np.ndarray, d: np.ndarray, v:
     """A shape as a row of the tables of snapshots."""
     return {"t_snap": t, "phi": phi, "directors": d, **({"velocities": v} if header.velocities else {}),
             **({"spins": w} if header.spins else {})}
+
+
+def _are_nodes(numbers: Any, first: int, count: int) -> bool:
+    """Tell whether all of some numbers are those of `count` nodes from `first` on."""
+    numbers = list(numbers)
+    whole = all(issubclass(kind, (int, np.integer)) and kind is not bool for kind in set(map(type, numbers)))
+    return whole and (not numbers or first <= min(numbers) and max(numbers) < first + count)
 
 
 def _is_node(k: Any, n: int | None) -> bool:

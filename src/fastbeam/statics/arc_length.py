@@ -84,6 +84,8 @@ class PathSolver(SlidingSolver):
         # the equations of the last state; their derivative by the load factor where it is the same everywhere
         self._known: tuple[Array, tuple[Saddle, Array, Array]] | None = None
         self._push: Array | None = None
+        # eigenvalues that were asked for last: how, at which state, and what was found
+        self._last: tuple[tuple[int, float, bool], Array, tuple[Array, Array] | None] | None = None
         # structure of the matrix with border
         self._structure: tuple[Array, ...] | None = None
         self._places: tuple[Array, ...] = ()
@@ -412,10 +414,19 @@ class PathSolver(SlidingSolver):
 
     def _eigen(self, n: int, below_zero: float = 0.0, left: bool = False) -> tuple[Array, Array] | None:
         """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: looked for so
-        far below zero, next to the largest stiffness, where several may vanish; left: vectors of the transposed tangent."""
-        from scipy import sparse
+        far below zero, next to the largest stiffness, where several may vanish; left: vectors of the transposed tangent. Those
+        asked for last are kept: the same critical point is looked at several times."""
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
+        assert self._known is not None
+        asked = n, below_zero, left and self.is_unsymmetric
+        if self._last is None or self._last[0] != asked or not np.array_equal(self._last[1], self._known[0]):
+            self._last = asked, self._known[0], self._eigen_of(saddle, *asked)
+        return self._last[2]
+
+    def _eigen_of(self, saddle: Saddle, n: int, below_zero: float, left: bool) -> tuple[Array, Array] | None:
+        """Find the same of a tangent."""
+        from scipy import sparse
         k = int(np.sum(~saddle.multiplier))
         free = np.append(self.map.free, np.ones(self.sliding.size))
         mass = sparse.diags(self.weight[:k] * free, format="csr")

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import State
 from fastbeam.linalg.factors import factoriser_for
@@ -35,12 +36,13 @@ EPSILON = 1e-13
 
 
 class Increment(NamedTuple):
-    """Of nodes [n], sliding coordinates [S] and contact forces [d S]; whether it is a whole one of Newton's method."""
+    """Increment of nodes, sliding coordinates and contact forces."""
 
-    nodes: Array
-    s: Array
-    force: Array
-    whole: bool = True
+    nodes: Array          # float64 [n], m and rad
+    s: Array              # float64 [S], m
+    force: Array          # float64 [d S], N
+    whole: bool = True    # whether it is a whole one of Newton's method
+    size: float = 0.0     # of the nodes, in sizes of the scene and rad
 
 
 class SaddleSolver(StaticSolver):
@@ -173,7 +175,8 @@ class SaddleSolver(StaticSolver):
             found = with_friction(self.constraints, found, along.slip if rubs else np.zeros(state.s.size))
             force, slope = along.known(state.s)
             found = found._replace(sliding=found.sliding - force, bend=found.bend - slope)
-        contact.residual[:self.sliding.size, self.core.dim] = np.where(self.sliding, found.sliding, 0.0)
+        sliding = self.sliding
+        contact.residual[:sliding.size, self.core.dim] = np.where(sliding, found.sliding, 0.0)
         return found
 
     def _shape(self) -> Array:
@@ -193,7 +196,7 @@ class SaddleSolver(StaticSolver):
         self._all_loads = work.f_ext + equations.loads
         given = None if self.motion is None else self.motion.pending(coordinates_of(self.stepper, self.motion.own))
         if given is None:
-            self.stepper.parts.assemble(0.0)
+            kernels.assemble_all(*self.stepper.records, 0.0)
         else:
             x = self.motion.rows(given, model, self.map.axes)
             self.carrying.assemble(self.stepper, self.stepper.records[1], x)
@@ -218,7 +221,7 @@ class SaddleSolver(StaticSolver):
         for stiffness in (0.0, *STIFFNESSES):
             used = saddle.stiffened(stiffness) if stiffness else saddle
             x = used.solve(right)
-            if x is None or not np.isfinite(x).all():
+            if x is None or not np.logical_and.reduce(np.isfinite(x)):
                 return None
             if used.unbalanced > 0.0 and used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
                 # forces push where nothing resists: a little along, and sliders with it
@@ -226,13 +229,14 @@ class SaddleSolver(StaticSolver):
                 if size > 0.0:
                     x[:n + sliding.size] += DRIFT / size * used.drift[:n + sliding.size]
             # what is soft runs away by itself: it alone is kept back
-            if self._size(x[:n]) <= LARGEST_MOVE:
+            size = self._size(x[:n])
+            if size <= LARGEST_MOVE:
                 break
-        return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0)
+        return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0, size)
 
     def _with_spins_held(self, saddle: Saddle, right: Array) -> Saddle:
         """The same with an unknown held of every beam that may spin about its axis; right: of the nodes [n]."""
-        unknowns = self.free_motions.spins(saddle.matrix, self.state.q.reshape(-1, 4, 3), right, self._round_off(saddle))
+        unknowns = self.free_motions.spins(saddle.matrix, self.state.q.reshape(-1, 4, 3), right, lambda: self._round_off(saddle))
         return saddle.holding(unknowns) if unknowns.size else saddle
 
     def _round_off(self, saddle: Saddle) -> Array:
@@ -244,13 +248,14 @@ class SaddleSolver(StaticSolver):
 
     def _size(self, nodes: Array) -> float:
         """Of an increment of the nodes, in sizes of the scene and rad."""
-        x = np.abs(nodes.reshape(-1, len(self.core.dofs)))
+        x = np.maximum.reduce(np.abs(nodes.reshape(-1, len(self.core.dofs))))
         dim = self.core.dim
-        return float(x[:, :dim].max()) / self.core.length + float(x[:, dim:].max(initial=0.0))
+        return float(np.maximum.reduce(x[:dim])) / self.core.length + float(np.maximum.reduce(x[dim:], initial=0.0))
 
-    def _share(self, nodes: Array) -> float:
-        """Of an increment of the nodes that is not too long."""
-        return min(1.0, LARGEST_MOVE / max(self._size(nodes), 1e-300))
+    @staticmethod
+    def _share(size: float) -> float:
+        """Return the share of an increment of the nodes of this size that is not too long."""
+        return min(1.0, LARGEST_MOVE / max(size, 1e-300))
 
     def move(self, x: Increment) -> float:
         """Add an increment. Returns its size."""
@@ -260,10 +265,10 @@ class SaddleSolver(StaticSolver):
             work.q_mid[:] = work.q_end[:] = state.q
         # the kernels take half of what solves the equations of half the tangent, and subtract it
         work.panel.reshape(-1, core.width)[:x.nodes.size, 0] = -2.0 * x.nodes
-        moved = self.stepper.parts.update()
+        moved = float(kernels.update(*self.stepper.records))
         state.s[:] += x.s
         state.force[:] += x.force
-        return moved + float(np.abs(x.s).max(initial=0.0)) / core.length
+        return moved + float(np.maximum.reduce(np.abs(x.s), initial=0.0)) / core.length
 
     def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
         """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
@@ -277,7 +282,7 @@ class SaddleSolver(StaticSolver):
                 return self.no_increment, None
             if self.beyond_ends(self.stepper.core_state.s + x.s):
                 return SLIDER_END, None
-            share = self._share(x.nodes)
+            share = self._share(x.size)
             is_whole = share == 1.0 and x.whole
             # forces stand in the equations as they are: whole ones balance the loads whatever nodes do
             size = self.move(Increment(share * x.nodes, share * x.s, x.force))
@@ -312,4 +317,4 @@ class SaddleSolver(StaticSolver):
 
     def beyond_ends(self, s: Array) -> bool:
         """Whether some slider would run off its beam."""
-        return bool(((s < self.ends[:, 0]) | (s > self.ends[:, 1])).any())
+        return bool(np.logical_or.reduce((s < self.ends[:, 0]) | (s > self.ends[:, 1])))

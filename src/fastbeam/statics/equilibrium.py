@@ -1,6 +1,7 @@
 """Newton's method for equilibria under given loads (theory.md 8): of scenes without sliders, and of scenes with them."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -245,8 +246,8 @@ class StaticSolver:
         plane = self.stepper.plane
         return FreeMotions(self.stepper.model, None if plane is None else plane.axes)
 
-    def hold_free(self, matrix: Any) -> Array:
-        """One unknown of each at the present shape, with the tangent by rows."""
+    def hold_free(self, matrix: Callable[[], Any]) -> Array:
+        """One unknown of each at the present shape; matrix: what gives the tangent by rows."""
         return self.free_motions.find(matrix, self.state.q.reshape(-1, 4, 3))
 
     def signs(self, factors: Array, in_plane: bool) -> Counts | None:

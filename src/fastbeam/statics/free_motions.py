@@ -9,8 +9,10 @@ hold one unknown of each: the residual has nothing along z, and what holds z has
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -46,6 +48,9 @@ class Part(NamedTuple):
     signs: Array      # float64 [k]: a spin about the axis of the first beam is one about these times d1; NaN where there is none
 
 
+_KNOWN: WeakKeyDictionary[Model, list[Part]] = WeakKeyDictionary()
+
+
 class FreeMotions:
     """Of one model.
 
@@ -67,7 +72,14 @@ class FreeMotions:
         core = model if axes is None else model.plane.model
         size = len(core.dofs)
         self.nodes = Nodes(size * core.pattern.n, size, core.dim)
-        # tied nodes follow, and share no unknowns of their own
+        self.names: tuple[str, ...] = ()
+        # unknowns and motions in these of those found last
+        self._found: list[tuple[Array, Array]] = []
+
+    @cached_property
+    def own(self) -> Array:
+        """Whether unknowns of rows are their own, bool [rows, 6]: tied nodes follow others."""
+        model = self.model
         free = np.zeros((model.pattern.n, 6), bool)
         first = np.unique(model.pattern.row_of, return_index=True)[1]
         free[model.pattern.row_of[first]] = True
@@ -77,56 +89,67 @@ class FreeMotions:
                 held[model.held.row] = model.held.mask
             of = model.pattern.row_of[model.ties.slave]
             free[of] &= (held[of][:, None] >> np.arange(6)) & 1 == 0
-        self._free = free
-        # by supports, and of tied nodes
-        self.held = np.zeros(self.nodes.total, bool)
+        return free
+
+    @cached_property
+    def held(self) -> Array:
+        """Whether unknowns of nodes are held by supports, or are those of tied nodes, bool [n]."""
+        core, size = self.model if self.axes is None else self.model.plane.model, self.nodes.size
+        held = np.zeros(self.nodes.total, bool)
         if core.held is not None:
             bits = (core.held.mask[:, None] >> np.arange(size)) & 1 != 0
             inside = core.held.row < core.pattern.n
-            self.held[(core.held.row[inside, None] * size + np.arange(size))[bits[inside]]] = True
-        self._parts: list[Part] | None = None
-        self.names: tuple[str, ...] = ()
-        # unknowns and motions in these of those found last
-        self._found: list[tuple[Array, Array]] = []
+            held[(core.held.row[inside, None] * size + np.arange(size))[bits[inside]]] = True
+        return held
 
     @property
     def parts(self) -> list[Part]:
         """What is joined rigidly."""
-        if self._parts is None:
-            self._parts = _parts(self.model)
-        return self._parts
+        if (found := _KNOWN.get(self.model)) is None:
+            found = _KNOWN[self.model] = _parts(self.model)
+        return found
 
     @cached_property
     def _alike(self) -> list[_Alike]:
-        """The same, those with equally many nodes together."""
-        inside = [part.nodes[self.model.pattern.first_on_row[part.nodes] == part.nodes] for part in self.parts]
-        count = np.array([x.size for x in inside], np.int64)
+        """The same, those with equally many nodes together. A node that supports hold in all directions leaves no motion."""
+        pattern = self.model.pattern
+        clamped = self.held.reshape(-1, self.nodes.size).all(axis=1) & self.own.all(axis=1)
+        inside = [part.nodes[pattern.first_on_row[part.nodes] == part.nodes] for part in self.parts]
+        count = np.array([0 if clamped[pattern.row_of[x]].any() else x.size for x in inside], np.int64)
         return [_Alike(self, np.flatnonzero(count == k)) for k in np.unique(count[count > 0])]
 
     @property
     def may_be(self) -> bool:
         """Whether some part has motions that its supports allow."""
-        q = self.model.q0.reshape(-1, 4, 3)
-        return any(alike.spins(self, q).any() or alike.rigid(self, q).any() for alike in self._alike)
+        return self._may_move(self.model.q0.reshape(-1, 4, 3), True)
 
-    def find(self, matrix: Any, q: Array) -> Array:
+    def _may_move(self, q: Array, rigidly: bool) -> bool:
+        """The same at q, rigidly or by spins only."""
+        return any(alike.spins(self, q).any() or rigidly and alike.rigid(self, q).any() for alike in self._alike)
+
+    def find(self, matrix: Callable[[], Any], q: Array) -> Array:
         """One unknown of every free motion [m]; `names` has their names.
 
         Parameters
         ----------
-        matrix : sparse by rows [n, n]
-            The tangent; unknowns of nodes come first.
+        matrix : callable
+            Gives the tangent, sparse by rows [n, n]; unknowns of nodes come first.
         q : float64 [N, 4, 3]
             Coordinates in space.
         """
-        whole = (0.5 * (matrix + matrix.T)).tocsr()
+        few = len(self.parts) <= MOST_PARTS
+        if not self._may_move(q, few):
+            self.names, self._found = (), []
+            return np.zeros(0, np.int64)
+        of = matrix()
+        whole = (0.5 * (of + of.T)).tocsr()
         spins = _Spins(self, whole, q)
         spins.leave(spins.resisted(0.0))
         self._found = spins.motions
         unknowns = [spins.pivots]
         names = [f"{part.name} about {'their axes' if part.several else 'its axis'}"
                  for part in (self.parts[k] for k in spins.free)]
-        loose = sorted(self._loose(whole, q, spins), key=lambda near: near.number) if len(self.parts) <= MOST_PARTS else []
+        loose = sorted(self._loose(whole, q, spins), key=lambda near: near.number) if few else []
         count = sum(near.rest.shape[1] for near in loose)
         together = len(loose) <= MOST_TOGETHER and count * whole.shape[0] <= MOST_NUMBERS
         for group in ([loose] if together else [[near] for near in loose]):
@@ -137,25 +160,27 @@ class FreeMotions:
         self.names = tuple(names)
         return np.concatenate(unknowns)
 
-    def spins(self, matrix: Any, q: Array, residual: Array, round_off: Array) -> Array:
+    def spins(self, matrix: Any, q: Array, residual: Array, round_off: Callable[[], Array]) -> Array:
         """One unknown [m] of every spin about an axis that Newton's method may hold at any shape.
 
         Parameters
         ----------
-        matrix, q
+        matrix : sparse by rows [n, n]
+        q
             As of `find`.
         residual : float64 [n]
             Of the unknowns of nodes at this shape.
-        round_off : float64 [n]
-            How much of it may be round-off.
+        round_off : callable
+            Gives how much of it may be round-off, float64 [n].
         """
+        if not self._may_move(q, False):
+            return np.zeros(0, np.int64)
         spins = _Spins(self, matrix, q)
-        if spins.free.size:
-            # on the way to an equilibrium moments turn with the sections
-            slack = np.zeros(matrix.shape[0])
-            slack[:residual.size] = np.repeat(np.linalg.norm(residual.reshape(-1, self.nodes.size), axis=1), self.nodes.size)
-            spins.leave(spins.resisted(slack))
-            spins.leave(spins.driven(residual, ABOUT * round_off))
+        # on the way to an equilibrium moments turn with the sections
+        slack = np.zeros(matrix.shape[0])
+        slack[:residual.size] = np.repeat(np.linalg.norm(residual.reshape(-1, self.nodes.size), axis=1), self.nodes.size)
+        spins.leave(spins.resisted(slack))
+        spins.leave(spins.driven(residual, ABOUT * round_off()))
         return spins.pivots
 
     def _loose(self, whole: Any, q: Array, spins: _Spins) -> list[_Near]:
@@ -176,7 +201,7 @@ class FreeMotions:
 
     def on_unknowns(self, rows: Array, motion: Array) -> Array:
         """Velocities and spins [k, 6, m] of nodes that have these rows [k] in their unknowns [k, size, m]."""
-        motion = motion * self._free[rows][:, :, None]
+        motion = motion * self.own[rows][:, :, None]
         if self.axes is None:
             return motion
         shift = np.einsum("ij,njm->nim", self.axes[:2], motion[:, :3])

@@ -169,7 +169,8 @@ class LoadSteps:
         self.flat = self.solver.stepper.plane is not None
         # what spins may fly freely
         self.held_in_space = task.steady is not None or check_supports(model, self.flat)
-        Observer(model, task.observe, task.points)  # refuses what does not exist; at rest there is only energy to record
+        if not set(task.observe) <= set(RECORDED):
+            Observer(model, task.observe, task.points)  # refuses what does not exist
         self.observed = "slider", "joint", *(kind for kind in task.observe if kind in RECORDED)
         self.observer = Observer(model, self.observed, task.points)
         self.reactions = reactions_of(self.solver, self.observer)
@@ -214,7 +215,8 @@ class LoadSteps:
             target = stop if reached + size > stop - 1e-12 else reached + size
             solver.set_time(t, target if raised else 1.0)
             solver.move_to(target)
-            before, shape = solver.stepper.core_state.q.copy(), solver.state.q.copy()
+            before = solver.stepper.core_state.q.copy()
+            shape = None if task.model.lines is None else solver.state.q.copy()
             shorter = size > smallest * (1.0 + 1e-12)
             solver.may_leap = not shorter
             status, sizes = solver.equilibrium(target * factors if raised else factors)
@@ -258,11 +260,11 @@ class LoadSteps:
             return False
         return True
 
-    def _swaps_back(self, before: Array, shape: Array) -> bool:
+    def _swaps_back(self, before: Array, shape: Array | None) -> bool:
         """Go back to the coordinates `before`, `shape` in space, where ends of a spring or line force have passed each other: a
-        smaller step may meet it. Returns whether that was so."""
+        smaller step may meet it. Returns whether that was so. shape: None where there are no such ends."""
         solver, lines = self.solver, self.task.model.lines
-        if lines is None or isinstance(solver, SlidingSolver) or not lines.swapped(shape, solver.state.q):
+        if shape is None or isinstance(solver, SlidingSolver) or not lines.swapped(shape, solver.state.q):
             return False
         solver.stepper.core_state.q[:] = before
         return True

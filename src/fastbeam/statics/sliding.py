@@ -229,7 +229,7 @@ class SlidingSolver(SaddleSolver):
                 self.runaway = out
                 return SLIDER_END, sizes
             share = float(np.max(np.abs(steps)) / np.max(np.abs(x.s)))
-            share *= self._share(share * x.nodes)
+            share *= self._share(share * x.size)
             sizes.append(self.move(Increment(share * x.nodes, steps, share * x.force)))
             status, more = self._newton(held)
             sizes += more

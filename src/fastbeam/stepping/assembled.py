@@ -49,7 +49,8 @@ class Entries(NamedTuple):
         return sparse.csr_matrix((self.value, (self.row, self.column)), shape=(rows, columns))
 
 
-NO_ENTRIES = Entries(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+NONE = np.zeros(0, np.int64)
+NO_ENTRIES = Entries(NONE, NONE, np.zeros(0))
 
 
 def entries_of_matrix(matrix: Any) -> Entries:
@@ -127,6 +128,7 @@ class Constraints:
         o, p = np.nonzero(np.arange(8) < forces[:, None])
         self._turns = (contact.first_force[contact.pair[o, 1]] + p, contact.pair[o, 0]), (o, p)
         self._third = np.flatnonzero(forces > 2)
+        self._no_turns = None if o.size else Entries(*self._turns[0], np.zeros(0))
 
     # --- what holds coordinates -----------------------------------------------------------------------------------------
     @property
@@ -144,7 +146,7 @@ class Constraints:
     def _loose_forces(self) -> Array:
         """Number the multipliers of coordinates that are free."""
         if self.loose is None or self._drives is None or not self.loose.any():
-            return np.zeros(0, np.int64)
+            return NONE
         holds = self.stepper.core.motions.holds
         left = holds.left_of_held() - holds.given.size
         free = np.flatnonzero((left >= 0) & self.loose[np.maximum(left, 0)])
@@ -154,7 +156,7 @@ class Constraints:
         """Number the multipliers of twists that nothing holds."""
         contact, sleeves = self._contact, self._sleeves
         if not self._third.size:
-            return np.zeros(0, np.int64)
+            return NONE
         return np.asarray(contact.first_force[contact.pair[self._third[sleeves.keyed[self._third] == 0], 1]] + 2)
 
     def _aim(self) -> None:
@@ -175,13 +177,16 @@ class Constraints:
             return self._none()
         if self.angles:
             self._aim()
-        before = state.force.copy()
-        if force is not None:
-            state.force[:] = force
         work.q_mid[:] = work.q_end[:] = state.q
         work.r[:] = 0.0
-        kernels.assemble_some(*self._terms.on(stepper.records[1]), 0.0)
-        state.force[:] = before
+        terms = self._terms.on(stepper.records[1])
+        if force is None:
+            kernels.assemble_some(*terms, 0.0)
+        else:
+            before = state.force.copy()
+            state.force[:] = force
+            kernels.assemble_some(*terms, 0.0)
+            state.force[:] = before
         return self._found()
 
     def gaps_at(self, q: Array) -> Array:
@@ -197,15 +202,15 @@ class Constraints:
     def _none(self) -> Equations:
         """Return the equations of a scene without constraints."""
         none = np.zeros((0, self.stepper.core.dim))
-        return Equations(none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES,
-                         np.zeros(0, np.int64), np.zeros_like(self.stepper.work.r))
+        return Equations(none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, NONE,
+                         np.zeros_like(self.stepper.work.r))
 
     def _found(self) -> Equations:
         """Read the equations that compiled code has left."""
         core, contact = self.stepper.core, self._contact
         s, d = core.n_sliders, core.dim
         touched = contact.entries.tobytes(), contact.row[self._inside].tobytes()
-        if touched != self._touched or self._line[self._unused].any():
+        if touched != self._touched or np.logical_or.reduce(self._line[self._unused]):
             self._look()
         corner, residual = contact.corner[:s], contact.residual
         gaps = residual[self._of_force]
@@ -214,14 +219,17 @@ class Constraints:
         if self._drives is not None and self._given is None:
             k = self._drives.first[0] + np.arange(self._drives.which.size)
             gaps[contact.first_force[k]] = 0.0
-        loose, idle = self._loose_forces(), self._idle_moments()
-        gaps[idle] = gaps[loose] = 0.0
-        if loose.size:
-            gradient.value[np.isin(gradient.row, loose)] = 0.0
+        idle = NONE
+        if self.loose is not None or self._third.size:
+            loose = self._loose_forces()
+            idle = np.concatenate((loose, self._idle_moments()))
+            gaps[idle] = 0.0
+            if loose.size:
+                gradient.value[np.isin(gradient.row, loose)] = 0.0
         (force, slider), at = self._turns
-        turns = Entries(force, slider, contact.cross[at[0], 0, at[1]])
+        turns = self._no_turns or Entries(force, slider, contact.cross[at[0], 0, at[1]])
         return Equations(residual[:s, :d].copy(), corner[:, 8 * d:9 * d].copy(), residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
-                         gaps, gradient, slide, turns, np.concatenate((loose, idle)), -self.stepper.work.r)
+                         gaps, gradient, slide, turns, idle, -self.stepper.work.r)
 
     def _look(self) -> None:
         """Find which numbers of the lines are entries: those that are not zero, and others that become so as nodes move."""
@@ -327,8 +335,9 @@ class SaddleMatrix:
         push = slide.value * free[slide.row]
         tangent = (equations.tangent * free[:, None]).reshape(-1)
         turn = turns.value * free[turns.column]
-        value = np.concatenate((bent.value, push, -gradient.value, push, np.where(sliding, equations.bend + drag, 1.0), tangent,
-                                turn, -gradient.value, tangent, turn, np.full(equations.idle.size, -1.0),
+        diagonal = np.where(sliding, equations.bend + drag, 1.0)
+        value = np.concatenate((bent.value, push, -gradient.value, push, diagonal, tangent, turn, -gradient.value, tangent, turn,
+                                -np.ones(equations.idle.size) if equations.idle.size else NO_ENTRIES.value,
                                 rubbing.value * free[rubbing.row], by_force.value * free[by_force.row]))
         places = gradient.row, slide.row, turns.row, bent.row, rubbing.row, by_force.row
         idle = equations.idle.tobytes()

@@ -237,7 +237,6 @@ class Contacts:
         self.sleeves = [(k, x) for k, x in enumerate(sliders) if isinstance(x, Sleeve) and not isinstance(x.beam, Switch)][:MOST]
         points = [(k, x) for k, x in enumerate(sliders) if not isinstance(x, Sleeve) and not isinstance(x.beam, Switch)]
         self.rounded = [(k, x) for k, x in points if x.curve == "c1" and x.beams[0].interpolation == "lagrange"][:MOST]
-        self.own = {beam: beam.basis.curve("own") for beam in dict.fromkeys(beam for _, x in self.rounded for beam in x.beams)}
         of = dict[Any, list[tuple[int, Slider]]]()
         for k, x in points:
             of.setdefault(_owner(x), []).append((k, x))
@@ -344,8 +343,7 @@ class Contacts:
                 self._sleeve(t, state, k, sleeve)
             for j, k, one, other in self.pairs:
                 self._pair(t, state, j, k, one, other)
-            for k, slider in self.rounded:
-                self._rounding(t, state, k, slider)
+            self._roundings(t, state)
         if moves and self.free and self.looks < MOST_LOOKS:
             self.looks += 1
             free = np.zeros(self.model.n_sliders, bool)
@@ -414,14 +412,28 @@ class Contacts:
             text += ", or an element end at the sleeve" if beam.interpolation == "lagrange" else ""
             self._note(sleeve.name, error, t, text)
 
-    def _rounding(self, t: float, state: Any, k: int, slider: Slider) -> None:
-        """How far the curve with one tangent at element ends lies beside the axis, where this has a kink at one."""
-        at, positions = float(state.s[k]), state.q.reshape(-1, 4, 3)[:, 0]
-        beam, s = place_of(slider, at)
-        (first,), (values,), _ = self.own[beam].evaluate([s])
-        start = self.model.numbers.start(beam) + int(first)
-        nodes, shapes = shapes_at(self.model, k, at)
-        off = float(np.linalg.norm(values @ positions[start:start + values.size] - shapes[0] @ positions[nodes]))
+    def _roundings(self, t: float, state: Any) -> None:
+        """Measure how far curves with one tangent at element ends lie beside the axes of beams, which may have kinks there."""
+        positions = state.q.reshape(-1, 4, 3)[:, 0]
+        on = dict[Beam, list[tuple[int, Slider, float]]]()
+        for k, slider in self.rounded:
+            beam, s = place_of(slider, float(state.s[k]))
+            on.setdefault(beam, []).append((k, slider, s))
+        for beam, some in on.items():
+            first, values, _ = beam.basis.curve("own").evaluate([s for *_, s in some])
+            nodes = self.model.numbers.start(beam) + first[:, None] + np.arange(values.shape[1])
+            axis = np.einsum("ma,maj->mj", values, positions[nodes])
+            for (k, slider, s), place in zip(some, axis):
+                self._rounding(t, k, slider, beam, s, place - self._on_curve(k, float(state.s[k]), positions))
+
+    def _on_curve(self, k: int, s: float, positions: Array) -> Array:
+        """Return the place of slider k at s on its curve [3]; positions of the nodes [N, 3]."""
+        nodes, shapes = shapes_at(self.model, k, s, 0)
+        return np.asarray(shapes[0] @ positions[nodes])
+
+    def _rounding(self, t: float, k: int, slider: Slider, beam: Beam, s: float, beside: Array) -> None:
+        """Note a slider at s of a beam whose curve lies so far beside the axis [3]."""
+        off = float(np.linalg.norm(beside))
         if off > ROUNDED * self.model.length:
             ends, e = beam.basis.element_ends, element_at(beam, s)
             text = (f"slider {slider.name!r}: at s = {s:.4g} m on {beam.label} its curve 'c1' lies {off:.2g} m beside the axis, "

@@ -7,6 +7,7 @@ Greville abscissae. Nothing that reads these tables knows a family.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from numbers import Integral
 
@@ -175,6 +176,17 @@ class Basis:
         """
         if kind not in ("own", "c1"):
             raise SceneError(f"curve '{kind}' does not exist: choose 'own' or 'c1'")
+        if kind not in self._curves:
+            self._curves[kind] = self._curve(kind)
+        return self._curves[kind]
+
+    @cached_property
+    def _curves(self) -> dict[str, CurveBasis]:
+        """Curves that were asked for, by their kind."""
+        return {}
+
+    def _curve(self, kind: str) -> CurveBasis:
+        """Form the basis of one of these curves."""
         n, p = self.n_elements, self.degree
         if self.interpolation == "bspline":
             return CurveBasis(self.element_ends, np.arange(n), np.full(n, p + 1), _own_coefficients(self, n))
