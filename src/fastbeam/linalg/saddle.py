@@ -36,7 +36,7 @@ class Saddle(Factors):
 
     Parameters
     ----------
-    matrix : sparse float64 [n, n] by rows
+    matrix : sparse float64 [n, n]
         All rows and columns, coordinates and multipliers in any order.
     multiplier : bool [n]
         Which unknowns are multipliers.
