@@ -38,22 +38,22 @@ def in_turn(*calls: Callable[[], Any]) -> list[float]:
 
 def robot(joint: Any, discs: int = 5) -> Any:
     """A rod with discs that four tendons bend, whose ends hang on such joints."""
-    rod = fb.Section.circle(radius=0.5e-3, E=60e9, rho=6450.0)
+    rod = fb.Section.circle(radius=1e-3, E=200e9, rho=8000.0)
     thin = fb.Section(EA=1e5, GA2=1e5, GA3=1e5, GJ=1e-6, EI2=1e-6, EI3=1e-6, rhoA=1e-6, rhoI2=1e-12, rhoI3=1e-12)
-    spine = fb.Beam.straight("spine", (0, 0, 0), (0.3, 0, 0), section=rod, elements=2 * discs)
+    spine = fb.Beam.straight("spine", (0, 0, 0), (0.5, 0, 0), section=rod, elements=2 * discs)
     scene = fb.Scene(spine, fb.Clamp(spine.start), gravity=(0, -9.81, 0))
-    bodies = [fb.RigidBody(f"disc {k}", mass=1e-3, inertia=(3e-8, 1.5e-8, 1.5e-8), position=(k * 0.3 / discs, 0, 0))
+    bodies = [fb.RigidBody(f"disc {k}", mass=1e-8, inertia=(3e-8, 1.5e-8, 1.5e-8), position=(k * 0.5 / discs, 0, 0))
               for k in range(1, discs + 1)]
     for k, disc in enumerate(bodies, 1):
-        scene.add(disc, fb.RigidConnection(spine.at(k * 0.3 / discs), disc))
+        scene.add(disc, fb.RigidConnection(spine.at(k * 0.5 / discs), disc))
     for n, pull in enumerate((5.0, 0.5, 0.5, 0.5)):
-        arm = 8e-3 * np.array([0.0, np.sin(n * np.pi / 2), np.cos(n * np.pi / 2)])
-        ends = np.concatenate([[0.0, 0.04], 0.08 + np.linspace(0, 0.3, 3 * discs + 1)])
-        tendon = fb.Beam.straight(f"tendon {n}", arm - (0.08, 0, 0), arm + (0.3, 0, 0), section=thin, elements=ends)
+        arm = 15.06e-3 * np.array([0.0, np.sin(n * np.pi / 2), np.cos(n * np.pi / 2)])
+        ends = np.concatenate([[0.0, 0.04], 0.08 + np.linspace(0, 0.5, 3 * discs + 1)])
+        tendon = fb.Beam.straight(f"tendon {n}", arm - (0.08, 0, 0), arm + (0.5, 0, 0), section=thin, elements=ends)
         eye = fb.PointMass(f"eye {n}", mass=1.0, position=arm)
         scene.add(tendon, eye, fb.Pin(eye), fb.Slider(f"eye {n}.0", eye, tendon, at=0.08),
                   fb.Load(f"pull {n}", tendon.start, force=(-pull, 0, 0)), joint(bodies[-1].point(arm), tendon.end),
-                  *(fb.Slider(f"eye {n}.{k}", disc.point(arm), tendon, at=0.08 + k * 0.3 / discs)
+                  *(fb.Slider(f"eye {n}.{k}", disc.point(arm), tendon, at=0.08 + k * 0.5 / discs)
                     for k, disc in enumerate(bodies[:-1], 1)))
     return fb.compile_scene(scene)
 

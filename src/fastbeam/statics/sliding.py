@@ -166,10 +166,11 @@ class SlidingSolver(SaddleSolver):
         return self.counts(found)
 
     def at_places(self) -> tuple[Saddle, Array]:
-        """Tangent at the present equilibrium with the sliders free that move without friction and away from stops, and which
-        these are, bool [S]."""
+        """Tangent at the present equilibrium, with spins of beams held and the sliders free that move without friction and away
+        from stops, and which these are, bool [S]."""
         self.work.increment.control[0] = 0.0
-        return self._assembled(self._unhindered)[0], self._unhindered
+        saddle, right = self._assembled(self._unhindered)
+        return self._with_spins_held(saddle, right[:len(self.core.dofs) * self.core.pattern.n]), self._unhindered
 
     @property
     def _unhindered(self) -> Array:
