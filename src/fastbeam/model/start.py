@@ -14,7 +14,7 @@ from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
 from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
-from fastbeam.model.connections import held_axes
+from fastbeam.model.connections import HOLD_TRIAD, held_axes
 from fastbeam.model.gap_rows import GapRows
 from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
@@ -280,6 +280,15 @@ def _follows(model: Model) -> Array:
     return out
 
 
+def _led(model: Model) -> Array:
+    """The node whose triad every node turns with, itself where it has its own, int64 [N]."""
+    out = model.pattern.first_on_row.copy()
+    if model.ties is not None:
+        turns = model.ties.kind == TRIAD
+        out[np.repeat(np.arange(out.size), np.diff(model.ties.start))[turns]] = model.ties.target[turns]
+    return out
+
+
 def _joint_of(model: Model, node: int) -> str:
     """A node with the joints at it, for messages."""
     joints = model.joints.get(node, [])
@@ -287,9 +296,11 @@ def _joint_of(model: Model, node: int) -> str:
 
 
 def _standing(model: Model, state: State) -> Array:
-    """Of every node which of its unknowns a support holds still, int64 [N]."""
+    """Of every node which of its unknowns a support holds still, int64 [N]; nodes that follow others in position alone have a
+    triad of their own."""
     held = model.held_in(state)
-    held[_follows(model)] = 0
+    held[_follows(model)] &= HOLD_TRIAD
+    held[_led(model) != np.arange(held.size)] = 0
     if model.prescribed is not None:
         for motion, node in zip(model.prescribed.motions, model.prescribed.own):
             held[model.pattern.row_of == model.pattern.row_of[node]] &= ~motion.mask
@@ -438,12 +449,7 @@ def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
     # by how much a node moves less than what it follows
     at = (12 * led[:, None] + np.arange(3)).reshape(-1)
     rows, off = [(rates - to_rates)[at]], [(place - q)[led, 0].reshape(-1)]
-    leads = np.arange(len(q))
-    leads[model.pattern.first_on_row != leads] = model.pattern.first_on_row[model.pattern.first_on_row != leads]
-    if model.ties is not None:
-        owner = np.repeat(np.arange(len(q)), np.diff(model.ties.start))
-        turns = model.ties.kind == TRIAD
-        leads[owner[turns]] = model.ties.target[turns]
+    leads = _led(model)
     led = np.flatnonzero(leads != np.arange(len(q)))
     of, to = ((6 * k[:, None] + np.arange(3, 6)).reshape(-1) for k in (led, leads[led]))
     rows.append(unit[to] - unit[of])
