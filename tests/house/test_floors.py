@@ -37,9 +37,9 @@ def test_only_the_ground_names_the_compiler() -> None:
     # groups of 8 lanes and small blocks are LLVM values, and kernels/linalg/pardiso.py declares a function of MKL
     users = {path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py") if imported(path) & {"numba", "llvmlite"}}
     assert users == {f"kernels/{name}.py" for name in (
-        "algebra/blocks", "algebra/dimensions", "algebra/lanes", "algebra/vectors", "jit/cache", "jit/decorators", "jit/generic",
-        "jit/parts", "jit/records", "jit/sealed", "jit/separate", "linalg/constraint_blocks", "linalg/pardiso")} | {
-            "model/forces/compiled_laws.py"}
+        "algebra/blocks", "algebra/dimensions", "algebra/lanes", "algebra/vectors", "jit/cache", "jit/calls", "jit/decorators",
+        "jit/generic", "jit/parts", "jit/records", "jit/sealed", "jit/separate", "linalg/constraint_blocks",
+        "linalg/pardiso")} | {"model/forces/compiled_laws.py"}
 
 
 def test_options_of_the_compiler_stand_in_one_file() -> None:

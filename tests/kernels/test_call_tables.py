@@ -1,6 +1,8 @@
 """Tables of calls: the same numbers as code that is compiled for the terms, entries shared by scenes, what is refused."""
 from __future__ import annotations
 
+import inspect
+import re
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,8 @@ import fastbeam as fb
 from fastbeam.kernels import call_tables, loop
 from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord, system_record
 from fastbeam.kernels.jit.records import Record
-from fastbeam.kernels.terms import System
+from fastbeam.kernels.questions import BY_CONTACT
+from fastbeam.kernels.terms import System, close, fill
 from fastbeam.stepping.stepper import Stepper
 
 H = 1e-3
@@ -50,7 +53,7 @@ def test_scenes_share_entries() -> None:
         _ = stepper(**options).records
         known[name] = call_tables._ENTRIES.keys() - before.keys()
     # what both have is compiled for the kind of contact and of method alone; the beam with a slider and the body were there
-    assert not {number for number, kind, _ in known["both"] if kind is not call_tables.NOTHING}
+    assert not {number for number, kind, _ in known["both"] if kind is not call_tables.NO_TERM}
 
 
 def test_a_system_with_other_types_of_arrays_is_refused() -> None:
@@ -81,3 +84,13 @@ def test_a_table_follows_its_system_and_keeps_the_records_of_its_terms() -> None
     del calls
     junk = [np.full(40, np.nan) for _ in range(2000)]
     assert equations(of, (table, system)) == expected and len(junk) == 2000
+
+
+def test_contacts_name_all_that_their_equations_ask_terms() -> None:
+    of_contacts = {x.name for asked in BY_CONTACT.values() for x in asked}
+    for question in (fill, close):
+        for (contact, *_), function in question.implementations.items():
+            asked = set(re.findall(r"(\w+)\.each(?:_backward)?\(terms", inspect.getsource(function.py_func)))
+            assert asked <= {x.name for x in BY_CONTACT[contact]}
+            of_contacts -= asked
+    assert not of_contacts

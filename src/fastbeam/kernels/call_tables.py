@@ -7,14 +7,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import typeof
-from numba.core import types
 
-from fastbeam.kernels import questions  # noqa: F401
-from fastbeam.kernels.jit.calls import CALLS, Question
+from fastbeam.kernels.jit.calls import CALLS, NO_TERM, NOTHING, Question, type_of
 from fastbeam.kernels.jit.decorators import address_of, prepare
 from fastbeam.kernels.jit.records import Record, RecordType, same_record
 from fastbeam.kernels.jit.sources import is_term
+from fastbeam.kernels.questions import BY_CONTACT
 from fastbeam.kernels.terms import (NoTies, Shared, System, WithContact, WithMethod, accept, account, assemble, begin_contact,
     begin_step, clear, first_guess, put_loads, scale_residual, scale_solutions, spread_nodes, within_limits)
 
@@ -37,14 +35,13 @@ def _numbers(*asked: Any) -> frozenset[int]:
 ADDED = _numbers(assemble)
 ASSEMBLY = _numbers(spread_nodes, clear, assemble, scale_residual, scale_solutions)
 AT_REST = ASSEMBLY | _numbers(begin_step, begin_contact, first_guess)
+OF_CONTACTS = {x for asked in BY_CONTACT.values() for x in asked}
 EVERYTHING = frozenset(x.number for x in Question.all)
 ITERATION = EVERYTHING - _numbers(account, accept, within_limits)
-# the type of the term where the scene is asked
-NOTHING: Any = types.voidptr
-# (question, type of the term, type of the system) -> address, and what the entry asks
-_ENTRIES: dict[tuple[int, Any, Any], tuple[int, Any]] = {}
-# the same of a scene: type of the system, what is asked -> (words, what its entries ask terms)
-_SCENES: dict[Any, tuple[Array, frozenset[int] | None]] = {}
+# (question, type of the term, type of the system) -> address
+_ENTRIES: dict[tuple[int, Any, Any], int] = {}
+# type of the system, what is asked -> words of a table
+_SCENES: dict[Any, Array] = {}
 # types of terms and system -> (words of a table, places of addresses of terms in it, their numbers)
 _PLANS: dict[Any, tuple[Array, Array, Array]] = {}
 
@@ -73,11 +70,11 @@ class SystemRecord(Record):
     ----------
     typed : Record
         The same memory for code that is compiled for the scene.
-    asked : set of int, optional
-        Questions that entries of the scene ask terms; None: any.
+    views : dict
+        Types of the system for what reads only so much of it.
     """
 
-    __slots__ = "typed", "asked", "views", "_words"
+    __slots__ = "typed", "views", "_words"
 
     def __init__(self, of: System, only: frozenset[int] = EVERYTHING) -> None:
         super().__init__(of)
@@ -86,29 +83,26 @@ class SystemRecord(Record):
         key = self.typed._numba_type_, only
         if key not in _SCENES:
             _SCENES[key] = _plan_of_scene(of, self.views, only)
-        words, self.asked = _SCENES[key]
-        self._words = words.copy()
+        self._words = _SCENES[key].copy()
         self._words[0] = self.address
         # the first number of a system
         self._memory.view(np.int64)[0] = self._words.ctypes.data
 
 
-def _plan_of_scene(of: System, views: dict[Any, RecordType], only: frozenset[int]) -> tuple[Array, frozenset[int] | None]:
-    """Words of the table of what is asked of a scene, and what its entries ask terms."""
+def _plan_of_scene(of: System, views: dict[Any, RecordType], only: frozenset[int]) -> Array:
+    """Words of the table of what is asked of a scene."""
     wanted = []
     for question in (x for x in SCENE if x.number in only):
         function = question.of.implementation(*(getattr(of, x, None) for x in question.names[:2]))
         least = max(OF_SCENE[question.names[0]], _reads(getattr(of, question.names[0])), key=VIEWS.index)
-        wanted.append((question, NOTHING, views[least], question.returns == types.void and _does_nothing(function)))
-    codes = _addresses(wanted)
-    asked = None if any(x is None for _, x in codes) else frozenset[int]().union(*(x for _, x in codes))
-    return _words([question.number for question, *_ in wanted], codes), asked
+        wanted.append((question, NO_TERM, views[least], question.returns == NOTHING and _does_nothing(function)))
+    return _words([question.number for question, *_ in wanted], _addresses(wanted))
 
 
-def _words(numbers: list[int], codes: list[tuple[int, Any]]) -> Array:
+def _words(numbers: list[int], codes: list[int]) -> Array:
     """A table of entries in the order of their questions, without addresses of terms."""
     words = np.zeros(HEAD + 2 * len(codes), np.int64)
-    words[HEAD::2] = [code for code, _ in codes]
+    words[HEAD::2] = codes
     for number in dict.fromkeys(numbers):
         words[1 + 2 * number:3 + 2 * number] = HEAD + 2 * numbers.index(number), numbers.count(number)
     return words
@@ -151,17 +145,17 @@ class Calls:
         return self._table, system
 
     def _plan(self, system: SystemRecord) -> tuple[Array, Array, Array]:
-        key = self._kinds, system.typed._numba_type_, system.asked, self._only
+        key = self._kinds, system.typed._numba_type_, self._only
         if key not in _PLANS:
             wanted, who = [], []
+            contact = next(x for x in type(system.of.contact).__mro__ if x in BY_CONTACT)
             for question in TERMS:
-                needed = not question.inner or system.asked is None or question.number in system.asked
-                if not needed or question.number not in self._only:
+                if question.number not in self._only or question.of in OF_CONTACTS and question.of not in BY_CONTACT[contact]:
                     continue
                 second = type(system.of.method) if question.names[1] == "method" else System
                 for k, (term, kind) in enumerate(zip(self.terms, self._kinds)):
                     function = question.of.of_classes(type(term), second)
-                    if function is not None and not (question.returns == types.void and _does_nothing(function)):
+                    if function is not None and not (question.returns == NOTHING and _does_nothing(function)):
                         least = WithContact if question.contact else WithMethod
                         wanted.append((question, kind, system.views[max(least, _reads(term), key=VIEWS.index)], False))
                         who.append(k)
@@ -189,7 +183,7 @@ class Table:
         records = [Record(x) for x in given]
         question = put_loads.question
         codes = _addresses([(question, x._numba_type_, self.system.views[WithMethod], False) for x in records])
-        entries = np.array([(code, x.address) for (code, _), x in zip(codes, records)], np.int64).reshape(-1)
+        entries = np.array([(code, x.address) for code, x in zip(codes, records)], np.int64).reshape(-1)
         self._words[1 + 2 * question.number:3 + 2 * question.number] = (entries.ctypes.data - self.address) // 8, len(given)
         self._given = entries, records
 
@@ -199,8 +193,8 @@ def _reads(term: Any) -> Any:
     return getattr(term, "reads", System if is_term(type(term)) else WithMethod)
 
 
-def _addresses(wanted: list[tuple[Question, Any, Any, bool]]) -> list[tuple[int, Any]]:
-    """(Machine code, what it asks) of entries for types of a term and of the system; the last of four: it does nothing."""
+def _addresses(wanted: list[tuple[Question, Any, Any, bool]]) -> list[int]:
+    """Machine code of entries for types of a term and of the system, 0 of those that do nothing, the last of four."""
     keys = [(question.number, kind, view) for question, kind, view, _ in wanted]
     missing = {key: (question.entry, (kind, view, *question.given.values())) for key, (question, kind, view, nothing)
                in zip(keys, wanted) if not nothing and key not in _ENTRIES}
@@ -209,7 +203,7 @@ def _addresses(wanted: list[tuple[Question, Any, Any, bool]]) -> list[tuple[int,
             # the second process does every other one, in their order
             order = [*missing][::2] + [*missing][1::2][::-1]
             _ENTRIES.update((key, address_of(*missing[key])) for key in order)
-    return [(0, frozenset()) if nothing else _ENTRIES[key] for key, (*_, nothing) in zip(keys, wanted)]
+    return [0 if nothing else _ENTRIES[key] for key, (*_, nothing) in zip(keys, wanted)]
 
 
 _VIEWS: dict[Any, tuple[dict[Any, RecordType], RecordType]] = {}
@@ -219,11 +213,11 @@ def _views(kind: RecordType, of: System) -> tuple[dict[Any, RecordType], RecordT
     """Types of a system for what reads only so much of it, and for loops."""
     if kind not in _VIEWS:
         increment = of.work.increment._replace(off=NoTies())
-        least = RecordType(typeof(Shared(*of[:6], of.work._replace(increment=increment))))
+        least = RecordType(type_of(Shared(*of[:6], of.work._replace(increment=increment))))
         if not _OF_ALL:
             _OF_ALL.append(least)
         if least != _OF_ALL[0]:
             raise TypeError(f"arrays of a system have other types than those of all others: {least.of}, {_OF_ALL[0].of}")
-        views = {x: RecordType(typeof(x(*of[:len(x._fields)]))) for x in (WithMethod, WithContact)}
+        views = {x: RecordType(type_of(x(*of[:len(x._fields)]))) for x in (WithMethod, WithContact)}
         _VIEWS[kind] = {**views, System: kind}, _OF_ALL[0]
     return _VIEWS[kind]

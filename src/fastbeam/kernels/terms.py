@@ -15,6 +15,7 @@ spinless [N]; r [8 (rows + 1)]; blocks [8 n (blocks + 1)]; panel [rows, n, width
 """
 from __future__ import annotations
 
+from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,48 +72,10 @@ class System(NamedTuple):
     solver: Any           # chain.Elimination, pardiso.PardisoTables or SolverOutside
 
 
-# the first fields of `System`, for code that reads no more of it: `Unknown` stands for the others
-class Shared(NamedTuple):
-    """For the loop of the steps."""
-
-    calls: Unknown
-    row_of: np.ndarray
-    spinless: np.ndarray
-    state: State
-    width: int
-    length: float
-    work: Work
-
-
-class WithMethod(NamedTuple):
-    """For most terms."""
-
-    calls: Unknown
-    row_of: np.ndarray
-    spinless: np.ndarray
-    state: State
-    width: int
-    length: float
-    work: Work
-    dofs: Any
-    method: Any
-
-
-class WithContact(NamedTuple):
-    """For constraints."""
-
-    calls: Unknown
-    row_of: np.ndarray
-    spinless: np.ndarray
-    state: State
-    width: int
-    length: float
-    work: Work
-    dofs: Any
-    method: Any
-    contact: Any
-
-
+# the first fields of `System`, for code that reads no more of it: loops, most terms, constraints; `Unknown` stands for the others
+Shared = namedtuple("Shared", System._fields[:7])
+WithMethod = namedtuple("WithMethod", System._fields[:9])
+WithContact = namedtuple("WithContact", System._fields[:10])
 for part in (Shared, WithMethod, WithContact, System):
     part.stays_in_memory = True  # type: ignore[attr-defined]
     part.stands_for = dict.fromkeys(System._fields[len(part._fields):], "calls")  # type: ignore[attr-defined]

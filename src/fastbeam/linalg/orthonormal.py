@@ -50,7 +50,8 @@ def norms(x: Array, weighed: Array) -> Array:
 def _one_by_one(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array, Array]:
     """Q and R where columns are nearly dependent; sizes: norms of the columns before known ones were taken out."""
     m = x.shape[1]
-    q = np.zeros_like(x)
+    # column by column: products with some columns of an array by rows have crashed in OpenBLAS
+    q = np.zeros(x.shape, order="F")
     r = np.zeros((m, m))
     kept = 0
     for j in range(m):

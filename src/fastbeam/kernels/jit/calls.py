@@ -10,11 +10,11 @@ has; an entry is the address of machine code and that of the term. An entry take
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Set as AbstractSet
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from llvmlite import ir
+from numba import typeof
 from numba.core import cgutils, types
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 
@@ -31,6 +31,11 @@ class CallsType(types.Type):  # type: ignore[misc]
 
 
 CALLS = CallsType()
+# types of what entries are given and return, and of the term where the scene is asked
+NUMBER, INTEGER, TRUTH, PAIR, COUNTS, NOTHING = (types.float64, types.int64, types.boolean, types.UniTuple(types.float64, 2),
+                                                 types.Array(types.int64, 1, "C"), types.void)
+NO_TERM: Any = types.voidptr
+type_of = typeof
 
 
 @register_model(CallsType)
@@ -75,8 +80,6 @@ class Question:
     given : dict
         Types of those that entries take besides term and system.
     returns : numba type
-    inner : bool
-        Whether loops do not ask it themselves, but some entries do.
     contact : bool
         Whether every entry may read `System.contact`.
     entry : kernel
@@ -84,10 +87,9 @@ class Question:
 
     all: list[Question] = []
 
-    def __init__(self, of: Any, names: list[str], given: dict[str, Any], returns: Any, inner: bool, contact: bool,
-                 entry: Any) -> None:
+    def __init__(self, of: Any, names: list[str], given: dict[str, Any], returns: Any, contact: bool, entry: Any) -> None:
         self.of, self.names, self.given, self.returns, self.entry = of, names, given, returns, entry
-        self.inner, self.contact = inner, contact
+        self.contact = contact
         self.number = len(Question.all)
         Question.all.append(self)
 
@@ -98,7 +100,6 @@ class Question:
         outer = self.returns if way == "one" else types.boolean if way == "all" else types.void
 
         def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            note_questions({self.number})
             base = builder.extract_value(values[0], 0) if way == "one" else values[0]
             table = builder.inttoptr(base, _I64.as_pointer())
             given = [context.cast(builder, values[i], signature.args[i], kind) for i, kind in zip(places, kinds)]
@@ -144,23 +145,3 @@ def _caller(context: Any, builder: Any, table: Any, returns: Any, kinds: tuple[A
         words = pack.as_arguments(builder, [term, system, *given])
         builder.call(builder.inttoptr(code, of.as_pointer()), [result, nobody, *words])
     return call
-
-
-# questions that the parts ask which are being compiled, the innermost last
-_ASKED: list[set[int]] = []
-
-
-@contextmanager
-def noting_questions() -> Iterator[set[int]]:
-    """The questions that are asked while a part is compiled; those of its own parts are `note`d."""
-    _ASKED.append(set())
-    try:
-        yield _ASKED[-1]
-    finally:
-        _ASKED.pop()
-
-
-def note_questions(asked: AbstractSet[int]) -> None:
-    """A part that asks these is called by the one that is being compiled."""
-    for outer in _ASKED[-1:]:
-        outer.update(asked)

@@ -103,13 +103,12 @@ def table_entry(function: F) -> F:
     return _compiled(function, one=True, alone=True, is_entry=True)
 
 
-def address_of(entry: Any, arguments: tuple[Any, ...]) -> tuple[int, Any]:
-    """Where the machine code of a table's entry for argument types begins, and the numbers of the questions that it asks; None:
-    these are not known."""
+def address_of(entry: Any, arguments: tuple[Any, ...]) -> int:
+    """Where the machine code of a table's entry for argument types begins."""
     if NUMBA_ONLY:
         entry.compile(arguments)
         found = entry.overloads[arguments]
-        return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name)), None
+        return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
     return entry.part.address(arguments)  # type: ignore[no-any-return]
 
 

@@ -93,21 +93,18 @@ class GenericFunction:
             return function
         return note
 
-    def entry(self, *, returns: Any = types.void, inner: bool = False, contact: bool = False,
-              **given: Any) -> Callable[[Any], Any]:
+    def entry(self, *, returns: Any = types.void, contact: bool = False, **given: Any) -> Callable[[Any], Any]:
         """Decorator: what tables call (`calls.py`), a kernel (term, system, further arguments of these numba types).
 
         Parameters
         ----------
         returns : numba type
-        inner : bool
-            Whether the loop does not ask this itself, but some entries do.
         contact : bool
             Whether every implementation may read `System.contact`.
         """
         def note(function: Any) -> Any:
             names = list(inspect.signature(self._stub).parameters)
-            self.question = Question(self, names, given, returns, inner, contact, function)
+            self.question = Question(self, names, given, returns, contact, function)
             return function
         return note
 

@@ -35,7 +35,6 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
 from fastbeam.kernels.jit import background as _background, separate as _separate
-from fastbeam.kernels.jit.calls import note_questions, noting_questions
 from fastbeam.kernels.jit.separate import WholeCache as WholeCache
 from fastbeam.kernels.jit.sources import classes_of, is_outside
 
@@ -271,13 +270,10 @@ class _Compiled:
         By which callers find that; else empty.
     calls : list
         Kernels with machine code of their own that it calls.
-    asked : frozenset
-        Numbers of the questions that it asks tables (`calls`).
     """
 
-    def __init__(self, library: Any, fndesc: Any, signature: Any, symbol: str, calls: list[Any], asked: frozenset[int]) -> None:
+    def __init__(self, library: Any, fndesc: Any, signature: Any, symbol: str, calls: list[Any]) -> None:
         self.library, self.fndesc, self.signature, self.symbol, self.calls = library, fndesc, signature, symbol, calls
-        self.asked = asked
         # as cached results of numba have it
         self.codegen = library.codegen
 
@@ -292,17 +288,17 @@ class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
         found.fndesc.typemap = found.fndesc.calltypes = None
         library = found.library
         code = library.serialize_using_object_code() if found.symbol else library.serialize_using_bitcode()
-        return code, found.fndesc, found.signature, found.symbol, found.calls, found.asked
+        return code, found.fndesc, found.signature, found.symbol, found.calls
 
     def rebuild(self, target_context: Any, reduced: Any) -> _Compiled:
-        code, fndesc, signature, symbol, calls, asked = reduced
+        code, fndesc, signature, symbol, calls = reduced
         _separate.load(calls)
         if symbol:
-            return _Compiled(target_context.codegen().unserialize_library(code), fndesc, signature, symbol, calls, asked)
+            return _Compiled(target_context.codegen().unserialize_library(code), fndesc, signature, symbol, calls)
         name, _, bitcode = code
         library = _PartLibrary(target_context.codegen(), name)
         library._set_module(binding.parse_bitcode(bitcode))
-        return _Compiled(library, fndesc, signature, symbol, calls, asked)
+        return _Compiled(library, fndesc, signature, symbol, calls)
 
     def check_cachable(self, found: _Compiled) -> bool:
         return not found.library.has_dynamic_globals
@@ -359,14 +355,13 @@ class Part:
                     _separate.define(found.library, found.symbol, self.dispatcher.py_func, arguments)
                 context.insert_user_function(found, found.fndesc, [] if found.symbol else [found.library])
                 self._known[arguments] = found
-            note_questions(found.asked)
             return found
 
-    def address(self, arguments: tuple[Any, ...]) -> tuple[int, frozenset[int]]:
-        """Where the machine code of an entry begins, and what it asks of tables."""
+    def address(self, arguments: tuple[Any, ...]) -> int:
+        """Where the machine code of an entry begins."""
         with memoized_typing():
             found = self.compile(arguments)
-        return int(found.library.get_pointer_to_function(found.symbol)), found.asked
+        return int(found.library.get_pointer_to_function(found.symbol))
 
     @property
     def signatures(self) -> list[tuple[Any, ...]]:
@@ -388,14 +383,13 @@ class Part:
         library = (_CodeLibrary if separate else _PartLibrary)(of.targetctx.codegen(), of.py_func.__qualname__)
         if separate:
             library.enable_object_caching()
-        with noting_questions() as asked:
-            done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library,
-                                          pipeline_class=way)
+        done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library,
+                                      pipeline_class=way)
         symbol = _separate.symbol_of(of.py_func, arguments) if separate else ""
         if separate:
             _separate.rename(library, done.fndesc, symbol)
         library._ensure_finalized()
-        return _Compiled(library, done.fndesc, done.signature, symbol, library.calls, frozenset(asked))
+        return _Compiled(library, done.fndesc, done.signature, symbol, library.calls)
 
     def _call_template(self, arguments: Any, keywords: Any) -> Any:
         """What numba asks for when it meets a call."""

@@ -431,9 +431,9 @@ class Contacts:
         nodes, shapes = shapes_at(self.model, k, s, 0)
         return np.asarray(shapes[0] @ positions[nodes])
 
-    def _rounding(self, t: float, k: int, slider: Slider, beam: Beam, s: float, beside: Array) -> None:
+    def _rounding(self, t: float, k: int, slider: Slider, beam: Beam, s: float, distance: Array) -> None:
         """Note a slider at s of a beam whose curve lies so far beside the axis [3]."""
-        off = float(np.linalg.norm(beside))
+        off = float(np.linalg.norm(distance))
         if off > ROUNDED * self.model.length:
             ends, e = beam.basis.element_ends, element_at(beam, s)
             text = (f"slider {slider.name!r}: at s = {s:.4g} m on {beam.label} its curve 'c1' lies {off:.2g} m beside the axis, "
