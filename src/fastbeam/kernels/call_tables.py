@@ -148,9 +148,9 @@ class Calls:
         key = self._kinds, system.typed._numba_type_, self._only
         if key not in _PLANS:
             wanted, who = [], []
-            contact = next(x for x in type(system.of.contact).__mro__ if x in BY_CONTACT)
+            of_contact = BY_CONTACT[type(system.of.contact)]
             for question in TERMS:
-                if question.number not in self._only or question.of in OF_CONTACTS and question.of not in BY_CONTACT[contact]:
+                if question.number not in self._only or question.of in OF_CONTACTS and question.of not in of_contact:
                     continue
                 second = type(system.of.method) if question.names[1] == "method" else System
                 for k, (term, kind) in enumerate(zip(self.terms, self._kinds)):

@@ -158,11 +158,6 @@ class GenericFunction:
                 found.append((places + [far] * (len(ancestors) - len(places)), function))
         return min(found, key=lambda x: x[0])[1] if found else None
 
-    def calls(self, terms: Any, *others: Any) -> list[tuple[Any, tuple[Any, ...]]]:
-        """(implementation, types of its arguments) of all terms of a tuple type that have one."""
-        found = [(self.find((term, *others)), (term, *others)) for term in item_types(terms)]
-        return [(function, arguments) for function, arguments in found if function is not None]
-
     def _intrinsic(self, build: Callable[..., Any]) -> Any:
         def definition(typingctx, *arguments):  # type: ignore[no-untyped-def]
             return build(typingctx, arguments)

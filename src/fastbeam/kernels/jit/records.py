@@ -150,11 +150,6 @@ class Record:
         self.address = self._memory.ctypes.data
 
 
-def record_of(of: Any, last: Record | None) -> Record:
-    """A record of a tuple: the last one where it holds the same arrays and numbers."""
-    return last if last is not None and same_record(of, last.of) else Record(of)
-
-
 def same_record(x: Any, y: Any) -> bool:
     """Whether records of two tuples are the same: they hold the same arrays and numbers."""
     if x is y:
