@@ -14,18 +14,20 @@ from fastbeam.kernels.contact.friction_fallback import (FAILED, KNOWN, LATE, LAT
 from fastbeam.kernels.state import IN_DOUBT, LastIncrement
 from fastbeam.stepping.stepper import Stepper
 
-FIRST = 8.0**-2
+# of an inertia of 10 in steps of 0.1
+H, UNIT = 0.1, 1e-3
+FIRST = UNIT * 8.0
 FLIPS = np.full(2, MOST_FLIPS)
 
 
 def iterate(doubt: Doubt, n: int = 1, breaks: bool = False, found: float = 3e-3, way: float = 1e-5) -> bool:
     """So many iterations; the bound is 1 N."""
-    return [sticks_in_doubt(doubt, 1, found, way, 1.0, breaks) for _ in range(n)][-1]
+    return [sticks_in_doubt(doubt, 1, H, found, way, 1.0, breaks) for _ in range(n)][-1]
 
 
 def begun(found: float = 3e-3, way: float = 1e-5) -> Doubt:
     """After the iteration behind those in which it stuck, which took more than the bound."""
-    doubt = no_doubt(2)
+    doubt = no_doubt(np.full(2, H * H / UNIT))
     assert iterate(doubt, KNOWN, breaks=True) and not is_sharp(doubt, 1, 7)
     assert not iterate(doubt, found=found, way=way)
     assert doubt.compliance[0] == 0.0 and not doubt.counts[0].any()
@@ -33,20 +35,20 @@ def begun(found: float = 3e-3, way: float = 1e-5) -> Doubt:
 
 
 def test_it_sticks_where_that_takes_less_than_the_bound() -> None:
-    doubt = no_doubt(2)
+    doubt = no_doubt(np.full(2, H * H / UNIT))
     # the force before it stuck is not that which holds it
     assert iterate(doubt) and not is_sharp(doubt, 1, 7)
     assert iterate(doubt) and is_sharp(doubt, 1, 8) and doubt.compliance[1] == 0.0
 
 
 def test_what_does_not_converge_while_it_sticks_slides() -> None:
-    doubt = no_doubt(2)
+    doubt = no_doubt(np.full(2, H * H / UNIT))
     assert iterate(doubt, PATIENCE) and not iterate(doubt)
     assert (doubt.counts[1, LEVEL], doubt.compliance[1]) == (1, FIRST)
 
 
 def test_what_has_converged_waits_for_others() -> None:
-    doubt = no_doubt(2)
+    doubt = no_doubt(np.full(2, H * H / UNIT))
     iterate(doubt, KNOWN)
     for _ in range(5):
         assert is_sharp(doubt, 1, 8) and iterate(doubt, PATIENCE - KNOWN)
@@ -55,9 +57,19 @@ def test_what_has_converged_waits_for_others() -> None:
         assert is_sharp(doubt, 1, 8) and not iterate(doubt, PATIENCE, way=-1.0) and doubt.compliance[1] == FIRST
 
 
-@pytest.mark.parametrize("found", [3e-3, 3.001e-3, 2.0**-9 * 1.01])
+@pytest.mark.parametrize("found", [3e-3, 3.001e-3, UNIT * 1.01])
 def test_compliances_that_differ_a_little_are_taken_for_one(found: float) -> None:
     assert begun(found).compliance[1] == FIRST
+
+
+def test_a_compliance_does_not_depend_on_units() -> None:
+    inertia, found = np.array([3.0, 3.0 * 1e6 * 0.4536]), 3e-5
+    doubt = no_doubt(inertia)
+    for i, scale in ((0, 1.0), (1, 1e6 * 0.4536)):
+        for _ in range(KNOWN):
+            sticks_in_doubt(doubt, i, H, found / scale, 1e-5, 1.0, True)
+        assert not is_sharp(doubt, i, 7) and not sticks_in_doubt(doubt, i, H, found / scale, 1e-5, 1.0, True)
+    assert doubt.compliance[1] * inertia[1] == pytest.approx(doubt.compliance[0] * inertia[0], rel=1e-14)
 
 
 def test_it_gets_sharper_until_it_slips() -> None:
@@ -109,7 +121,7 @@ def test_the_first_gets_softer_where_it_does_not_converge() -> None:
 
 
 def test_it_sticks_where_no_compliance_is_known() -> None:
-    doubt = no_doubt(2)
+    doubt = no_doubt(np.full(2, H * H / UNIT))
     assert iterate(doubt, KNOWN, breaks=True, found=0.0) and not is_sharp(doubt, 1, 7)
     assert iterate(doubt, breaks=True, found=0.0) and is_sharp(doubt, 1, 8)
     count_missed(doubt, FLIPS, 1)

@@ -90,7 +90,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     across += [(_without_noise(x, push * length), "the moment on {} is not about the normal of the plane")
                for x in rows[:, :, 3:6]]
     across += turning
-    pushed, twisted = _following(unpacked.numbered.links.loaded, q)
+    pushed, twisted = _following(unpacked.numbered.links.loaded, q, length)
     within += [(x, "the load on {} points out of the plane") for x in pushed]
     across += [(x, "the moment on {} is not about the normal of the plane") for x in twisted]
     for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
@@ -130,15 +130,15 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     return plane
 
 
-def _following(loaded: Any, q: Array) -> tuple[list[Array], list[Array]]:
-    """Forces and moments [n, 3] on all nodes by every load that turns with them, at t = 0; q [n, 4, 3]."""
+def _following(loaded: Any, q: Array, length: float) -> tuple[list[Array], list[Array]]:
+    """Forces and moments [n, 3] on all nodes by every load that turns with them, at t = 0; q [n, 4, 3]; length: of the scene."""
     forces, moments = [], []
     for k, force in enumerate(loaded.forces):
         on = loaded.node[loaded.of == k]
         for out, parts in ((forces, force.parameters[:3]), (moments, force.parameters[3:])):
             x = np.zeros((len(q), 3))
             x[on] = np.einsum("i,nic->nc", parts, q[on, 1:])
-            size = float(np.max(np.abs(force.parameters), initial=0.0))
+            size = float(np.max(np.abs(force.parameters) * np.repeat((length, 1.0), 3)))
             out.append(x if out is forces else _without_noise(x, size))
     return forces, moments
 
@@ -255,7 +255,8 @@ def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> Non
             scale = np.einsum("eaa,ebb->eab", outer, inner)
             refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(1, 2)),
                    "the section of {} couples strains in the plane with others", first)
-        e0 = elements.reference_strains[some]
+        # curvatures times the size of the scene are strains
+        e0 = elements.reference_strains[some] * np.repeat((1.0, unpacked.numbered.length), 3)
         beyond = np.repeat(beyond, np.diff(np.append(first, some.size)), axis=0)
         off = np.abs(np.einsum("eia,epi->epa", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
         refuse(np.any(off, axis=(1, 2)), "{} is curved or twisted out of the plane")

@@ -170,6 +170,11 @@ class Model(WithFeatures):
         return list(dict.fromkeys(link.joint for link in self.kept))
 
     @cached_property
+    def mass(self) -> float:
+        """Of the scene, kg; 1 where nothing has any."""
+        return float(self.gravity_weight.sum()) or 1.0
+
+    @cached_property
     def n_sliders(self) -> int:
         """Number of sliders."""
         return self.s0.size

@@ -11,6 +11,7 @@ from fastbeam.scene import Beam, Net, NodeRef, RigidBody, Scene
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.moving_mesh import LineOfPlaces, PlaceOnBeam
 from fastbeam.scene.nets import NetBeam
+from fastbeam.scene.placing import extent_of
 
 Array = np.ndarray
 
@@ -129,8 +130,8 @@ class NodeList:
 
     @property
     def extent(self) -> float:
-        """Largest extent of all nodes in space along an axis, m."""
-        return float(np.max(np.ptp(self.phi[self._in_space], axis=0)))
+        """Extent of all nodes in space, m."""
+        return extent_of(self.phi[self._in_space])
 
     def coordinates(self, nodes: Sequence[int]) -> Array:
         """Reference positions and directors of some nodes, [n, 4, 3]."""

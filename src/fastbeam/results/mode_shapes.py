@@ -11,6 +11,7 @@ from fastbeam.interface.arguments import Count, Flag, Number, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.result_warnings import Doubts
 from fastbeam.results.result import Result
+from fastbeam.scene.placing import extent_of
 
 if TYPE_CHECKING:
     from fastbeam.kernels.state import State
@@ -97,9 +98,8 @@ def _motion(modes: Modes | DampedModes, k: int, amplitude: float, frames: int, d
 
 
 def size_of(positions: Array) -> float:
-    """Largest extent of a scene, m; 1 of a point."""
-    finite = positions[np.isfinite(positions).all(axis=1)]
-    return float(np.max(np.ptp(finite, axis=0))) or 1.0 if len(finite) else 1.0
+    """Extent of a scene, m; 1 of a point."""
+    return extent_of(positions[np.isfinite(positions).all(axis=1)]) or 1.0
 
 
 def _turned(directors: Array, turn: Array) -> Array:

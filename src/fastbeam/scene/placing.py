@@ -1,4 +1,4 @@
-"""Where masses without a position of their own lie: at sliders and joints, also through other masses."""
+"""Where masses without a position of their own lie: at sliders and joints, also through other masses; extent of a scene."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -20,6 +20,13 @@ if TYPE_CHECKING:
     from fastbeam.scene.scene import Scene
 
 Joint = RigidConnection | BallJoint | AxisJoint
+
+
+def extent_of(points: Array) -> float:
+    """Twice the largest distance of points [n, 3] from their mean, m: whichever way they are turned; 0 of none."""
+    if not len(points):
+        return 0.0
+    return 2.0 * float(np.sqrt(np.max(np.sum((points - np.mean(points, axis=0))**2, axis=1))))
 
 
 class Placing:

@@ -27,7 +27,7 @@ from fastbeam.scene.links import Link
 from fastbeam.scene.moving_mesh import MovingMesh
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
-from fastbeam.scene.placing import Placing
+from fastbeam.scene.placing import Placing, extent_of
 from fastbeam.scene.prescribed_motion import PrescribedMotion
 from fastbeam.scene.relations import controllers_of, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
@@ -277,13 +277,12 @@ class Scene(notebook.Parts):
 
     def _tolerance(self) -> float:
         """1e-9 of the size of the scene, m."""
-        points = [p for beam in self.beams for p in beam.reference(np.linspace(0.0, beam.length, 3))[0]]
-        points += [part.position for part in [*self.bodies, *self.masses] if part.position is not None]
+        points = [beam.reference(np.linspace(0.0, beam.length, 3))[0] for beam in self.beams]
+        points += [part.position[None] for part in [*self.bodies, *self.masses] if part.position is not None]
         offsets = [float(np.linalg.norm(n.offset)) for joint in [*self.balls, *self.rigid] for n in (joint.a, joint.b)]
-        points += [corner for net in self.nets for corner in (net.nodes.min(axis=0), net.nodes.max(axis=0))]
-        extent = float(np.max(np.ptp(np.array(points), axis=0))) if points else 0.0
-        size = max([extent, *offsets, *(beam.length for beam in self.beams)]) or 1.0
-        reach = float(np.max(np.abs(points))) if points else 0.0
+        places = np.concatenate([*points, *(net.nodes for net in self.nets), np.zeros((0, 3))])
+        size = max([extent_of(places), *offsets, *(beam.length for beam in self.beams)]) or 1.0
+        reach = float(np.max(np.abs(places), initial=0.0))
         return 1e-9 * size + 16.0 * float(np.finfo(float).eps) * reach
 
     # --- checks -------------------------------------------------------------------------------------------------------

@@ -61,12 +61,10 @@ class JointCoordinates:
         self.values = np.clip(self.values, *self.stops.T)
         self.has_friction = np.array([holds.parts[k].has_friction for k in holds.rubs], bool)
         self.labels = [holds.parts[k].label for k in holds.rubs]
-        kept = solver.map.model.kept
-        sizes = [len(_within(solver, link)) for link in kept]
-        self._begin = solver.core.dim * solver.core.n_sliders + np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
+        self._begin = _begin_of(solver)
         self.rows = np.full(holds.rubs.size, -1)
         left = holds.left_of_rubs()
-        self.rows[left] = self._begin[len(kept) - holds.rubs.size:][:-1][left]
+        self.rows[left] = self._begin[len(solver.map.model.kept) - holds.rubs.size:][:-1][left]
 
     def hold(self, values: Array) -> None:
         """Where equilibria have them from now on."""
@@ -144,6 +142,12 @@ def _within(solver: SlidingSolver, link: KeptLink) -> Array:
     return np.eye(link.forces(3)) if axes is None else link.law.within(axes)
 
 
+def _begin_of(solver: SlidingSolver) -> Array:
+    """Where the forces of every joint begin among those of all constraints, and where the last ones end, int64 [J + 1]."""
+    sizes = [len(_within(solver, link)) for link in solver.map.model.kept]
+    return solver.core.dim * solver.core.n_sliders + np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
+
+
 def static_joints(solver: SlidingSolver) -> StaticJoints | None:
     """Those of a solver, None where nothing has friction or rigid stops."""
     motions = solver.core.motions
@@ -177,6 +181,12 @@ class StaticJoints:
         # those that are held whatever that takes
         self.kept = np.zeros(self.values.size, bool)
         self.labels = [label for x in parts for label in x.labels]
+        # of every constraint force: 1, and the size of the scene of a moment; behind those of joints stand moments of sleeves
+        begin, length = _begin_of(solver), solver.core.length
+        self._arms = np.ones(solver.core.n_forces)
+        self._arms[begin[-1]:] = length
+        for link, at, to in zip(solver.map.model.kept, begin, begin[1:]):
+            self._arms[at:to] = length if link.law.is_angle else 1.0
 
     @property
     def loose(self) -> Array:
@@ -192,6 +202,10 @@ class StaticJoints:
     def forces(self) -> Array:
         """What holds them, N or N m, [R]."""
         return np.where(self.rows >= 0, self.solver.stepper.core_state.force[self.rows], 0.0)
+
+    def _largest_force(self) -> float:
+        """Among all constraints, of moments over the size of the scene, N."""
+        return float(np.max(np.abs(self.solver.stepper.core_state.force) / self._arms, initial=0.0))
 
     def most(self) -> Array:
         """Largest friction under the present forces, [R]."""
@@ -224,8 +238,7 @@ class StaticJoints:
             if status != OK:
                 return status, sizes
             force, most = self.forces(), self.most()
-            size = ROUND_OFF * (float(np.max(np.abs(self.solver.stepper.core_state.force), initial=0.0)) * np.maximum(
-                self.scales, self.solver.core.length) + most)
+            size = ROUND_OFF * (self._largest_force() * self.solver.core.length / self.scales + most)
             rests = (sign == 0) & ~self.kept
             back = rests & (force > most + size) & (self.at_stop >= 0)
             forth = rests & (force < -most - size) & (self.at_stop <= 0)

@@ -35,11 +35,12 @@ class Doubt(NamedTuple):
 
     compliance: np.ndarray  # float64 [n]: c of this iteration, m/N or rad/(N m); 0 where it is not known by now
     counts: np.ndarray      # int64 [n, COUNTS]
+    inertia: np.ndarray     # float64 [n]: of the scene, kg, or of an angle times the square of its size, kg m^2
 
 
-def no_doubt(n: int) -> Doubt:
-    """Of n coordinates at the start of a step."""
-    return Doubt(np.zeros(n), np.zeros((n, COUNTS), np.int64))
+def no_doubt(inertia: np.ndarray) -> Doubt:
+    """At the start of a step."""
+    return Doubt(np.zeros(inertia.size), np.zeros((inertia.size, COUNTS), np.int64), inertia)
 
 
 @kernel
@@ -85,10 +86,10 @@ def go_back(doubt, i):
 
 
 @kernel
-def sticks_in_doubt(doubt, i, found, way, most, breaks):
-    """Begin an iteration of coordinate i: whether it sticks in it, else c is in `compliance`. found: compliance that the solver
-    has found last, 0 where there is none; way: Ds; most: the bound; breaks: whether what held it in the last iteration is more
-    than that, where it stuck."""
+def sticks_in_doubt(doubt, i, h, found, way, most, breaks):
+    """Begin an iteration of coordinate i: whether it sticks in it, else c is in `compliance`. h: size of the step; found:
+    compliance that the solver has found last, 0 where there is none; way: Ds; most: the bound; breaks: whether what held it in
+    the last iteration is more than that, where it stuck."""
     counts = doubt.counts
     counts[i, TRIED] += 1
     tried = counts[i, TRIED]
@@ -101,8 +102,9 @@ def sticks_in_doubt(doubt, i, found, way, most, breaks):
     elif counts[i, LEVEL] > 1 and counts[i, FAILED] < MOST_FAILED and tried > PATIENCE:
         go_back(doubt, i)
     if counts[i, LEVEL] > 0 and doubt.compliance[i] == 0.0 and found > 0.0:
-        # the next power of 8: solvers find it to some digits, at best with the matrix with which it has stuck
-        doubt.compliance[i] = 8.0 ** np.ceil(np.log2(found) / 3.0)
+        # next to the inertia the next power of 8: solvers find it to some digits, at best with the matrix with which it has stuck
+        unit = h * h / doubt.inertia[i]
+        doubt.compliance[i] = unit * 8.0 ** np.ceil(np.log2(found / unit) / 3.0)
     sticks = counts[i, LEVEL] == 0 or not doubt.compliance[i] > 0.0
     if sticks:
         counts[i, WITHIN] = 0 if breaks else 1

@@ -190,7 +190,7 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     twist.way[o] = end - sine_of_section(sleeves, o, point, contact.basis, 0, dofs, state.q, nodes, lo, hi)
     if doubtful:
         breaks = abs(state.force[f] + twist.before[2 * o]) > most + twist.before[2 * o + 1]
-        if sticks_in_doubt(twist.doubt, o, twist.soft[o], twist.way[o], most, breaks):
+        if sticks_in_doubt(twist.doubt, o, twist.clock[0], twist.soft[o], twist.way[o], most, breaks):
             twist.sign[o] = 0
             contact.residual[c, 2] = end
             return 1.0

@@ -335,7 +335,7 @@ def rub_in_doubt(along, k, ds, found, most, press, law):
     """The law with Coulomb friction where signs go in circles, see friction_fallback.py. found: compliance of the parts in the
     last iteration."""
     along.rest[k] = 0.0
-    if sticks_in_doubt(along.doubt, k, found, ds, most, abs(along.needed[k]) > most):
+    if sticks_in_doubt(along.doubt, k, along.clock[0], found, ds, most, abs(along.needed[k]) > most):
         along.sign[k] = 0
         return hold(along, ds, law.force)
     ahead = 1.0 if along.clock[0] > 0.0 else -1.0

@@ -225,7 +225,8 @@ def rub_in_doubt(term, i, way, most, force):
     the increment where friction is less than that. force: of the last iteration."""
     term.rest[i] = 0.0
     term.judged[i] += 1
-    if sticks_in_doubt(term.doubt, i, term.soft[i], way, most, breaks_loose(term, i, force, most) != 0):
+    breaks = breaks_loose(term, i, force, most) != 0
+    if sticks_in_doubt(term.doubt, i, term.clock[0], term.soft[i], way, most, breaks):
         term.sign[i] = 0
         return 0.0, 0.0
     ahead = 1.0 if term.clock[0] > 0.0 else -1.0

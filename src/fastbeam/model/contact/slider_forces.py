@@ -112,7 +112,7 @@ class SliderForces(Feature):
                             np.zeros(n, np.int64), np.zeros((n, ASKED)), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64),
                             np.zeros(n),
                             np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64),
-                            no_doubt(n), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
+                            no_doubt(np.ones(n)), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
                             np.zeros((n, MOST_KEPT, 4)))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
@@ -258,10 +258,8 @@ class SliderForces(Feature):
         """The tables with arrays of one run in time."""
         if static:
             return None
-        # of the scene, kg
-        mass = float(model.gravity_weight.sum())
-        self.tables.clock[2] = mass if mass > 0.0 else 1.0
-        return self.tables._replace(doubt=no_doubt(len(self.sliders)), **{
+        self.tables.clock[2] = model.mass
+        return self.tables._replace(doubt=no_doubt(np.full(len(self.sliders), model.mass)), **{
             name: getattr(self.tables, name).copy() for name in (
                 "stops", "asked", "given", "clock", "sign", "rest", "flips", "judged", "against", "held", "offset", "under")},
             **{name: empty(getattr(self.tables, name).shape) for name in ("needed", "taken", "shapes")})

@@ -198,9 +198,9 @@ class Holds:
         return self.parts[int(self.driven[self._left(self.driven)[1]][i])]
 
     # --- tables -------------------------------------------------------------------------------------------------------
-    def tables(self, motion: JointMotion, acts: bool, ties: Any, kept: list[KeptLink], n_sliders: int) -> JointsOfRun:
-        """Of one run; acts: whether there are springs, dampers or motors; kept: the joints with multipliers of its model."""
-        ties = NoTies() if ties is None else ties
+    def tables(self, motion: JointMotion, acts: bool, model: Any) -> JointsOfRun:
+        """Of one run of a model; acts: whether there are springs, dampers or motors."""
+        ties, kept, n_sliders = NoTies() if model.ties is None else model.ties, model.kept, model.n_sliders
         every = self.given, self.rubs, self.stopped, self.driven
         (at_drive, mine), (at_rub, rubs), (at_stop, stopped), (at_control, driven) = (self._left(x) for x in every)
         m, n = at_drive.size, at_rub.size
@@ -217,7 +217,8 @@ class Holds:
                                      np.array([self.parts[k].smoothing for k in self.rubs[rubs]]),
                                      np.isin(self.rubs[rubs], self.given).astype(np.int64), self.ends[rubs],
                                      self.place + RUB * rubs, np.array([self.first + m]), *empty((5, n)),
-                                     *np.zeros((3, n), np.int64), no_doubt(n), np.zeros(n, np.int64), empty(1), ties)
+                                     *np.zeros((3, n), np.int64), no_doubt(model.mass * (self.length / self.scales[rubs])**2),
+                                     np.zeros(n, np.int64), empty(1), ties)
         if at_stop.size:
             stops = JointStops(motion, at_stop, self.stops[stopped])
         if at_control.size:

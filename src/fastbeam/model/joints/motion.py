@@ -154,7 +154,7 @@ class Motions(Feature):
         if not self.rows.size:
             return None
         table = self.table._replace(given=self.table.given.copy(), hold=empty(64))
-        return self.holds.tables(table, self.acts, model.ties, model.kept, model.n_sliders)
+        return self.holds.tables(table, self.acts, model)
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
         """What acts on coordinates, and holds them."""
