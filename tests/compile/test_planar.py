@@ -199,7 +199,7 @@ REFUSED: dict[str, tuple[Callable[[], fb.Scene], str]] = {
 def test_scenes_that_leave_the_plane_run_in_space_and_say_why(name: str) -> None:
     make, reason = REFUSED[name]
     model = fb.compile_scene(make())
-    assert model.plane is None
+    assert model.not_planar
     assert reason in model.not_planar
     assert f"planar form ({model.not_planar})" in str(model)
     with pytest.raises(fb.SceneError, match="does not stay in a plane") as caught:
@@ -519,3 +519,11 @@ def test_compared_methods_run_in_space(method: str) -> None:
     found, expected = (fb.simulate(m, **run) for m in (model, fb.compile_scene(scene, planar=False)))
     assert is_same(found.state, expected.state)
     assert found.info["unknowns"] == 6 * model.n_nodes == 2 * model.n_unknowns
+
+
+def test_a_small_moment_that_follows_in_a_small_scene_leaves_the_plane() -> None:
+    section = fb.Section.circle(radius=1e-5, E=1e11, rho=1e3)
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1e-3, 0, 0), section=section, elements=2, d2=(0, 1, 0))
+    push = fb.Load("push", beam.end, force=(0, 1.0, 0), moment=(3e-14, 0, 0), follower=True)
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), push))
+    assert model.not_planar
