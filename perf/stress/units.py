@@ -19,9 +19,9 @@ def rows(quick: bool = False) -> Iterator[Row]:
                 found.append(compared(name, family, features, number))
                 if found[-1].wrong:
                     wrong.append(f"{number}, {name}: {found[-1].wrong}")
-        refused, books = sum(x.refused for x in found), max(x.balance for x in found)
-        happened = (f"{len(found)} analyses, {refused} refused alike; {max(x.ratio for x in found):.1g} of the round-off, "
-                    f"books {books:.1e}")
+        refused, told, books = sum(x.refused for x in found), sum(x.told for x in found), max(x.balance for x in found)
+        happened = (f"{len(found)} analyses, {refused} refused alike, {told} told as unresolved; "
+                    f"{max(x.ratio for x in found):.1g} of the round-off, books {books:.1e}")
         yield Row(f"{count} scenes of family {family}", f"same results, books to {BALANCE:g}", "; ".join(wrong) or happened,
                   not wrong)
     says = [text for number in range(count // 4) for law in LAWS for name in ASK_LAWS

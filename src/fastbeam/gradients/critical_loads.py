@@ -70,7 +70,7 @@ class _Critical:
         # rows of what is held are in no unit
         start[:base.nodes] *= base.map.free
         self.scale = saddle.typical(self.matrix)
-        self.null = self.left = start / self.scale
+        self.null = self.left = start / np.sqrt(np.where(base.weights > 0.0, base.weights, 1.0))
         self._whole: tuple[Saddle, Array, Array] | None = None
         for _ in range(4):
             null, left = self._ends(False), self._ends(True)
@@ -93,11 +93,12 @@ class _Critical:
         return push / max(size, 1e-300)
 
     def _bordered(self) -> tuple[Saddle, Array, Array]:
-        """Scale [K, left, W free; null, 0, 0; (W free)^T, 0, 0]; also returned are the factors of its rows and columns."""
+        """Scale [K, W left, W free; (W null)^T, 0, 0; (W free)^T, 0, 0], W the metric of (12.1); also returned are the factors of
+        its rows and columns."""
         from scipy import sparse
         if self._whole is not None:
             return self._whole
-        borders = [np.column_stack((x, self.free)) for x in (self.left, self.null)]
+        borders = [np.column_stack((self.base.weights * x, self.free)) for x in (self.left, self.null)]
         column, row = (sparse.csr_matrix(x) for x in borders)
         matrix = sparse.bmat([[self.matrix, column], [row.T, None]], format="csr")
         # whether it is singular does not depend on units

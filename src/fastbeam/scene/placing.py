@@ -20,13 +20,21 @@ if TYPE_CHECKING:
     from fastbeam.scene.scene import Scene
 
 Joint = RigidConnection | BallJoint | AxisJoint
+# points from which a farther one is looked for
+MOST_FARTHER = 6
 
 
 def extent_of(points: Array) -> float:
-    """Twice the largest distance of points [n, 3] from their mean, m: whichever way they are turned; 0 of none."""
-    if not len(points):
-        return 0.0
-    return 2.0 * float(np.sqrt(np.max(np.sum((points - np.mean(points, axis=0))**2, axis=1))))
+    """Return the largest distance between two of some points [n, 3], m, found by going from the one that is farthest from their
+    mean to the farthest one, and on while that grows. It does not depend on directions; 0 of none."""
+    here, largest = np.mean(points, axis=0) if len(points) else np.zeros(3), 0.0
+    for k in range(MOST_FARTHER if len(points) else 0):
+        distance = np.linalg.norm(points - here, axis=1)
+        far = int(np.argmax(distance))
+        if k and distance[far] <= largest:
+            break
+        here, largest = points[far], float(distance[far]) if k else 0.0
+    return largest
 
 
 class Placing:

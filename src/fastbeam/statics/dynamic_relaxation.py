@@ -54,6 +54,8 @@ HIGHER = 1e-9
 LONGEST_WAY, LARGEST_SHARE = 0.01, 0.05
 # motion in a swing, in sizes of the scene, with which a scene counts as at rest where Newton's method is not asked
 STILL = 1e-7
+# and with which it is near to an equilibrium whose stability is not known otherwise: the motion goes there by itself
+NEAR = 1e-4
 
 
 @warns
@@ -375,7 +377,8 @@ class _Motion:
         """A share of the time in which the loads, or the stresses of the start, move the scene by its size."""
         model = self.stepper.model
         mass = float(model.gravity_weight.sum())
-        push = float(np.abs(model.loads.reshape(len(model.loads), -1, 8)[:, :, :3]).sum()) if model.loads.size else 0.0
+        forces = model.loads.reshape(len(model.loads), model.loads.shape[1] // 8, 8)[:, :, :3]
+        push = float(np.sum(np.linalg.norm(forces, axis=2)))
         push = max(push, self.energies()[1] / model.length)
         if not push > 0.0 or not mass > 0.0:
             return FIRST * model.length if mass > 0.0 else 1.0
@@ -420,6 +423,9 @@ class _Motion:
             self.refused = (f"the equilibrium there has {leaves[0]} unstable direction(s), which the motion does not see: the "
                             f"scene "
                             "is symmetric, disturb it by a small load, or begin elsewhere")
+            return False
+        if leaves is None and self.info["residual"] > NEAR:
+            self.refused = "moments leave it undecided whether the equilibrium there is stable"
             return False
         # what pushes along beams, moments and moving air do work of their own
         closed = not solver.moments and self.model.slider_forces is None and not self.model.blows
