@@ -261,7 +261,7 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
                 v[point] = values @ v[number] + along
             # with a rigid motion and no rate the mass keeps the motion it was given
     for knot in scene.knots:
-        # the velocity with which it stays on both curves
+        # velocity with which the crossing stays on both curves
         sides = [line for slider, line in zip(scene.sliders, lines) if slider.point.owner is knot]
         moving = [values @ v[number] for number, values, _, _ in sides]
         tangents = [slopes @ nodes.phi[number] for number, _, slopes, _ in sides]

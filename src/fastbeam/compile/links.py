@@ -226,7 +226,7 @@ class Lines(NamedTuple):
             try:
                 with np.errstate(all="ignore"):
                     first, middle, last, near = (float(force.law(t, x, rate, force.parameters)) for x in lengths)
-            except Exception:  # where steps ask it they tell
+            except Exception:  # a step that evaluates the law reports the failure
                 continue
             off = max(abs(first - 2.0 * middle + last), abs(near - middle) if nearest < min(start, end) else 0.0)
             masses = weight[[a, b]]
@@ -272,7 +272,7 @@ def _tested(entry: Entry, table: Any) -> Any:
     Raises
     ------
     TypeError
-        It is no named tuple of arrays, or there is no code for it.
+        The table is no named tuple of arrays, or has no `assemble`.
     """
     who = f"the table of {entry.noun.__name__}"
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):

@@ -65,7 +65,7 @@ def number(scene: Scene) -> Numbered:
     Raises
     ------
     SceneError
-        Joints that cannot be eliminated, or make no sense where their ends are.
+        Joints cannot be eliminated, or are impossible at the places of their ends.
     """
     nodes = NodeList(scene)
     place_points(scene, nodes)

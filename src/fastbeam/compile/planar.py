@@ -41,7 +41,7 @@ class Found(NamedTuple):
     plane: Plane      # without its model
     state: State      # at t = 0
     inertia: Array    # float64 [B, 2]: mass and moment of inertia about the normal, of every body
-    ties: Array       # complex128 [M]: factor of every entry of `Connections.apart`
+    ties: Array       # complex128 [M]: factor of every entry of `Connections.without_welds`
 
 
 def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
@@ -76,7 +76,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     # nodes of arrays whose rows are not all nodes of the scene
     places: dict[int, Array] = {}
     if unpacked.dragged is not None:
-        # several drags may act on one node, each with air of its own
+        # several drags may act on one node, each with its own air
         places[len(within)] = unpacked.dragged.node
         within.append((unpacked.dragged.air, "the air at {} moves out of the plane"))
     if unpacked.prescribed is not None:

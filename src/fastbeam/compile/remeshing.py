@@ -47,7 +47,7 @@ def with_moving_meshes(scene: Scene) -> Scene:
     Raises
     ------
     SceneError
-        It is no scene, has no sliders, or a beam or slider is one that moving meshes do not know.
+        The argument is no scene, has no sliders, or has a beam or slider that moving meshes do not support.
     """
     if not isinstance(scene, Scene):
         raise SceneError(f"with_moving_meshes: needs a Scene, got {shown(scene)}; put the parts into one: fb.Scene(beam, ...)")

@@ -209,8 +209,8 @@ def distributed(load: DistributedLoad, nodes: NodeList) -> list[tuple[slice, Arr
 
 
 def of_elements(load: DistributedLoad) -> list[tuple[slice, Array]]:
-    """Return the forces and moments of a distributed load on the nodes of every element of the beam, with their columns: [E, n,
-    3] each."""
+    """Return the forces and moments of a distributed load on the nodes of every element of the beam, with their columns:
+    [E, n, 3] each."""
     basis, out = load.beam.basis, []
     # forces do work on positions, moments on the spins of the directors: each with its own basis
     for which, (given, s, weight, shape) in enumerate((

@@ -1,7 +1,7 @@
 """Rigid and ball connections as linear maps between nodes: no multipliers, nothing to drift.
 
-Nodes joined rigidly form a set with one root; a ball joint makes the position of one set's root follow another set. Every tied
-node ends up with the entries of `kernels.nodes.Ties`, or, where beams of a net are welded, with the row of its root.
+Nodes joined rigidly form a set with one root; a ball joint makes the position of one set's root follow another set. Every slave
+node gets entries of `kernels.beams.ties.Ties`, or, where beams of a net are welded, the row of its root.
 """
 from __future__ import annotations
 

@@ -79,8 +79,8 @@ def each_once(curves: Curves | Paths, c: int, local: Array, values: Array) -> tu
 
 
 def shapes_at(model: Model, k: int, s: float, derivatives: int = 2) -> tuple[Array, Array]:
-    """Return the nodes [n] under the contact of slider k at s; their shape functions, and so many derivatives of these by s, [1
-    to 3, n]."""
+    """Return the nodes [n] under the contact of slider k at s; their shape functions, and so many derivatives of these by s,
+    [1 to 3, n]."""
     curves, sliders = model.curves, model.sliders
     assert curves is not None and sliders is not None
     c = int(sliders.curve[k])

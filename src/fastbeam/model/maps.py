@@ -46,8 +46,8 @@ def motion_map(q: Array, nodes: Array) -> Any:
 
 
 def tie_map(model: Model) -> Any:
-    """Return the map on 12 coordinates of all nodes that takes those of slave nodes from their master nodes, sparse [12 N, 12
-    N]."""
+    """Return the map on 12 coordinates of all nodes that takes those of slave nodes from their master nodes, sparse
+    [12 N, 12 N]."""
     from scipy import sparse
     n = model.n_nodes
     if model.ties is None:
@@ -69,8 +69,8 @@ def tie_map(model: Model) -> Any:
 
 
 def share_map(model: Model) -> Any:
-    """Return the map on the unknowns of all nodes that takes those of nodes on a shared row from the first node on it, sparse [6
-    N, 6 N]."""
+    """Return the map on the unknowns of all nodes that takes those of nodes on a shared row from the first node on it, sparse
+    [6 N, 6 N]."""
     from scipy import sparse
     n = model.n_nodes
     pick = sparse.csr_matrix((np.ones(n), (np.arange(n), model.pattern.first_on_row)), shape=(n, n))
@@ -89,14 +89,14 @@ def velocities_and_spins(q: Array, v: Array) -> Array:
 
 
 def rates_map(model: Model, q: Array) -> Any:
-    """Return the map from velocities and spins of rows to rates of all coordinates, sparse [12 N, 6 N], at coordinates [N, 4,
-    3]."""
+    """Return the map from velocities and spins of rows to rates of all coordinates, sparse [12 N, 6 N], at coordinates
+    [N, 4, 3]."""
     return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()
 
 
 def spin_map(model: Model) -> Any:
-    """Return the map on the spins of all nodes that takes those of rigidly connected nodes from their roots, sparse [3 N, 3
-    N]."""
+    """Return the map on the spins of all nodes that takes those of rigidly connected nodes from their roots, sparse
+    [3 N, 3 N]."""
     from scipy import sparse
     n = model.n_nodes
     pick = sparse.csr_matrix((np.ones(n), (np.arange(n), model.spin_root)), shape=(n, n))

@@ -49,7 +49,7 @@ class Model(WithFeatures):
         None where the scene has none; then no code is compiled for them.
     links : tuple
         Tables of springs and other links between two points, one of each kind.
-    kept : list of links.KeptLink
+    kept : list of joints.constraints.KeptLink
         Joints with multipliers, in the order of their constraints behind the sliders.
     kept_softness : float64 [J]
         Share of 1/a, theory.md (5.5), in the equations of each of these joints.
@@ -74,7 +74,7 @@ class Model(WithFeatures):
         Finds the global number of a node of the scene.
     dofs : tuple
         Tuple with one entry for each unknown of a node: 6, in the tables of a planar scene 3.
-    plane : planar.Plane or None
+    plane : plane.Plane or None
         Plane of a planar scene, and its tables with 3 unknowns a node.
     remarks : Remarks
         Remarks on the model, whose attributes are attributes of the model, too.

@@ -161,8 +161,8 @@ class PrescribedMotions(Feature):
                              f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
 
     def directions(self, n: int) -> list[tuple[Array, Array]]:
-        """Return directions in which supports move and axes about which they turn at some times, up to three of each motion: [n,
-        3] each, n nodes."""
+        """Return directions in which supports move and axes about which they turn at some times, up to three of each motion:
+        [n, 3] each, n nodes."""
         found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3 * int(np.bincount(self.own).max()))]
         for k, motion in enumerate(self.motions):
             first = 3 * int(np.sum(self.own[:k] == self.own[k]))
@@ -188,7 +188,7 @@ def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
     Raises
     ------
     SceneError
-        One of them is half a turn or more.
+        A rotation is half a turn or more.
     """
     turns, vectors = zip(*(motion.turning(t) for t in times))
     out = np.array([after @ before.T for before, after in zip(turns[:-1], turns[1:])])

@@ -91,8 +91,8 @@ class Plane:
         return to_space(place, self.axes).reshape(-1)
 
     def vectors_of(self, rows: Array, nodes: Array, is_place: bool) -> Array:
-        """Return positions and directors in space of some nodes [m] from rows of coordinates [n, 4 N], or their rates: [n, m, 4,
-        3]."""
+        """Return positions and directors in space of some nodes [m] from rows of coordinates [n, 4 N], or their rates:
+        [n, m, 4, 3]."""
         z = np.ascontiguousarray(rows).view(complex).reshape(len(rows), -1, 2)[:, nodes]
         out = to_space(np.concatenate((z[:, :, :1], self.factor[nodes] * z[:, :, 1:]), axis=2), self.axes)
         return out + self._above.reshape(-1, 4, 3)[nodes] if is_place else out

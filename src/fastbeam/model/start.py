@@ -73,7 +73,7 @@ def own_state(model: Model, state: State) -> State:
     Raises
     ------
     SceneError
-        It is not a State, or one of another model.
+        The start is not a State, or is one of another model.
     """
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
@@ -178,7 +178,7 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
     reach = length + float(np.max(np.abs(q[:, 0])))
     speed = float(np.max(np.abs(v[:, 0]), initial=0.0)) + length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
     noise = 1e-12 * reach / step
-    # an impact has to know all inertia
+    # mending by an impact does not include added mass and moving meshes
     most = np.inf if model.added is None and model.moving is None else MENDABLE * speed
     out: list[Misfit] = []
 
@@ -440,8 +440,8 @@ def sparse_rows(*parts: Any) -> Any:
 
 
 def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
-    """Assemble the conditions of slave nodes, welded ends and supports: a matrix on velocities and spins of all nodes, sparse [m,
-    6 N], the errors of position [m], and the numbers of unknowns that supports, whose rows come last, fix."""
+    """Assemble the conditions of slave nodes, welded ends and supports: a matrix on velocities and spins of all nodes, sparse
+    [m, 6 N], the errors of position [m], and the numbers of unknowns that supports, whose rows come last, fix."""
     from scipy import sparse
     place = follow(model, q)
     led = np.flatnonzero(_follows(model))

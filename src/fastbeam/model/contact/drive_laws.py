@@ -44,7 +44,7 @@ def law_of(drive: Any, who: str) -> int:
     Raises
     ------
     SceneError
-        It cannot be compiled, or returns nothing.
+        The force cannot be compiled, or returns nothing.
     """
     return machine_code(who, "drive's force(t, s, rate)", lambda: _driving(drive.force))[0]
 
@@ -129,7 +129,7 @@ def law_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
     Raises
     ------
     SceneError
-        It fails, or returns no finite number.
+        The law fails, or returns no finite number.
     """
     failed: Exception | None = None
     try:
@@ -150,7 +150,7 @@ def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
     if kind == LAW:
         try:
             return law_at(drive, who, t, s, rate)
-        except SceneError:  # the step that asks it there ends the run
+        except SceneError:  # a step that evaluates the law there ends the run
             return np.nan
     given = given_to(drive, who, t, 0.0)
     if kind == FORCE:
@@ -187,7 +187,7 @@ def slope_of(f: Callable[[float], float], x: float, size: float, who: str, by: s
     Raises
     ------
     SceneError
-        It has none there.
+        The function has no derivative there.
     """
     here, h = f(x), LARGEST * size
     best, error, before = np.nan, np.inf, np.zeros(0)

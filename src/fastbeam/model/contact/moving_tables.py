@@ -179,8 +179,8 @@ def of_rates(table: MovingBeam, q: Array) -> Iterator[OfRates]:
 
 
 def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
-    """Return the momenta by mass of points of the elements, as in the history, [E, points, 4, 3], at coordinates and rates [N, 4,
-    3]; 0 for fields without inertia."""
+    """Return the momenta by mass of points of the elements, as in the history, [E, points, 4, 3], at coordinates and rates
+    [N, 4, 3]; 0 for fields without inertia."""
     return np.array([one.matrix @ v.reshape(-1)[one.columns] for one in of_rates(table, q)])
 
 

@@ -84,7 +84,8 @@ def twist_label(slider: str) -> str:
 
 
 def numbers_of(model: Model, history: Array) -> Array:
-    """Return the history variables of sleeves with friction against twist, float64 [R, 4], see `kernels.twist`: a view."""
+    """Return the history variables of sleeves with friction against twist, float64 [R, 4], see kernels/contact/sleeve_twist.py: a
+    view."""
     return model.own(history, "twist").reshape(-1, TWIST)
 
 

@@ -371,7 +371,7 @@ class SliderForces(Feature):
         Raises
         ------
         SceneError
-            One would jump.
+            A slider would jump.
         """
         for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
             slider, place = self.sliders[k], self.place_given(k, t, history[k])

@@ -2,7 +2,7 @@
 
 Compiled code cannot be left by an exception. A law that raises, reads beyond an array, returns nothing where a number is due or
 finds no finite numbers therefore gives NaN, with which a step fails, and records its arguments in `failed`
-(kernels/user_force.FAILED) for a message (user_forces.py).
+(kernels/forces/user_force.FAILED) for a message (user_forces.py).
 """
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _writing(law: Callable[..., None], arguments: tuple[Any, ...], into: str) ->
     Raises
     ------
     WrongForm
-        It returns a value, which would be ignored.
+        The function returns a value, which would be ignored.
     """
     compiled = of_user(law)
     compiled.compile(arguments)
@@ -46,7 +46,7 @@ def _returning(law: Callable[..., Any], arguments: tuple[Any, ...], what: str) -
     Raises
     ------
     WrongForm
-        It returns nothing.
+        The function returns nothing.
     """
     compiled = of_user(law)
     compiled.compile(arguments)
@@ -228,7 +228,7 @@ def machine_code(who: str, what: str, make: Callable[[], tuple[Any, Any]]) -> tu
     Raises
     ------
     SceneError
-        numba cannot compile it, or it does not return what it has to.
+        numba cannot compile the function, or its return value is wrong.
     """
     try:
         entry, compiled = make()

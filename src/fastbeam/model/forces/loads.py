@@ -134,7 +134,7 @@ def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity")
     Raises
     ------
     SceneError
-        It failed, or returned something else, or nothing finite.
+        The function fails, or returns no finite number.
     """
     try:
         value = time(t)

@@ -220,7 +220,7 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
     Raises
     ------
     SceneError
-        numba cannot compile it, it fails, or it is not the derivative of the law.
+        numba cannot compile the derivative, it fails, or it is not that of the law.
     """
     if force.derivative is None:
         return 0
@@ -331,7 +331,7 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
     Raises
     ------
     SceneError
-        numba cannot compile it.
+        numba cannot compile the law.
     """
     make = _tension if isinstance(force, LineForce) else _compiled
     return machine_code(label_of(force), "law", lambda: make(force.law, rows_of(force).shape[1], *_time_of(force)))

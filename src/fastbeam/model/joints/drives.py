@@ -84,7 +84,7 @@ class Holds:
 
     Attributes
     ----------
-    parts : list of scene.freedoms.Freedom
+    parts : list of scene.joint_freedoms.Freedom
         All coordinates.
     given, rubs, stopped, driven : int64 [*]
         Coordinates that are prescribed, that have friction or rigid stops (R of them), elastic stops, and drives.
@@ -314,7 +314,7 @@ class Holds:
         Raises
         ------
         SceneError
-            One stands elsewhere.
+            A coordinate differs from its prescribed value.
         """
         for k in self.given.tolist():
             part = self.parts[k]
@@ -338,7 +338,7 @@ class Holds:
         Raises
         ------
         SceneError
-            One would have to move.
+            A coordinate would have to move.
         """
         try:
             self.start(t, found.copy(), found)
@@ -358,7 +358,7 @@ class Holds:
         Raises
         ------
         SceneError
-            One is beyond.
+            A coordinate is beyond its stops.
         """
         for (low, high), scale, k in zip(self.ends, self.scales, self.rubs.tolist()):
             if not low - AT_STOP * scale <= found[k] <= high + AT_STOP * scale:
