@@ -162,7 +162,7 @@ class Model(WithFeatures):
 
     @property
     def reaction_names(self) -> list[str]:
-        """Supports, joints that are eliminated, and joints with multipliers: the order of reactions."""
+        """Names of supports, eliminated joints and joints with multipliers, in the order of their reactions."""
         return [*self.holding.support_names, *self.holding.joint_names, *self.kept_names]
 
     @property

@@ -35,7 +35,7 @@ def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> 
 
 def free_aside(model: Model) -> str:
     """Describe a part of a scene held in its plane that can leave the plane, and its motion; empty without any. Straight parts
-    that can turn about their own line do not move.
+    that can only turn about their own line do not count.
 
     Raises
     ------

@@ -95,6 +95,5 @@ class Coordinate:
         return bool(np.all(up < 0.5))
 
     def within(self, axes: Array) -> Array:
-        """Return the identity [1, 1] where the plane with these axes [3, 3] leaves the coordinate free, else an empty matrix
-        [0, 1]."""
+        """Return [[1]] where the plane with these axes [3, 3] leaves the coordinate free, else an empty matrix [0, 1]."""
         return np.eye(1)[:int(self.is_left_in_plane(axes[2]))]

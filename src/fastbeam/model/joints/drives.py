@@ -431,7 +431,7 @@ class Holds:
 
 def holds_of(parts: list[Any], constraints: int, place: int, length: float) -> Holds:
     """Collect the coordinates that are prescribed, driven, or have friction or stops; parts: all coordinates; constraints: number
-    of all constraints of the scene but moments of sleeves; place: as in `Holds`.
+    in the scene but moments of sleeves; place: as in `Holds`.
 
     Raises
     ------
