@@ -1,4 +1,4 @@
-"""Carriers: beams with sliders in scenes with condensed beams, eliminated to their ends together with what slides on them
+"""Carriers: beams with sliders in scenes with condensed beams, condensed to their ends together with what slides on them
 (theory.md 9). This file finds them when a scene is compiled."""
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fastbeam.model.numbering import NodeList
 from fastbeam.scene import Beam, Path, Scene, Sleeve
 
 Array = np.ndarray
-# groups of carriers, each work for one thread at a time: at most so many, of so many carriers at least
+# groups of carriers, each for one thread at a time: largest number of groups, smallest number of carriers in each
 MOST_GROUPS, LEAST_CARRIERS = 16, 24
 
 
@@ -25,19 +25,19 @@ class Found:
     elements: dict[str, list[tuple[int, Array]]] = field(default_factory=dict)
 
     def taken(self, name: str) -> Array:
-        """All elements of a beam or net that belong to carriers."""
+        """Return all elements of a beam or net that belong to carriers."""
         return np.concatenate([np.zeros(0, np.int64), *(some for _, some in self.elements.get(name, ()))])
 
     @property
     def n_elements(self) -> int:
-        """Of all carriers."""
+        """Number of elements of all carriers."""
         return sum(some.size for groups in self.elements.values() for _, some in groups)
 
 
 def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Found | None:
-    """All beams that may be carriers; None where none may. Between the ends of such a beam nothing but elements, loads and
-    sliders touches a node, and the point of each of its sliders is a mass, or belongs to a body, that is held by nothing, joined
-    to nothing else, and slides on this beam alone, not on one side only; of a sleeve the twist does not rub.
+    """Find all beams that may be carriers; None without any. Only elements, loads and sliders touch the nodes between the ends of
+    such a beam. The point of each of its sliders is a mass, or belongs to a body, without supports and other joints, that slides
+    on this beam alone, and not on one side only; a sleeve has no friction against twist.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     for body, some in arms.items():
         body_of[[body, *some]] = body
     follows = joints.target != joints.owner
-    # what a body takes along besides its own points, and what its points hang on
+    # connections of a body beyond its own points, in both directions
     across = body_of[joints.target[follows]] != body_of[joints.owner[follows]]
     joined = joints.row_root != own
     joined[joints.row_root[joined]] = True

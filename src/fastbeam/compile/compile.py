@@ -1,4 +1,4 @@
-"""The scene compiler: turns nouns into constant tables and a plan of the work that is present, in six stages.
+"""Scene compiler: turns scene parts into constant tables and a plan of the work that is present, in six stages.
 
     number    -> Numbered    numbers of nodes, joints (numbered.py)
     unpack    -> Unpacked    elements, bodies, loads, initial state as arrays (unpack.py)
@@ -81,8 +81,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         Block elimination in compiled code, or PARDISO (SuperLU without MKL); 'auto' takes the elimination where its fill is
         small.
     eliminate_inner : bool
-        Eliminate the inner nodes of elements in the element loop, so that the solver sees the end nodes only. Same results;
-        False is for comparison.
+        Eliminate the inner nodes of elements in the element loop, so that the solver sees the end nodes only. The results are
+        the same; False is for comparison.
     planar : {'auto', True, False}
         Run a scene that lies and moves in a plane with 3 unknowns a node instead of 6: same results to round-off, several times
         faster. True refuses a scene that does not stay in a plane and says why. False runs every scene in space, like the methods
@@ -123,7 +123,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     ordered = order(numbered, condensed, solver, eliminate_inner, constraints, kept)
     model = with_tables(pack(scene, unpacked, condensed, ordered), moving, ordered.blocks)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
-    # a copy of the scene, because the user may add parts to it before other models of it are compiled
+    # copies of the scene, because the user may add parts to it before other models of it are compiled
     as_compiled, numbered_as = copy(as_given), copy(scene)
     as_compiled.parts, numbered_as.parts = list(as_given.parts), list(scene.parts)
     model = replace(
@@ -140,13 +140,13 @@ def _out_of_plane(scene: Scene, reason: str) -> SceneError:
 
 
 class Variant:
-    """The model of a scene with other options, compiled when it is first asked for.
+    """Model of a scene with other options, compiled on first use.
 
     Parameters
     ----------
     scene : Scene
     options
-        Of `compile_scene`.
+        Options of `compile_scene`.
     """
 
     def __init__(self, scene: Scene, **options: Any) -> None:
@@ -154,26 +154,26 @@ class Variant:
         self._made: dict[tuple[tuple[str, Any], ...], Model] = {}
 
     def __call__(self, **more: Any) -> Model:
-        """The model; more: options that are left open, or others."""
+        """Return the model; more: options that are left open, or others."""
         key = tuple(sorted(more.items()))
         if key not in self._made:
             self._made[key] = compile_scene(self.scene, **{**self._options, **more})
         return self._made[key]
 
     def know(self, model: Model, **more: Any) -> None:
-        """Take a model that was compiled with these options as the one for them."""
+        """Register a model that was compiled with these options."""
         self._made[tuple(sorted(more.items()))] = model
 
 
 def pack_at_rest(scene: Scene, unpacked: Unpacked) -> Model:
-    """All tables in space, without condensed beams."""
+    """Build all tables in space, without condensed beams."""
     condensed, kept = choose(scene, unpacked, False), len(unpacked.kept)
     constraints = len(scene.sliders) + kept + len(scene.sleeves)
     return pack(scene, unpacked, condensed, order(unpacked.numbered, condensed, "auto", False, constraints, kept))
 
 
 def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordered) -> Model:
-    """All tables in space."""
+    """Build all tables in space."""
     nodes, joints, links = unpacked.nodes, unpacked.joints, unpacked.numbered.links
     packers, used, ends, blocks = condensed.packers, condensed.used, condensed.ends, ordered.blocks
     n, pattern = len(nodes), blocks.pattern
@@ -213,7 +213,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
 
 
 def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Blocks) -> Model:
-    """The model with its features, and the tables that need to know where their numbers stand in the history."""
+    """Return the model with its features, and the tables that need the offsets of their history variables."""
     nodes, joints, links, row_of = unpacked.nodes, unpacked.joints, unpacked.numbered.links, blocks.pattern.row_of
     released = released_of(scene, nodes, joints, row_of, unpacked.numbered.always)
     dragged, added = unpacked.dragged, unpacked.added
@@ -248,14 +248,14 @@ def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Block
 
 
 def _accounts_loads(unpacked: Unpacked) -> bool:
-    """Whether loads have no potential."""
+    """Return whether loads have no potential."""
     loads = unpacked.loads
     return any(t is not None for t in loads.times) or bool(np.any(loads.vectors[:, :, 3:])
                                                            or unpacked.numbered.links.loaded.forces)
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:
-    """Whether neither inertia nor a clamp or rigid connection resists a spin of the beam about its own axis."""
+    """Return whether neither inertia nor a clamp or rigid connection resists a spin of the beam about its own axis."""
     holds = [clamp.at for clamp in scene.clamps] + [node for joint in scene.rigid for node in (joint.a, joint.b)]
     return not any(beam.section.inertia[1:]) and all(node.owner is not beam for node in holds)
 
@@ -268,7 +268,8 @@ def _bodies(unpacked: Unpacked, blocks: Blocks) -> Bodies | None:
 
 
 def _knots(scene: Scene, nodes: NodeList, blocks: Blocks, elements: list[Elements]) -> Knots:
-    """Points without mass; what holds them in the tangent is a share of the mass of the heaviest element that they slide on."""
+    """Build the table of points without mass; in the tangent they have a share of the mass of the heaviest element that they
+    slide on."""
     node = np.array([nodes.start(knot) for knot in scene.knots], np.int64)
     heaviest = np.zeros(node.size)
     for slider in scene.sliders:
@@ -282,7 +283,7 @@ def _knots(scene: Scene, nodes: NodeList, blocks: Blocks, elements: list[Element
 
 
 def _loads(unpacked: Unpacked, row_of: Array) -> Array:
-    """Vectors in row layout, [K, 8 (N + 1)]."""
+    """Return the load vectors in row layout, [K, 8 (N + 1)]."""
     of_nodes = unpacked.loads.vectors
     own = np.flatnonzero(unpacked.joints.row_root == np.arange(row_of.size))
     vectors = np.zeros((len(of_nodes), row_of.size + 1, 8))
@@ -291,14 +292,14 @@ def _loads(unpacked: Unpacked, row_of: Array) -> Array:
 
 
 def _ties(joints: Connections, blocks: Blocks) -> Ties | None:
-    """joints: without those of shared rows."""
+    """Build the table of slave nodes; joints: without those of shared rows."""
     if not joints.kind.size:
         return None
     pattern = blocks.pattern
     slaves = np.flatnonzero(joints.tied)
     pair, row, column, a, b = blocks.moves.T
     moves = np.stack((blocks.base + pair, row, column, pattern.block(a, b)), axis=1)
-    # by target: threads take ranges of targets
+    # sorted by target: threads take ranges of targets
     moves = moves[np.argsort(moves[:, TARGET], kind="stable")]
     return Ties(slaves, pattern.row_of[slaves], joints.start, joints.target, pattern.row_of[joints.target],
                 pattern.block(joints.target, joints.target), joints.kind, joints.offset.reshape(-1), joints.rotation.reshape(-1),
@@ -320,8 +321,8 @@ def _held(masks: Array, blocks: Blocks) -> Held | None:
 
 
 def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array, row_of: Array, links: Links) -> Array:
-    """Masks of the spins that statics may hold: one component at the start of every beam of a net that nothing keeps from
-    spinning about its axis, where that changes no stress (theory.md 8)."""
+    """Return masks of the spins that statics may fix: one component at the start of every beam of a net that may spin freely
+    about its axis, where that changes no stress (theory.md 8)."""
     n = len(nodes)
     out = np.zeros(n, np.int64)
     if not scene.nets:
@@ -347,12 +348,12 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
 
 
 def _laws_of_wind(scene: Scene, nodes: NodeList, dragged: Dragged) -> dict[type, Lawful]:
-    """Whose laws the rows of the table of drag call, and where."""
+    """Return the laws that the rows of the table of drag call."""
     return {Wind: Lawful(scene.drags, dragged.part, lambda k: nodes.labels[dragged.node[k]], asked_of)}
 
 
 def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> SlidingContact | None:
-    """Sliders and sleeves, behind so many joints with multipliers; None where there are none."""
+    """Build the feature of sliders and sleeves, behind so many joints with multipliers; None without any."""
     if not scene.sliders:
         return None
     tracks = [track_of(scene, nodes, slider) for slider in scene.sliders]
@@ -372,7 +373,7 @@ def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> S
 
 
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
-    """Supports, and joints that are eliminated."""
+    """Collect the supports, and the joints that are eliminated."""
     names, supports, masks, turning = [], [], [], []
     for support in [*scene.pins, *scene.clamps]:
         masks.append(support.mask)
@@ -401,7 +402,7 @@ def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
 
 
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:
-    """Names of the joints at every node that has some; those at points of a body also at its centre."""
+    """Return the names of the joints at every node with joints; those at points of a body also at its centre."""
     out: dict[int, list[str]] = {}
     for joint in [*scene.rigid, *scene.balls]:
         for node in (joint.a, joint.b):
@@ -412,7 +413,7 @@ def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:
 
 
 def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:
-    """Names for results: what stands where in the node list."""
+    """Return the names of parts with their nodes, for results."""
     beams = []
     for b in scene.beams:
         first = nodes.start(b)

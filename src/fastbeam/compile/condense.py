@@ -1,4 +1,4 @@
-"""The fourth stage of the compiler: elements in groups of eight, and which of their beams are condensed to their ends."""
+"""Fourth stage of the compiler: elements in groups of eight, and which of their beams are condensed to their ends."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Condensed:
     Attributes
     ----------
     packers : dict
-        Groups of either strain set.
+        Packers of both strain sets.
     carriers : Carriers or None
     ends : int64 [B, 2]
         First and last node of all condensed beams, carriers last.
@@ -34,12 +34,12 @@ class Condensed:
 
     @property
     def used(self) -> list[ElementPacker]:
-        """Those with elements."""
+        """Packers with elements."""
         return [packer for packer in self.packers.values() if packer.meta]
 
 
 def condense(scene: Scene, unpacked: Unpacked, condense: bool | str) -> Condensed:
-    """Choose what is condensed; condense: as `compile_scene` takes it."""
+    """Choose the beams that are condensed; condense: option of `compile_scene`."""
     numbered = unpacked.numbered
     nodes, joints, touched = numbered.nodes, numbered.joints, numbered.touched
     packers = {"simo_reissner": ElementPacker(), "green_lagrange": ElementPacker()}

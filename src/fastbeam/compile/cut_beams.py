@@ -1,7 +1,7 @@
-"""Beams whose elements end at contacts: the same scene on another mesh, and energies of elements by the places of their ends.
+"""Beams whose elements end at contacts: the scene on another mesh, and energies of elements as functions of their ends.
 
-At an element end a point force, or moment, is what polynomials in each element beside it can follow exactly: there is nothing
-that the mesh does not show (theory.md 8). Contacts are numbered like the sliders of the scene.
+Polynomials in the elements on both sides represent a point force, or moment, at their common end exactly: the mesh adds no error
+(theory.md 8). Contacts are numbered like the sliders of the scene.
 """
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from fastbeam.scene.beams import NodeRef
 from fastbeam.scene.interpolation.basis import Basis, build_basis
 
 Array = np.ndarray
-# contacts nearer than this share of the beam to each other, or to an end that stays, stand at the same place
+# contacts nearer than this share of the beam to each other, or to an end that stays, count as one place
 SAME = 1e-9
-# an element end gives way to a contact that is nearer than this share of an element; elements may shrink to this share before the
+# a contact replaces an element end nearer than the first share of an element; elements may shrink to the second share before the
 # mesh is chosen again
 NEAR, LEAST = 0.3, 0.1
 # differences of fourth order by the places of element ends: step as a share of the element; steps and their weights
 STEP = 6e-4
 STENCIL = ((-2, 1.0 / 12.0), (-1, -2.0 / 3.0), (1, 2.0 / 3.0), (2, -1.0 / 12.0))
-# the same to one side alone, beside the end of a beam
+# one-sided steps and weights, beside the end of a beam
 ONE_SIDED = ((0, -25.0 / 12.0), (1, 4.0), (2, -3.0), (3, 4.0 / 3.0), (4, -1.0 / 4.0))
 
 
 class Slot(NamedTuple):
-    """An element end: where it is, m, the contacts that stand there, and whether it is an end of the given mesh that stays."""
+    """Element end: arc length, m, contacts there, and True for an end of the given mesh that stays."""
 
     at: float
     contacts: tuple[int, ...] = ()
@@ -41,7 +41,7 @@ class Slot(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a contact is: beam, arc length of it, m, and 1, or -1 where s grows against the beam."""
+    """Place of a contact: beam, arc length on it, m, and 1, or -1 where s grows against the beam."""
 
     beam: Beam
     at: float
@@ -49,12 +49,12 @@ class Place(NamedTuple):
 
 
 def replace_slot(slot: Slot, way: float) -> Slot:
-    """The same end elsewhere."""
+    """Return a copy of an element end that is moved by `way`."""
     return slot._replace(at=slot.at + way)
 
 
 def place_of(slider: Any, s: float) -> Place:
-    """The place of a slider at arc length s of what it slides on."""
+    """Return the place of a slider at arc length s of its curve."""
     if not isinstance(slider.beam, Path):
         return Place(slider.beam, float(np.clip(s, 0.0, slider.beam.length)), 1)
     k, local = slider.beam.places(s)
@@ -62,7 +62,7 @@ def place_of(slider: Any, s: float) -> Place:
 
 
 def _kept(scene: Scene, beam: Beam) -> Array:
-    """Arc lengths of the nodes of a beam that other parts refer to, with both ends."""
+    """Return the arc lengths of the nodes of a beam that other parts refer to, with both ends."""
     index = {0, beam.n_nodes - 1}
     for part in scene.parts:
         index.update(node.index for node in _nodes(part) if node.owner is beam)
@@ -70,7 +70,7 @@ def _kept(scene: Scene, beam: Beam) -> Array:
 
 
 def _nodes(part: Any) -> Iterator[NodeRef]:
-    """Nodes that a part refers to."""
+    """Yield the nodes that a part refers to."""
     for field in fields(part) if is_dataclass(part) and not isinstance(part, Beam) else ():
         value = getattr(part, field.name)
         for x in value if isinstance(value, (tuple, list)) else (value,):
@@ -79,7 +79,7 @@ def _nodes(part: Any) -> Iterator[NodeRef]:
 
 
 def slots_of(beam: Beam, kept: Array, contacts: dict[int, float]) -> list[Slot]:
-    """Element ends of a beam, at the arc lengths `kept`, at contacts, and between them at those of its own mesh."""
+    """Return the element ends of a beam: at the arc lengths `kept`, at contacts, and between them at those of its own mesh."""
     same = SAME * beam.length
     found = [Slot(float(x), (), True) for x in kept]
     for k, at in sorted(contacts.items(), key=lambda item: item[1]):
@@ -99,7 +99,8 @@ def slots_of(beam: Beam, kept: Array, contacts: dict[int, float]) -> list[Slot]:
 
 
 def moved(slots: list[Slot], contacts: dict[int, float]) -> list[Slot] | None:
-    """The same element ends with contacts elsewhere; None where elements would become too short, or a contact leaves a node."""
+    """Return the element ends with contacts at new places; None where elements would become too short, or a contact leaves a
+    node."""
     out = []
     for slot in slots:
         at = {contacts[k] for k in slot.contacts}
@@ -114,7 +115,7 @@ def moved(slots: list[Slot], contacts: dict[int, float]) -> list[Slot] | None:
 
 
 class PointSleeve(Sleeve):
-    """A sleeve that holds the section of the reference at one point, whatever the mesh."""
+    """Sleeve that holds the section of the reference at one point, whatever the mesh."""
 
     @property
     def section_at_start(self) -> Array:
@@ -123,26 +124,26 @@ class PointSleeve(Sleeve):
 
 # --- the scene ----------------------------------------------------------------------------------------------------------
 class Cut:
-    """A scene whose beams have element ends at contacts.
+    """Scene whose beams have element ends at contacts.
 
     Parameters
     ----------
     scene : Scene
     s : float64 [S]
-        Where the contacts are.
+        Arc lengths of the contacts, m.
     before : Cut, optional
-        The mesh of these is kept, with contacts moved, where it can be.
+        Mesh that is kept where possible, with contacts moved.
 
     Attributes
     ----------
     scene : Scene
-        The new one; every sleeve holds the section at one point.
+        The new scene; every sleeve holds the section at one point.
     same_mesh : bool
-        Whether nodes and elements are those of `before`.
+        True if nodes and elements are those of `before`.
     slots : dict
-        Element ends of the beams with contacts by their ids in the given scene.
+        Element ends of the beams with contacts, by the beams of the given scene.
     model : Model or None
-        Of the new scene, for whoever has compiled it.
+        Model of the new scene, once it is compiled.
     """
 
     def __init__(self, scene: Scene, s: Array, before: Cut | None = None) -> None:
@@ -165,7 +166,7 @@ class Cut:
                            project_velocities=True)
 
     def point(self, what: Any) -> Any:
-        """An observed point of the given scene as one of this."""
+        """Map an observed point of the given scene to this scene."""
         if isinstance(what, tuple):
             return self.new.get(what[0], what[0]), what[1]
         if isinstance(what, NodeRef) and what.owner in self.new:
@@ -173,7 +174,7 @@ class Cut:
         return what
 
     def _swapped(self, x: Any) -> Any:
-        """A part, or what it refers to, on the new beams."""
+        """Return a part, or what it refers to, on the new beams."""
         if isinstance(x, Beam):
             return self.new.get(x, x)
         if isinstance(x, NodeRef):
@@ -203,26 +204,26 @@ class Cut:
         return replace(x, **changed) if changed else x
 
     def _bore(self, sleeve: Sleeve) -> dict[str, Any]:
-        """What changes of the bore of a sleeve: friction needs one, and none of those that are held slips."""
+        """Return the changes of the bore of a sleeve: only friction needs a bore, and locked sleeves do not slip."""
         return {"length": 0.0, "friction": None, "key_radius": None}
 
     # --- coordinates --------------------------------------------------------------------------------------------------
     def carry(self, q: Array, given: Any, new: Any, out: Array) -> None:
-        """Coordinates [N, 4, 3] of the given mesh into those of this one; given, new: numbers of the nodes of both."""
+        """Map coordinates [N, 4, 3] of the given mesh to this mesh; given, new: numbers of the nodes of both."""
         for part in self._with_nodes():
             beam = self.new.get(part)
             x = q[given.span(part)]
             out[new.span(part if beam is None else beam)] = x if beam is None else along(part.basis, beam.node_s, x)
 
     def bring_back(self, q: Array, new: Any, given: Any, out: Array) -> None:
-        """The opposite of `carry`."""
+        """Map coordinates [N, 4, 3] of this mesh to the given mesh, the opposite of `carry`."""
         for part in self._with_nodes():
             beam = self.new.get(part)
             x = q[new.span(part if beam is None else beam)]
             out[given.span(part)] = x if beam is None else along(beam.basis, part.node_s, x)
 
     def shifted(self, k: int, way: float) -> Cut:
-        """The same with contact k by a little elsewhere; its nodes, and beams, are these."""
+        """Return a copy with contact k moved by a small `way`; it shares nodes and beams with this mesh."""
         out = copy(self)
         i = self.places[k].beam
         here = [replace_slot(slot, self.places[k].sign * way) if k in slot.contacts else slot for slot in self.slots[i]]
@@ -230,7 +231,7 @@ class Cut:
         return out
 
     def length_at(self, k: int) -> float:
-        """Of the shorter element beside contact k, m."""
+        """Return the length of the shorter element beside contact k, m."""
         slots = self.slots[self.places[k].beam]
         e = next(e for e, slot in enumerate(slots) if k in slot.contacts)
         return min(abs(slots[e].at - slots[j].at) for j in (e - 1, e + 1) if 0 <= j < len(slots))
@@ -240,7 +241,7 @@ class Cut:
 
 
 def along(basis: Basis, s: Array, q: Array) -> Array:
-    """Coordinates [n, 4, 3] at arc lengths s [n] of a beam with these of its nodes; triads are made orthonormal."""
+    """Interpolate coordinates [n, 4, 3] at arc lengths s [n] of a beam from those of its nodes; triads are made orthonormal."""
     first, values, _ = basis.curve("own").evaluate(s)
     out = np.einsum("sn,snic->sic", values, q[first[:, None] + np.arange(values.shape[1])])
     u, _, v = np.linalg.svd(out[:, 1:])
@@ -249,7 +250,7 @@ def along(basis: Basis, s: Array, q: Array) -> Array:
 
 
 def _on_axis(sleeve: Sleeve) -> Any:
-    """The point of the holder on the axis of a curved beam, beside the mean over the bore."""
+    """Return the point of the holder on the axis of a curved beam, instead of the mean over the bore."""
     on_beam = sleeve.beam.reference(sleeve.at)[0][0]
     shift = on_beam - sleeve.place
     if np.linalg.norm(shift) <= 1e-9 * sleeve.beam.length or isinstance(sleeve.point.owner, Beam):
@@ -265,14 +266,14 @@ def _unit(degree: int) -> Basis:
 
 
 class Acting(NamedTuple):
-    """What acts along a beam: its weight, N/m [3], and distributed loads with their factors."""
+    """Loads along a beam: its weight, N/m [3], and distributed loads with their factors."""
 
     weight: Array
     loads: tuple[tuple[Any, float], ...]
 
 
 class Element(NamedTuple):
-    """One element: its beam, what acts along it, the arc lengths of its ends, and the coordinates [p + 1, 4, 3] of its nodes."""
+    """Element: its beam, loads along it, arc lengths of its ends, and coordinates [p + 1, 4, 3] of its nodes."""
 
     beam: Beam
     acting: Acting
@@ -280,13 +281,14 @@ class Element(NamedTuple):
     q: Array
 
     def moved(self, side: int, way: float) -> Element:
-        """The same coordinates with one end elsewhere."""
+        """Return a copy with one end moved by `way`, and the same coordinates."""
         ends = list(self.ends)
         ends[side] += way
         return self._replace(ends=(ends[0], ends[1]))
 
     def stencil(self, side: int) -> list[tuple[float, float]]:
-        """Ways of one end, m, and their weights in its derivative, 1/m: beside the end of the beam into the element alone."""
+        """Return shifts of one end, m, and their weights in its derivative, 1/m; beside an end of the beam only into the
+        element."""
         step = STEP * (self.ends[1] - self.ends[0])
         to_end = self.ends[0] if side == 0 else self.beam.length - self.ends[1]
         if to_end < 2.0 * step:
@@ -295,7 +297,7 @@ class Element(NamedTuple):
         return [(way * step, weight / step) for way, weight in STENCIL]
 
     def reference(self) -> Array:
-        """Strains of the reference [g, 6] at the points of the strain energy, less those of a prestrain."""
+        """Return the strains of the reference [g, 6] at the points of the strain energy, less those of a prestrain."""
         beam, unit, h = self.beam, _unit(self.beam.degree), self.ends[1] - self.ends[0]
         phi, triads = beam.reference(self.ends[0] + h * unit.node_s)
         slopes = np.einsum("gn,nkc->gkc", unit.dir_s[0] / h, triads)
@@ -303,7 +305,7 @@ class Element(NamedTuple):
                           slopes) - beam.start_strain
 
     def forces(self) -> Array:
-        """Of what acts along it, on its nodes, N [p + 1, 3]."""
+        """Return the nodal forces of the loads along it, N [p + 1, 3]."""
         unit, h = _unit(self.beam.degree), self.ends[1] - self.ends[0]
         out = h * unit.mass_phi[0].sum(axis=1)[:, None] * self.acting.weight
         for load, factor in self.acting.loads:
@@ -316,11 +318,11 @@ class Element(NamedTuple):
         return out
 
     def slopes(self, sides: tuple[int, ...]) -> tuple[Array, Array]:
-        """Derivatives of strain energy less the work of what acts along it, by the places of both ends, N [2], of which those of
-        `sides` count, and by the coordinates of its nodes [p + 1, 4, 3]."""
+        """Return the derivatives of strain energy less the work of its loads, by the places of both ends, N [2], valid for
+        `sides`, and by the coordinates of its nodes [p + 1, 4, 3]."""
         beam, q, unit, h = self.beam, self.q, _unit(self.beam.degree), self.ends[1] - self.ends[0]
         dir_s = unit.dir_s[0] / h
-        # from the first node: differences of large coordinates are exact
+        # relative to the first node: differences of large coordinates are exact
         f, d = unit.phi_s[0] / h @ (q[:, 0] - q[0, 0]), np.einsum("gn,nkc->gkc", unit.dir[0], q[:, 1:])
         k = np.einsum("gn,nkc->gkc", dir_s, q[:, 1:])
         strain = strains_of(beam.strain, f, d, k) - self.reference()
@@ -329,7 +331,7 @@ class Element(NamedTuple):
         gradient = np.zeros_like(q)
         gradient[:, 0] = (unit.phi_s[0] / h).T @ by[:, 0] - self.forces()
         gradient[:, 1:] = np.einsum("gn,gkc->nkc", unit.dir[0], by[:, 1:4]) + np.einsum("gn,gkc->nkc", dir_s, by[:, 4:])
-        # an element that is longer has smaller derivatives by the arc length
+        # derivatives by the arc length decrease with the length of an element
         longer = (0.5 * float(np.einsum("g,gi,gi->", weight, stress, strain)) - float(np.sum(by[:, 0] * f))
                   - float(np.sum(by[:, 4:] * k))) / h
         out = np.array([-longer, longer])
@@ -343,23 +345,23 @@ class Element(NamedTuple):
 
 
 class Along(NamedTuple):
-    """Of the energy of a scene by the arc lengths of S contacts. NaN where a contact stands on a node that other parts refer to,
-    at an end of its beam, or with another one.
+    """Derivatives of the energy of a scene by the arc lengths of S contacts. NaN where a contact stands on a node that other
+    parts refer to, at an end of its beam, or with another one.
 
-    Coordinates of nodes that move along with an element end may be those of the points of the beam that they come to: in an
-    equilibrium the energy changes by as much, and the normal force, which is round-off of a stiff beam, has no part in it.
+    Nodes that move with an element end may take the coordinates of the points of the beam that they reach: in an equilibrium the
+    energy changes by the same amount, and the normal force, known to round-off of a stiff beam only, does not enter.
     """
 
-    slope: Array     # float64 [S], N: nodes come along; without the work of the contact forces on the nodes of the contacts
+    slope: Array     # float64 [S], N: nodes move along; without the work of the contact forces on the nodes of the contacts
     bend: Array      # float64 [S, S], N/m: second derivatives, nodes fixed
     forces: Array    # float64 [S, 12 N]: derivatives of the forces on the coordinates of all nodes, nodes fixed
-    node: Array      # int64 [S]: of the contacts, -1 where there is no slope
-    way: Array       # float64 [S, 2, 3]: of these nodes by s, position and spin
+    node: Array      # int64 [S]: nodes of the contacts, -1 where there is no slope
+    way: Array       # float64 [S, 2, 3]: derivatives of position and spin of these nodes by s
 
 
 def energy_along(cut: Cut, numbers: Any, acting: dict[Any, Acting], q: Array, only: int = -1) -> Along:
-    """At coordinates q [N, 4, 3] of the nodes of the cut scene. acting: on the beams with contacts, by the given ones;
-    only: the one contact of which the slope is asked for, without second derivatives."""
+    """Evaluate the derivatives at coordinates q [N, 4, 3] of the nodes of the cut scene. acting: loads along the beams with
+    contacts, by the given beams; only: the one contact of which the slope is needed, without second derivatives."""
     size = len(cut.places)
     out = Along(np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, q.size)), np.full(size, -1),
                 np.zeros((size, 2, 3)))
@@ -383,20 +385,20 @@ def energy_along(cut: Cut, numbers: Any, acting: dict[Any, Acting], q: Array, on
 
 
 def _slopes_at_nodes(p: int, h: float, q: Array) -> tuple[Array, Array]:
-    """Derivatives by the arc length of positions and spins [p + 1, 3] at the nodes of an element of length h."""
+    """Return the derivatives by the arc length of positions and spins [p + 1, 3] at the nodes of an element of length h."""
     unit = _unit(p)
     slope = np.einsum("an,nic->aic", unit.curve("own").evaluate(unit.node_s)[2], q - q[:1]) / h
     return slope[:, 0], 0.5 * np.cross(q[:, 1:], slope[:, 1:]).sum(axis=1)
 
 
 def _way(p: int, sides: list[tuple[float, Array]]) -> Array:
-    """The mean of both sides of a node [2, 3], of elements with their lengths and coordinates."""
+    """Return the mean derivative of both sides of a node [2, 3], from elements with their lengths and coordinates."""
     left, right = (_slopes_at_nodes(p, h, q) for h, q in sides)
     return 0.5 * np.array([a[-1] + b[0] for a, b in zip(left, right)])
 
 
 def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, element: Element, second: bool) -> None:
-    """ends: contacts at both ends that move, or -1; second: whether with second derivatives."""
+    """Add the derivatives of an element. ends: contacts at its ends that move, or -1; second: with second derivatives."""
     h, degree = element.ends[1] - element.ends[0], element.beam.degree
     sides = tuple(side for side in (0, 1) if ends[side] >= 0)
     slopes, gradient = element.slopes(sides)
@@ -405,7 +407,7 @@ def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, elem
     for side in sides:
         k = ends[side]
         sign = cut.places[k].sign
-        # nodes inside come along as far as they move, that of the contact with the mean of its two sides
+        # inner nodes move along by their share, the node of the contact with the mean of its two sides
         share = np.abs(_unit(degree).node_s - (1.0 - side))
         share[-side] = 0.0
         work = float(share @ np.sum(force * along[0] + moment * along[1], axis=1))

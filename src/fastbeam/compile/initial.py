@@ -1,4 +1,4 @@
-"""The initial state: positions, triads and velocities that agree with all connections, supports and sliders."""
+"""Initial state: positions, triads and velocities that agree with all connections, supports and sliders."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -26,18 +26,19 @@ from fastbeam.scene import PointMass, PrescribedMotion, RigidBody, Scene
 Array = np.ndarray
 # m/s and rad/s: smaller mismatches of velocities count as zero
 NO_VELOCITY = 1e-100
-# rate of a strain by which parts are not rigid, relative to the largest velocity over the size of the scene
+# largest strain rate of a rigid part, relative to the largest velocity over the size of the scene
 BENDS = 1e-6
-# strains of waves from a support that begins with a velocity which are nothing
+# smallest strain of waves from a support with an initial velocity that raises an event
 LEAST_SHOCK = 1e-9
-# what to do about velocities that do not agree
+# remedies for velocities that do not agree
 TOGETHER = "give parts that hang together one RigidMotion, or velocities that agree"
 FROM_REST = "let its function begin with rate zero, give the parts that it moves their velocities (RigidMotion)"
 OF_SLIDERS = "give its point the velocity of the beam there and its speed along the beam as rate="
 
 
 class Mismatch(NamedTuple):
-    """What initial velocities violate: what, by how much as a speed, m/s, by how much in its own unit, and what to do."""
+    """Violation of a constraint by initial velocities: its name, its size as a speed, m/s, its size as text with its unit, and a
+    remedy."""
 
     what: str
     speed: float
@@ -51,8 +52,8 @@ def _speed_of(wrong: Mismatch) -> float:
 
 def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
                   kept: list[KeptLink], at_rest: Callable[[], Model]) -> tuple[Array, tuple[tuple[str, str], ...]]:
-    """Rates of the coordinates at t = 0 [12 N], and kinds and texts of what there is to say about them. kept: joints that
-    multipliers hold; at_rest: makes the model of the scene at rest, where velocities are projected.
+    """Return the rates of the coordinates at t = 0 [12 N], and kinds and texts of events. kept: joints with multipliers; at_rest:
+    makes the model of the scene at rest, for projection of velocities.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     v, omega = _given_velocities(scene, nodes)
     moving = support_rates(scene, nodes, joints)
     notes = []
-    # a projection takes along what hangs on supports that move
+    # a projection includes the velocities of moving supports
     for motion in (x for x in scene.prescribed if x.since is None and not scene.project_velocities):
         at = nodes.number(motion.at)
         notes += _shock(nodes, elements, motion, at, [of[at] - x[at] for of, x in zip(moving, (v, omega))])
@@ -103,13 +104,13 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                             f"{rate:.3g} 1/s, which sends waves through it: give its velocities as a field (InitialVelocity), or "
                             "let motions of supports and drives begin at rest")
             notes.append(("projected", changed))
-    # what is held stands still exactly, or moves as prescribed, also after a projection: no step would correct it
+    # fixed nodes stand still exactly, prescribed ones move as prescribed, also after a projection: no step would correct them
     for x, of, which in ((v, moving[0], held_axes(joints.held) & ~tied[:, None]),
                          (omega, moving[1], (joints.held & 56 != 0) & (joints.spin_root == np.arange(n)))):
         x[which] = of[which]
     follows = tied_velocities(nodes, joints, v, omega)
     v[tied], omega[tied] = (x[tied] for x in follows)
-    # zeros that nothing writes to take no memory
+    # untouched zeros take no memory
     rates = np.zeros((n, 4, 3))
     if v.any():
         rates[:, 0] = v
@@ -119,7 +120,7 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
 
 
 def state_at_rest(scene: Scene, nodes: NodeList, kept: list[KeptLink]) -> State:
-    """Make a state without velocities; kept: joints that multipliers hold."""
+    """Make a state without velocities; kept: joints with multipliers."""
     q = np.concatenate((nodes.phi[:, None], nodes.directors), axis=1)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
     forces = 3 * s.size + sum(link.forces(3) for link in kept) + 3 * len(scene.sleeves)
@@ -128,8 +129,8 @@ def state_at_rest(scene: Scene, nodes: NodeList, kept: list[KeptLink]) -> State:
 
 def _shock(nodes: NodeList, elements: list[Elements], motion: PrescribedMotion, at: int,
            jumps: list[Array]) -> list[tuple[str, str]]:
-    """What there is to say of a support that begins with a velocity and a spin which the scene does not give its beam there;
-    jumps: by how much they differ, m/s and rad/s."""
+    """Return the event of a support that begins with a velocity and a spin which the scene does not give its beam there; jumps:
+    differences, m/s and rad/s."""
     mask = np.array([motion.mask])
     velocity, spin = (float(np.linalg.norm(x)) for x in (jumps[0] * held_axes(mask)[0], jumps[1] * bool(motion.mask & 56)))
     strain = 0.0
@@ -150,7 +151,8 @@ def _shock(nodes: NodeList, elements: list[Elements], motion: PrescribedMotion, 
 
 
 def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Array], energies: tuple[float, float]) -> str:
-    """What a projection changed: the largest change of a velocity, or of a spin where none changed, and the kinetic energy."""
+    """Describe the changes by a projection: the largest change of a velocity, or of a spin where none changed, and the kinetic
+    energy."""
     moved, turned = (np.linalg.norm(new - old, axis=1) for new, old in zip(found, given))
     k, i = int(np.argmax(moved)), int(np.argmax(turned))
     much = moved[k] > 1e-10 * turned[i] * _size(nodes)
@@ -161,7 +163,7 @@ def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Arr
 
 
 def _speed(nodes: NodeList, v: Array, omega: Array) -> float:
-    """The largest velocity, that of spins over the size of the scene included, m/s."""
+    """Return the largest velocity, that of spins over the size of the scene included, m/s."""
     return max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
 
 
@@ -170,7 +172,7 @@ def _size(nodes: NodeList) -> float:
 
 
 def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Array, int]]:
-    """Nodes under every slider, their shape functions and slopes, and the node that slides."""
+    """Return the nodes under every slider, their shape functions and slopes, and the sliding node."""
     out = []
     for slider in scene.sliders:
         out.append((*track_of(scene, nodes, slider).at(slider.at), nodes.number(slider.point)))
@@ -178,9 +180,9 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
 
 
 def place_points(scene: Scene, nodes: NodeList) -> None:
-    """Move what slides onto its discrete curve, before anything is made of its position: a mass without position all the way,
-    anything else by what the digits of its position lack. A gap would close in the first step, and that blow would stay in the
-    motion for ever.
+    """Move sliding points onto their discrete curves, before their positions are used: a mass without position all the way, other
+    points by the round-off of typed positions. The first step would close a gap, and that impact would stay in the motion for
+    ever.
 
     Raises
     ------
@@ -220,7 +222,7 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
 
 
 def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
-    """What the scene says, contribution by contribution: v [N, 3], spin [N, 3]."""
+    """Sum the velocities of the scene: v [N, 3], spin [N, 3]."""
     n = len(nodes)
     v, omega = np.zeros((n, 3)), np.zeros((n, 3))
     for net in scene.nets:
@@ -249,7 +251,7 @@ def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
 
 
 def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[Array, Array, Array, int]]) -> None:
-    """A point mass without a velocity of its own moves with its slider."""
+    """Set the velocity of point masses without a given one to that of their slider, and those of crossings and ropes."""
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         mass = slider.point.owner
         if isinstance(mass, PointMass) and mass.velocity is None and not slider.starts_off:
@@ -259,21 +261,22 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
                 v[point] = values @ v[number] + along
             # with a rigid motion and no rate the mass keeps the motion it was given
     for knot in scene.knots:
-        # the velocity with which it stays on both curves
+        # velocity with which the crossing stays on both curves
         sides = [line for slider, line in zip(scene.sliders, lines) if slider.point.owner is knot]
         moving = [values @ v[number] for number, values, _, _ in sides]
         tangents = [slopes @ nodes.phi[number] for number, _, slopes, _ in sides]
         rates = np.linalg.lstsq(np.stack((tangents[0], -tangents[1]), axis=1), moving[1] - moving[0], rcond=None)[0]
         v[sides[0][3]] = 0.5 * (moving[0] + moving[1] + rates[0] * tangents[0] + rates[1] * tangents[1])
     for winch in scene.winches:
-        # points of a rope move as its ends do
+        # velocities of points of a rope are interpolated between its ends
         ends = v[[nodes.number(winch.drum), nodes.number(winch.load)]]
         share = (np.arange(1, winch.segments) / winch.segments)[:, None]
         v[[nodes.start(point) for point in winch.points]] = (1.0 - share) * ends[0] + share * ends[1]
 
 
 def tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:
-    """Velocity and spin that the entries of tied nodes give them, both [N, 3]; zero and their own where there are none."""
+    """Return the velocities and spins that slave nodes get from their master nodes, both [N, 3]; for other nodes zero velocity
+    and their own spin."""
     owner, kind, target = joints.owner, joints.kind, joints.target
     spin = omega.copy()
     share = v[target]
@@ -289,7 +292,7 @@ def tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array
 def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
               lines: list[tuple[Array, Array, Array, int]], kept: list[KeptLink], held: list[tuple[int, Section]],
               moving: tuple[Array, Array]) -> list[Mismatch]:
-    """What the velocities violate, the worst of every kind."""
+    """Return the largest violation of every kind by the velocities."""
     size = _size(nodes)
     tied, turning = joints.tied, nodes.rank != 9
     alone = joints.spin_root == np.arange(len(v))

@@ -1,7 +1,7 @@
-"""Registry of what couples two points, springs and joints with multipliers: an entry turns all of a kind into a term's table.
+"""Registry of links between two points, springs and joints with multipliers: an entry makes the table of all links of a kind.
 
-A new kind is a noun in scene/, a file in kernels/ with its table and what it adds to a step, and an entry here. `register` adds
-an entry from outside (docs/extending.md).
+A new kind is a class in scene/, a file in kernels/ with its table and its contributions to a step, and an entry here. `register`
+adds an entry from outside (docs/extending.md).
 """
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.links import Link, label_of
 
 Array = np.ndarray
-# steps of step control in which the ends of a spring pass each other: their ways over its length
+# largest way of the ends of a spring past each other in a step of step control, as a share of its length
 SHORT_WAY = 2e-3
 
 
@@ -48,7 +48,7 @@ class Blocks(Protocol):
     """Numbers of the blocks of the tangent."""
 
     def between(self, a: Array, b: Array) -> Array:
-        """Blocks that couple nodes, int [n]."""
+        """Return the blocks that couple nodes, int [n]."""
 
 
 class Ends:
@@ -57,25 +57,25 @@ class Ends:
     Attributes
     ----------
     parts : list
-        The nouns, None where there is none.
+        Parts of the scene, None for links without a part.
     node, row : int64 [L, 2]
         Nodes, and their rows of the residual.
     block : int64 [L, 4]
         Blocks a-a, a-b, b-a, b-b of the tangent; empty where the kind couples none.
     phi, directors : float64 [N, 3], [N, 3, 3]
-        Of all nodes at t = 0.
+        Positions and triads of all nodes at t = 0.
     distance : float64 [L]
-        Of both ends at t = 0, m.
+        Distance of both ends at t = 0, m.
     place : int64 [L]
-        Where the energy that a link takes away stands in the history, -1: it takes none.
+        Offset of the energy that a link dissipates in the history, -1: it dissipates none.
     first : int64 [1]
-        Number of the first among all constraints.
+        Number of the first constraint among all.
     ties
-        Tied nodes, or NoTies.
+        Slave nodes, or NoTies.
     spin_row : int64 [L, 2]
         Rows of the residual that have the spins of the nodes.
     laws : list of Law
-        Of joints with multipliers.
+        Laws of joints with multipliers.
     """
 
     def __init__(self, parts: list[Any], node: Array, nodes: NodeList, row_of: Array, blocks: Blocks | None, first: int,
@@ -96,21 +96,21 @@ class Ends:
 
 @dataclass(frozen=True)
 class Entry:
-    """A kind of link.
+    """Kind of link.
 
     Attributes
     ----------
     noun : type
     table : callable
-        The table of all links of this kind from their `Ends`.
+        Makes the table of all links of this kind from their `Ends`.
     couples : bool
-        Whether it adds to the blocks between its nodes.
+        True if it adds to the blocks between its nodes.
     law : Law or None
-        Of a joint with multipliers: what it keeps; that of joints with axes depends on the joint.
+        Constraint of a joint with multipliers; for joints with axes it depends on the joint.
     needs_distance : bool
-        Whether it makes no sense between points at the same place.
+        True if it makes no sense between points at the same place.
     takes : callable, optional
-        Whether a link belongs to it; default: those of the class of the noun.
+        Returns whether a link belongs to this kind; default: links of the class `noun`.
     """
 
     noun: type
@@ -121,7 +121,7 @@ class Entry:
     takes: Callable[[Any], bool] | None = None
 
     def holds(self, part: Any) -> bool:
-        """Whether it has a link."""
+        """Return whether a link belongs to this kind."""
         return type(part) is self.noun if self.takes is None else self.takes(part)
 
 
@@ -135,8 +135,8 @@ def _distances(ends: Ends) -> DistanceJoints:
 
 
 class Group(NamedTuple):
-    """All links of one kind: an entry, nouns (None where there is none), nodes [L, 2], and of joints with multipliers what each
-    keeps and what to say about it."""
+    """All links of one kind: entry, scene parts (None for links without a part), nodes [L, 2]; for joints with multipliers the
+    law of each and a word for messages."""
 
     entry: Entry
     parts: list[Any]
@@ -145,7 +145,7 @@ class Group(NamedTuple):
     words: list[str]
 
 
-# those whose force is a vector come before those with single forces
+# joints whose force is a vector come before those with scalar forces
 REGISTRY = [
     Entry(Spring, _springs, takes=lambda x: type(x) is Spring and not x.has_law),
     Entry(Damper, spring_laws, takes=lambda x: type(x) in (Spring, Damper) and x.has_law),
@@ -159,7 +159,7 @@ REGISTRY = [
 
 
 def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
-    """Let scenes take a new kind of link between two points: one with a force law, without multipliers.
+    """Register a new kind of link between two points for scenes: one with a force law, without multipliers.
 
     Parameters
     ----------
@@ -186,9 +186,9 @@ def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
 
 
 class Lines(NamedTuple):
-    """Springs, dampers and line forces, whose force has a direction of its own on either side of the place where both ends meet:
-    names, nodes [L, 2], ways of one end past the other that steps may take at most, m [L]; line forces by their numbers; and
-    which have a force at rest where both ends meet, bool [L]."""
+    """Springs, dampers and line forces, whose force changes direction where both ends meet: names, nodes [L, 2], largest ways of
+    one end past the other in a step, m [L]; line forces by their numbers; True for those with a force at rest where both ends
+    meet, bool [L]."""
 
     names: list[str]
     node: Array
@@ -197,7 +197,8 @@ class Lines(NamedTuple):
     acts: Array
 
     def passed(self, before: Array, after: Array) -> Array:
-        """Numbers of those whose ends pass each other on a longer way between coordinates before and after, [12 N] each."""
+        """Return the numbers of links whose ends pass each other on a longer way between coordinates before and after, [12 N]
+        each."""
         a, b = self.node.T
         x, y = (q.reshape(-1, 12)[:, :3] for q in (before, after))
         x, y = x[b] - x[a], y[b] - y[a]
@@ -205,12 +206,13 @@ class Lines(NamedTuple):
         return np.flatnonzero(beyond & (np.linalg.norm(y - x, axis=1) > self.most)) if beyond.any() else np.zeros(0, np.int64)
 
     def swapped(self, before: Array, after: Array) -> list[int]:
-        """Numbers of those whose ends pass each other from one equilibrium to another, and whose force turns around by that."""
+        """Return the numbers of links whose ends pass each other from one equilibrium to another, and whose force turns
+        around."""
         return [int(k) for k in self.passed(before, after) if self.acts[k]]
 
     def unseen(self, before: Array, after: Array, t: float, h: float, weight: Array) -> float:
-        """What steps of size h, in the middle of which the time is t, miss of laws of line forces, which they ask at the mean
-        length alone, as a position, m; weight [N]: masses of nodes, kg. 0 where a law cannot be asked."""
+        """Estimate the error of position, m, of steps of size h around time t that evaluate laws of line forces at the mean
+        length only; weight [N]: masses of nodes, kg. 0 where a law cannot be evaluated."""
         worst, positions = 0.0, [q.reshape(-1, 12)[:, :3] for q in (before, after)]
         for k, force in self.forces.items():
             a, b = self.node[k]
@@ -224,7 +226,7 @@ class Lines(NamedTuple):
             try:
                 with np.errstate(all="ignore"):
                     first, middle, last, near = (float(force.law(t, x, rate, force.parameters)) for x in lengths)
-            except Exception:  # where steps ask it they tell
+            except Exception:  # a step that evaluates the law reports the failure
                 continue
             off = max(abs(first - 2.0 * middle + last), abs(near - middle) if nearest < min(start, end) else 0.0)
             masses = weight[[a, b]]
@@ -235,7 +237,7 @@ class Lines(NamedTuple):
 
 
 class Passes:
-    """Events of springs and line forces whose ends pass each other between equilibria that are looked at one after the other.
+    """Events of springs and line forces whose ends pass each other between consecutive equilibria.
 
     Parameters
     ----------
@@ -250,7 +252,7 @@ class Passes:
         self._told: set[int] = set()
 
     def look(self, q: Array, time: float, where: str) -> None:
-        """The equilibrium at coordinates [12 N], in words where, and at the time of its row."""
+        """Check the equilibrium at coordinates [12 N], described by `where`, at the time of its row."""
         if self._lines is None:
             return
         for k in () if self._last is None else self._lines.swapped(self._last[0], q):
@@ -265,12 +267,12 @@ class Passes:
 
 
 def _tested(entry: Entry, table: Any) -> Any:
-    """The table of a kind from outside, which kernels take without a question.
+    """Check the table of a kind from outside, which kernels use unchecked.
 
     Raises
     ------
     TypeError
-        It is no named tuple of arrays, or there is no code for it.
+        The table is no named tuple of arrays, or has no `assemble`.
     """
     who = f"the table of {entry.noun.__name__}"
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):
@@ -293,7 +295,7 @@ class Links:
     scene : Scene
     nodes : NodeList
     joints : Connections
-        Its loops are ball joints that multipliers hold.
+        Connections; ball joints of its `loops` have multipliers.
     hinges : int [*, 2]
         Ball joints of nets.
 
@@ -324,7 +326,7 @@ class Links:
             node = _nodes_of(parts, nodes)
             laws, words = [entry.law] * len(parts), [""] * len(parts)
             if entry.noun is BallJoint:
-                # points of other joints are held together in the same way
+                # points of joints with axes are joined in the same way
                 pinned = [x for x in with_axes if x.is_pinned]
                 parts = [*(balls[j] for j in joints.loops), *pinned]
                 node = np.concatenate((pairs[joints.loops], _nodes_of(pinned, nodes)))
@@ -337,9 +339,9 @@ class Links:
                 _check_distances(parts, node, nodes.phi)
             if parts:
                 self.groups.append(Group(entry, parts, node, laws, words))
-        # what these leave free, with the nodes and directions of the joint
+        # coordinates that joints with axes leave free, with the nodes and directions of the joint
         self.freedoms = [(freedom, (a, b), frame) for x, (a, b), frame in self.with_axes for freedom in x.freedoms]
-        # of coordinates with a force of their own those that are given come first: their constraints are the last of all
+        # coordinates with multipliers, prescribed ones first: their constraints are the last of all
         self.driven: list[KeptLink] = []
         for freedom, at, frame in self.freedoms:
             if freedom.is_given:
@@ -363,7 +365,7 @@ class Links:
         n = len(self.nodes)
         out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
         out += [mesh.pairs(self.nodes, self._root) for mesh in self.meshes]
-        # forces on what joints leave free couple their nodes, whatever conditions these have
+        # forces on the coordinates of joints couple their nodes, whatever conditions the joints have
         acting = [(at, x.shape.is_angle) for x, at, _ in self.freedoms if x.acts]
         links = [(group.node, _are_of_angles(group.laws)) for group in self.groups if group.entry.couples]
         links.append((np.array([at for at, _ in acting], np.int64).reshape(-1, 2),
@@ -386,18 +388,18 @@ class Links:
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """What takes energy away, springs, dampers and bushings, for the balance."""
+        """Names of the energies that springs, dampers and bushings dissipate, for the balance."""
         return tuple(f"{getattr(part, 'takes', 'damping of')} {label_of(part)}" for group in self.groups for part in group.parts
                      if getattr(part, "is_damped", False))
 
     def of(self, *nouns: type) -> tuple[list[Any], Array]:
-        """All links of some classes, and their nodes [L, 2]."""
+        """Return all links of some classes, and their nodes [L, 2]."""
         found = [(part, node) for group in self.groups for part, node in zip(group.parts, group.node) if type(part) in nouns]
         return [part for part, _ in found], np.array([node for _, node in found], np.int64).reshape(-1, 2)
 
     @cached_property
     def features(self) -> list[Feature]:
-        """What links, ropes and laws between two points are among the features of a model."""
+        """Features of links, ropes and laws between two points."""
         lines = self.lines
         springs = self.of(Spring, Damper, Bushing)[0]
         outside = [type(part).__name__ for group in self.groups for part in group.parts[:1] if is_outside(group.entry.noun)]
@@ -408,7 +410,7 @@ class Links:
                 *self._laws()]
 
     def _laws(self) -> list[UserLaws]:
-        """Forces by laws of the user's own, whose laws the rows of tables call, and where."""
+        """Return the feature of user laws, with the laws that rows of tables call."""
         loaded, between, nodes = self.loaded, self.of(LineForce, ForceElement)[0], self.nodes
         out: dict[type, Lawful] = {UserForces: Lawful(loaded.forces, loaded.of, lambda k: nodes.labels[loaded.node[k]], asked_of)}
         for noun, table in ((LineForce, LineForces), (ForceElement, ForceElements)):
@@ -418,7 +420,7 @@ class Links:
 
     @property
     def lines(self) -> Lines | None:
-        """What may pass through a length of 0; a plain spring without length pulls there as everywhere."""
+        """Links whose ends may pass through a length of 0, except linear springs without length, whose force is smooth there."""
         parts, node = self.of(Spring, Damper, LineForce)
         x = self.nodes.phi[node]
         own = np.array([getattr(part, "length", None) or 0.0 for part in parts])
@@ -432,8 +434,8 @@ class Links:
 
     def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any, loads_at: int,
                losses_at: int) -> tuple[Any, ...]:
-        """The tables of all kinds of links that the scene has; sliders: constraints before theirs; loads_at, losses_at: places of
-        the work of loads and of `losses` in the history."""
+        """Build the tables of all kinds of links that the scene has; sliders: number of constraints before theirs; loads_at,
+        losses_at: offsets of the work of loads and of `losses` in the history."""
         out, first = [], sliders
         for entry, parts, node, laws, _ in self.groups:
             ends = Ends(parts, node, self.nodes, row_of, blocks if entry.couples else None, first, ties, self._spin_root, laws,
@@ -455,7 +457,7 @@ def _both(nodes: NodeList, at: Array, k: int) -> str:
 
 
 def _rows_of(links: Links, tables: tuple[Any, ...]) -> list[Any]:
-    """What springs and dampers, winches and bushings have at rows; tables: of the links."""
+    """Return the evaluators of springs and dampers, winches and bushings at rows; tables: of the links."""
     parts, node = links.of(Spring, Damper)
     out: list[Any] = []
     if parts:
@@ -465,7 +467,7 @@ def _rows_of(links: Links, tables: tuple[Any, ...]) -> list[Any]:
 
 
 def _are_of_angles(laws: list[Any]) -> Array:
-    """Whether laws of links, or None, are about directions alone, bool [L]."""
+    """Return which laws of links, or None, constrain only directions, bool [L]."""
     return np.array([law is not None and law.is_angle for law in laws], bool)
 
 
@@ -477,10 +479,10 @@ def _check_distances(parts: list[Any], node: Array, phi: Array) -> None:
 
 
 def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
-    """Nodes at both ends, int64 [L, 2]."""
+    """Return the nodes at both ends, int64 [L, 2]."""
     return np.array([(nodes.number(x.a), nodes.number(x.b)) for x in links], np.int64).reshape(-1, 2)
 
 
 def _label_of(nodes: NodeList, a: int, b: int) -> str:
-    """A joint of a net for messages, which has no name."""
+    """Return the label of a joint of a net, which has no name, for messages."""
     return f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}"

@@ -1,8 +1,8 @@
 """Contacts of sliders on elements that move with them, as joints (theory.md 5.12).
 
 A contact is an element end, so its point is joined to a node of the beam: a slider by a ball joint, a sleeve rigidly, or by a
-hinge where the beam may twist in it; one that rubs by multipliers, whose forces press. Its place s is the first coordinate of a
-node of its own, and what acts along the beam acts on that.
+hinge where the beam may twist in it; a contact with Coulomb friction by multipliers, which give the normal force. Its place s is
+the first coordinate of an additional node, on which the forces along the beam act.
 """
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from fastbeam.scene.joint_freedoms import Product, Shape
 from fastbeam.scene.moving_mesh import LineOfPlaces, has_coulomb
 
 Array = np.ndarray
-# where the line of places begins; no point of a scene belongs to it
+# begin of the line of places; no point of a scene belongs to it
 LINE = LineOfPlaces()
 
 
 class Along(AxisJoint):
-    """What acts along the beam on a contact: on its place s, the distance of a node from the start of the line of places."""
+    """Place s of a contact along its beam as a joint coordinate, with the slider forces: the distance of a node from the start of
+    the line of places."""
 
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("place", (Product(0, 0, -1),)),)
 
@@ -32,12 +33,12 @@ class Along(AxisJoint):
 
     @property
     def label(self) -> str:
-        """That of the slider."""
+        """Label of the slider."""
         return label(self.slider.kind, self.slider.name)
 
     @property
     def axes(self) -> tuple[Array, Array]:
-        """As of `OneAxisJoint`."""
+        """Both axes of the coordinate: the line of places, as in `OneAxisJoint`."""
         along = np.array((1.0, 0.0, 0.0))
         return along, along
 
@@ -57,14 +58,14 @@ class Along(AxisJoint):
 
 
 class Bore(RevoluteJoint):
-    """The axis of a sleeve in which the beam may twist; its position is held by another joint."""
+    """Axis of a sleeve in which the beam may twist; another joint holds its position."""
 
     kind: ClassVar[str] = "bore"
     is_pinned: ClassVar[bool] = False
 
 
 class HeldPoint(AxisJoint):
-    """What holds a contact that rubs, by multipliers, whose forces and moments press on the beam."""
+    """Joint with multipliers of a contact with Coulomb friction, whose forces and moments press on the beam."""
 
     is_pinned: ClassVar[bool] = True
 
@@ -73,36 +74,36 @@ class HeldPoint(AxisJoint):
 
     @property
     def axes(self) -> tuple[Array, Array]:
-        """As of `OneAxisJoint`."""
+        """Both axes of the joint: d1 of the beam at the contact, as in `OneAxisJoint`."""
         return self.axis, self.axis
 
 
 class HeldAxis(HeldPoint):
-    """As `HeldPoint`, of a sleeve in which the beam may twist."""
+    """Joint `HeldPoint` of a sleeve in which the beam may twist."""
 
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_AXIS,)
 
 
 class HeldTriad(HeldPoint):
-    """As `HeldPoint`, of a sleeve that holds the twist."""
+    """Joint `HeldPoint` of a sleeve that holds the twist."""
 
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_TRIAD,)
 
 
 def along_of(slider: Slider) -> str:
-    """Name of what acts along the beam on a contact; empty where nothing does."""
+    """Return the name of the coordinate with the forces along the beam on a contact; empty without forces."""
     return "" if slider.slides_freely else f"{slider.name} (along {slider.beam.name})"
 
 
 def moment_of(slider: Slider) -> str:
-    """Name of the joint that carries the moments of a contact; empty where it carries none."""
+    """Return the name of the joint that carries the moments of a contact; empty where it carries none."""
     if not isinstance(slider, Sleeve):
         return ""
     return slider.name if slider.keyed or has_coulomb(slider) else f"{slider.name} (bore)"
 
 
 def joints_of(mesh: Mesh, k: int) -> list[Any]:
-    """What joins the point of contact k to its node of the beam, and what acts on its place."""
+    """Return the joints of the point of contact k with its node of the beam, and of its place with the forces along the beam."""
     slider, node = mesh.sliders[k], mesh.contact(k)
     acting = [] if slider.slides_freely else [Along(slider, mesh.places[k])]
     is_sleeve = isinstance(slider, Sleeve)

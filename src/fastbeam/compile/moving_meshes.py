@@ -1,4 +1,4 @@
-"""Scenes with beams whose elements move with contacts, as the compiler takes them (theory.md 5.12)."""
+"""Scenes with beams whose elements move with contacts: rewriting for the compiler, and the feature (theory.md 5.12)."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -29,26 +29,26 @@ JOINTS = (RevoluteJoint, PrismaticJoint, CylindricalJoint, PlanarJoint, Universa
 TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, DistanceJoint, *JOINTS, Clamp, Pin, Load, Slider, Spring, Damper,
          Bushing, InitialVelocity, RigidMotion, MovingMesh)
 
-# why scenes with moving meshes have no tables of a plane
+# reason why scenes with moving meshes have no tables of a plane
 IN_SPACE = "moving meshes run in space"
 
 
 @dataclass(frozen=True)
 class Moving(Feature):
-    """What a model knows of its moving meshes.
+    """Moving meshes of a model.
 
     Attributes
     ----------
     tables : tuple
         The terms.
     names : list of str
-        Of contacts.
+        Names of the contacts.
     places, contacts, points : int64 [S]
-        Nodes of their places, of the beams there, and of what slides.
+        Nodes of their places, of the beams there, and of the sliding points.
     moments, along : list of str
         Joints that carry their moments, and that act along the beam, empty where there are none.
     line : int64 [*]
-        The point where the line of places begins, where something acts along a beam.
+        The point where the line of places begins, if forces act along a beam.
     """
 
     key: ClassVar[str] = "moving"
@@ -83,30 +83,31 @@ class Moving(Feature):
 
     @property
     def history_size(self) -> int:
-        """Numbers in the history: of every beam momenta, and the work of its weight."""
+        """Number of history variables: momenta of every beam, and the work of its weight."""
         return sum(_size(table) for table in self.tables)
 
     @property
     def mass(self) -> float:
-        """Of all beams, kg."""
+        """Mass of all beams, kg."""
         return sum(float(table.rho[0] * table.length[0]) for table in self.tables)
 
     def describe(self) -> list[tuple[str, str, list[str]]]:
-        """Contacts at which elements end."""
+        """Return the line of `print(model)`: contacts at which elements end."""
         contacts, beams = len(self.names), len(self.tables)
         where = f"{contacts} contact{'s' * (contacts > 1)} on {beams} beam{'s' * (beams > 1)}"
         return [("moving elements", f"end at {where}: ", self.names)]
 
     def has(self, first: int | None) -> bool:
-        """Whether elements of the beam whose first node this is move."""
+        """Return whether elements of the beam whose first node this is move."""
         return any(first == int(table.place[1]) for table in self.tables)
 
     def table_of(self, k: int) -> Any:
-        """The term of the beam of contact k."""
+        """Return the term of the beam of contact k."""
         return next(table for table in self.tables if self.places[k] in table.places)
 
     def gaps(self, q: Array) -> tuple[Array, Array, Array]:
-        """Ways between neighbouring contacts and ends of beams, at coordinates [12 N]; the least; lengths of the beams, m."""
+        """Return the distances between neighbouring contacts and ends of beams at coordinates [12 N], the smallest allowed, and
+        the lengths of the beams, m."""
         found, least, lengths = [], [], []
         for table in self.tables:
             ways = np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1])))
@@ -116,7 +117,7 @@ class Moving(Feature):
         return np.concatenate(found), np.concatenate(least), np.concatenate(lengths)
 
     def at_end(self, gap: int, q: Array) -> dict[str, Any]:
-        """What an event says of a contact at the end of its way, by the number of the gap."""
+        """Return the event of a contact at the end of its range, by the number of the gap."""
         first = 0
         for table in self.tables:
             n = table.places.size
@@ -135,34 +136,34 @@ class Moving(Feature):
                 "their moving mesh vanish"}
 
     def add_motion(self, model: Any, state: State, out: Array) -> None:
-        """Kinetic energy and momenta of all moving beams."""
+        """Add the kinetic energy and the momenta of all moving beams."""
         p = np.zeros_like(state.q)
         for table in self.tables:
             out[0] += motion_of(table, state.q, state.history, p)
         momentum_sums(state.q, p, out)
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
-        """The table of a beam with work arrays of the run."""
+        """Return the table of a beam with work arrays of the run; other tables unchanged."""
         return moving_of_run(table) if isinstance(table, MovingBeam) else table
 
     @property
     def exchanges(self) -> bool:
-        """Whether friction or drives act along the beams."""
+        """True if friction or drives act along the beams."""
         return any(self.along)
 
     def start_momenta(self, own: Array, q: Array, v: Array) -> None:
-        """Those of coordinates and rates [12 N] into the numbers of the history."""
+        """Put the momenta of coordinates and rates [12 N] into the history variables."""
         for table in self.tables:
             first = self._first(table)
             own[first:first + _size(table) - 1] = momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)).reshape(-1)
 
     def _first(self, table: Any) -> int:
-        """Where the numbers of a beam begin among those of all."""
+        """Return the offset of the variables of a beam among those of all beams."""
         return int(table.place[0]) - int(self.tables[0].place[0])
 
     def misfit(self, own: Array, q: Array, v: Array) -> float:
-        """The largest difference between velocities and those of the momenta in the history, of spins times the length of the
-        beam, m/s; q, v [12 N]."""
+        """Return the largest difference between velocities and those of the momenta in the history, with spins times the length
+        of the beam, m/s; q, v [12 N]."""
         q, v, worst = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3), 0.0
         for table in self.tables:
             first, of_rates = self._first(table), momenta(table, q, v)
@@ -178,15 +179,15 @@ class Moving(Feature):
         return np.unique(np.concatenate((self.places, *(table.node.reshape(-1) for table in self.tables))))
 
     def in_space(self, n: int) -> Array:
-        """Which of n nodes have a position in space, int64 [*]."""
+        """Return the numbers of those of n nodes that have a position in space, int64 [*]."""
         return np.setdiff1d(np.arange(n), np.concatenate((self.places, self.line)))
 
     def inertia(self, q: Array) -> Any:
-        """Mass matrix of all of them at coordinates [12 N], sparse [12 N, 12 N]."""
+        """Assemble the mass matrix of all moving beams at coordinates [12 N], sparse [12 N, 12 N]."""
         return sum(mass_matrix(table, q.reshape(-1, 4, 3)) for table in self.tables)
 
     def momentum(self, history: Array, q: Array) -> Array:
-        """What the momenta in a history are on the rates of all coordinates, with which they have their energy (5.20), [12 N]."""
+        """Return the momenta in a history as generalised momenta of all coordinates, with the energy (5.20), [12 N]."""
         out = np.zeros(q.size)
         for table in self.tables:
             first, of = int(table.place[0]), list(of_rates(table, q.reshape(-1, 4, 3)))
@@ -196,23 +197,23 @@ class Moving(Feature):
         return out
 
     def put_blow(self, history: Array, q: Array, by: Array) -> None:
-        """Momenta in a history after a jump of the rates by `by`, both [12 N]."""
+        """Update the momenta in a history for a jump of the rates by `by`, both at coordinates [12 N]."""
         for table in self.tables:
             first, jump = int(table.place[0]), momenta(table, q.reshape(-1, 4, 3), by.reshape(-1, 4, 3))
             history[first:first + jump.size] += jump.reshape(-1)
 
     def work_of_weight(self, history: Array) -> float:
-        """That of gravity on all moving beams since the start, J."""
+        """Return the work of gravity on all moving beams since the start, J."""
         return sum(float(history[int(table.place[0]) + _size(table) - 1]) for table in self.tables)
 
 
 def _size(table: Any) -> int:
-    """Numbers of a beam in the history."""
+    """Return the number of history variables of a beam."""
     return 12 * len(table.node) * table.mass_point.shape[1] + 1
 
 
 class Rewritten(NamedTuple):
-    """The scene that is compiled, and the given one with meshes that stand still."""
+    """Scene that is compiled, its moving meshes, and the given scene with fixed meshes."""
 
     scene: Scene
     meshes: list[Mesh]
@@ -220,7 +221,7 @@ class Rewritten(NamedTuple):
 
 
 def rewrite(scene: Scene) -> Rewritten | None:
-    """A scene in which contacts of moving meshes are joints; None without any.
+    """Return a scene in which contacts of moving meshes are joints; None without moving meshes.
 
     Raises
     ------
@@ -277,18 +278,19 @@ def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
 
 
 def _inner(part: Any, beams: list[Beam]) -> list[Any]:
-    """Nodes inside beams with moving meshes that a part refers to."""
+    """Return the nodes inside beams with moving meshes that a part refers to."""
     found = [getattr(part, name, None) for name in ("at", "a", "b")] if not isinstance(part, (Slider, Beam)) else []
     return [node for node in found if any(getattr(node, "owner", None) is beam for beam in beams) and not _is_end(node)]
 
 
 def _is_end(node: Any) -> bool:
-    """Whether a node of a beam is one of its ends, which stay the same material points."""
+    """Return whether a node of a beam is one of its ends, which stay the same material points."""
     return bool(node.index in (0, node.owner.n_nodes - 1))
 
 
 def initial(rewritten: Rewritten, numbered: Numbered, pack: Callable[[Scene, Unpacked], Any]) -> State:
-    """State at t = 0 of the nodes of the rewritten scene; nodes move over the beam as the contacts do. pack: as of `unpack`."""
+    """Return the state at t = 0 of the nodes of the rewritten scene; nodes move over the beam as the contacts do. pack: as in
+    `unpack`."""
     nodes, joints, given = numbered.nodes, numbered.joints, rewritten.given
     before = number(given)
     old = unpack(given, before, pack)
@@ -323,7 +325,7 @@ def initial(rewritten: Rewritten, numbered: Numbered, pack: Callable[[Scene, Unp
 
 
 def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
-    """The model with the terms of its moving meshes and the momenta at the start."""
+    """Return the model with the terms of its moving meshes and the momenta at the start."""
     if rewritten is None:
         return model
     numbers, tables, names, places, contacts = model.numbers, [], [], [], []

@@ -1,4 +1,4 @@
-"""The first stage of the compiler: global numbers of all nodes, what connects them, and the size of the scene."""
+"""First stage of the compiler: global numbers of all nodes, their connections, and the size of the scene."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Numbered:
-    """Nodes of a scene and what they have to do with each other.
+    """Nodes of a scene and their connections.
 
     Attributes
     ----------
@@ -26,17 +26,17 @@ class Numbered:
     length : float
         Size of the scene, m.
     joints : Connections
-        Ties, shared rows and spins, what supports hold.
+        Slave nodes, shared rows and spins, unknowns that supports fix.
     links : Links
         Springs and joints with multipliers.
     dragged : int64 [*]
         Nodes with drag or added mass.
     always : int64 [N]
-        What supports that neither let go nor take hold hold of the unknowns of every node.
+        Unknowns of every node that supports without `until` and `since` fix.
     late : int64 [N]
-        What only those that take hold hold, at the nodes that lead rows.
+        Unknowns that only supports with `since` fix, at the nodes whose rows they are.
     supported : int64 [*]
-        Nodes of all supports; of one at a body the body.
+        Nodes of all supports; for a support at a body the node of the body.
     """
 
     nodes: NodeList
@@ -50,7 +50,7 @@ class Numbered:
 
     @property
     def joints_at_start(self) -> Connections:
-        """The joints with what is held before supports with `since` take hold."""
+        """Connections with the unknowns that are fixed before supports with `since` take hold."""
         return replace(self.joints, held=self.joints.held & ~self.late) if self.late.any() else self.joints
 
     @property
@@ -65,7 +65,7 @@ def number(scene: Scene) -> Numbered:
     Raises
     ------
     SceneError
-        Joints that cannot be eliminated, or make no sense where their ends are.
+        Joints cannot be eliminated, or are impossible at the places of their ends.
     """
     nodes = NodeList(scene)
     place_points(scene, nodes)
@@ -77,8 +77,8 @@ def number(scene: Scene) -> Numbered:
 
 
 def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array, Array, Array]:
-    """How nodes are tied, the ball joints of nets, int [*, 2], what supports that do not change hold, and what only
-    those that take hold hold, int64 [N], and the nodes of supports, int64 [*]."""
+    """Return the connections of nodes, the ball joints of nets, int [*, 2], the unknowns that supports without changes fix, those
+    that only supports with `since` fix, int64 [N] each, and the nodes of supports, int64 [*]."""
     held = np.zeros(len(nodes), np.int64)
     welds, hinges = [NO_PAIRS], [NO_PAIRS]
     for net in scene.nets:

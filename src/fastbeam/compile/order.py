@@ -1,4 +1,4 @@
-"""The fifth stage of the compiler: which nodes the solver sees, in what order they are eliminated, and numbers of all blocks."""
+"""Fifth stage of the compiler: which nodes the solver sees, in what order they are eliminated, and numbers of all blocks."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ class Ordered:
     store : int
         Doubles that the elimination of inner nodes of elements keeps.
     columns : bool
-        Whether right-hand sides follow in there.
+        True if right-hand sides follow the factors there.
     n_panel : int
-        Rows of all nodes but those of condensed beams.
+        Rows of all nodes except those of condensed beams.
     """
 
     blocks: Blocks
@@ -38,8 +38,8 @@ class Ordered:
 
 
 def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int) -> Ordered:
-    """Order what is condensed; constraints: number of those with multipliers that are not eliminated with beams, of them `kept`
-    joints.
+    """Choose the order of elimination; constraints: number of constraints with multipliers that are not condensed with beams;
+    kept: number of joints among them.
 
     Raises
     ------
@@ -66,18 +66,18 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     level[ends] = 0
     if eliminate_inner and kept == constraints > 0 and not len(ends):
         level[_points_of_joints(numbered, used)] = 3
-    # nodes with blocks of their own terms
+    # nodes with terms on their diagonal blocks
     own = np.ones(n, bool)
     own[level == 3] = False
     own[np.concatenate((links.loaded.node, numbered.dragged))] = True
-    # beside condensed beams joints are a border anyway
+    # with condensed beams, joints are a border anyway
     blocks = Blocks(n, pairs, joints, band, solver, level, own, 0 if len(ends) else kept)
     return Ordered(blocks, size, columns, blocks.pattern.n + int(np.sum(level == 1)))
 
 
 def _points_of_joints(numbered: Numbered, packers: list[ElementPacker]) -> Array:
-    """Points of bodies that follow them in position and spin and belong to no element: the solver need not see them, since what
-    acts there goes to the bodies; int [*]."""
+    """Return points of bodies that follow them in position and spin and belong to no element, int [*]: the solver does not need
+    them, since forces there go to the bodies."""
     joints = numbered.joints
     arms = np.array([arm for _, arm in numbered.nodes.arm_owner], np.int64)
     out = np.zeros(len(numbered.nodes), bool)
@@ -91,10 +91,10 @@ def _points_of_joints(numbered: Numbered, packers: list[ElementPacker]) -> Array
 
 
 def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> Array:
-    """Whether a node may be eliminated within its element: no other element, no joint, no support; bool [N + 1], the last one for
-    idle lanes."""
+    """Return which nodes may be eliminated within their element: no other element, no joint, no support; bool [N + 1], the last
+    one for idle lanes."""
     nodes = [live.reshape(-1) for packer in packers for _, live in packer.lanes()]
-    # -1 of idle lanes counts for the last
+    # -1 of idle lanes counts as the last
     eligible = np.roll(np.bincount(np.concatenate([np.zeros(0, np.int64), *nodes]) + 1, minlength=n + 1), -1) == 1
     eligible[:n] &= (joints.held == 0) & (joints.spin_root == np.arange(n)) & ~joints.tied
     eligible[joints.target] = False
@@ -103,8 +103,8 @@ def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> A
 
 
 def _levels(n: int, packers: list[ElementPacker]) -> Array:
-    """Of every node 0 where the solver sees it, 1 where it is eliminated within its element, 2 where it belongs to a condensed
-    beam, [N]."""
+    """Return the level of every node, [N]: 0 if the solver sees it, 1 if it is eliminated within its element, 2 if it belongs to
+    a condensed beam."""
     level = np.zeros(n, np.int8)
     for packer in packers:
         for meta, live in packer.lanes():
@@ -116,7 +116,7 @@ def _levels(n: int, packers: list[ElementPacker]) -> Array:
 
 
 class Blocks:
-    """Numbers of all blocks: those of the pattern, then one for every pair with a tied node, then one idle block.
+    """Numbers of all blocks: those of the pattern, then one for every pair with a slave node, then one idle block.
 
     Parameters
     ----------
@@ -126,15 +126,15 @@ class Blocks:
         Coupled nodes as i N + j, or -1.
     joints : Connections
     band : int
-        Rows between those that an element couples, at most.
+        Largest number of rows between those that an element couples.
     solver : str
-        As `compile_scene` takes it.
+        Option of `compile_scene`.
     level : int8 [N]
-        0 for the nodes that the solver sees, others as of `_levels`; 3 for points of joints.
+        0 for the nodes that the solver sees, others as in `_levels`; 3 for points of joints.
     own : bool [N]
         Nodes to whose diagonal blocks other terms than those of `pairs` add.
     kept : int
-        Joints with multipliers that a plan of the elimination would take along.
+        Number of joints with multipliers that a plan of the elimination would include.
     """
 
     def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array, own: Array,
@@ -146,7 +146,7 @@ class Blocks:
         coupled = ascending(pairs[live])
         through = tied[coupled // n] | tied[coupled % n]
         slaves = np.flatnonzero(tied & own)
-        # pairs with a tied node, ascending, and where each of their entries moves
+        # pairs with a slave node, ascending, and targets of their entries
         self.raw = ascending(np.concatenate((coupled[through], slaves * (n + 1))))
         self.moves = _moves(self.raw, joints, tied)
         diagonal = np.flatnonzero(leads) * (n + 1)
@@ -171,11 +171,11 @@ class Blocks:
         self.element = block[np.where(live, np.searchsorted(coupled, pairs), coupled.size)]
 
     def diagonal(self, nodes: Array) -> Array:
-        """Blocks that the own terms of nodes are added to."""
+        """Return the blocks to which terms of single nodes are added."""
         return self.between(nodes, nodes)
 
     def between(self, a: Array, b: Array) -> Array:
-        """Blocks that terms of coupled nodes are added to, int [n]."""
+        """Return the blocks to which terms of coupled nodes are added, int [n]."""
         a, b = self.root[a], self.root[b]
         key = a * self.pattern.row_of.size + b
         at = np.minimum(np.searchsorted(self.raw, key), max(self.raw.size - 1, 0))
@@ -187,8 +187,8 @@ class Blocks:
 
 
 def _moves(raw: Array, joints: Connections, tied: Array) -> Array:
-    """Of all pairs with a tied node, i N + j: number of the pair, entry of its row or -1, entry of its column or -1, nodes that
-    it moves to, int [*, 5]. Entries are numbered without those of shared rows."""
+    """Return the targets of all pairs with a slave node, i N + j: number of the pair, entry of its row or -1, entry of its column
+    or -1, nodes that it moves to, int [*, 5]. Entries are numbered without those of shared rows."""
     n = tied.size
     unwelded = joints.without_welds()
     first, target = unwelded.start, unwelded.target

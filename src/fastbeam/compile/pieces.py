@@ -1,4 +1,4 @@
-"""What hangs together in a scene, and what lies together without a joint."""
+"""Connected components of a scene, and points that coincide without a joint."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -11,25 +11,25 @@ from fastbeam.scene import Scene
 Array = np.ndarray
 # nodes closer than this share of the size of the scene lie at the same place
 TOUCHING = 1e-9
-# a free end that is closer to another node than this share of its beam was meant to be there, as with typed coordinates (0.866)
+# a free end closer to another node than this share of its beam is probably meant to be there, as with typed coordinates (0.866)
 NEARLY = 1e-3
-# distances between so many pairs are taken one by one, those of more by a tree
+# largest number of pairs whose distances are computed one by one, without a tree
 FEW = 10**6
-# a direction along which nodes of a regular grid have different coordinates
+# direction along which nodes of a regular grid have different coordinates
 DIRECTION = np.array([0.5377431, 0.7218043, 0.4356827])
 
 
 def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
            ) -> tuple[int, list[list[int]], list[tuple[int, int, float]]]:
-    """How many pieces the joints, links, nets and sliders leave, the nodes of every place where a free end of a beam touches
-    another node without a joint, and free ends that all but touch one: both nodes, and their distance, m.
+    """Count the pieces that joints, links, nets and sliders connect, and find the nodes of every place where a free end of a beam
+    touches another node without a joint, and free ends that almost touch one: both nodes, and their distance, m.
 
     Parameters
     ----------
     scene : Scene
     nodes : NodeList
     held : int [N]
-        Masks of held unknowns: ends that stand on supports side by side are not meant to be joined.
+        Masks of fixed unknowns: ends that stand on supports side by side are not meant to be joined.
     length : float
         Size of the scene, m.
     """
@@ -47,7 +47,7 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     goes_on[first_and_last[:, 1]] = False
     chain = np.flatnonzero(goes_on)
     contacts = np.array([(nodes.number(s.point), nodes.start(s.beams[0])) for s in scene.sliders], np.int64).reshape(-1, 2)
-    # a place of a contact on a mesh that moves is no part of its own
+    # the node of a place on a moving mesh belongs to its beam
     contacts = np.concatenate((contacts, *(np.array([(nodes.start(place), nodes.start(mesh.beam))], np.int64)
                                            for mesh in scene.moving for place in mesh.places)))
     linked = np.array([(nodes.number(x.a), nodes.number(x.b)) for x in scene.links], np.int64).reshape(-1, 2)
@@ -55,11 +55,11 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
         points = [nodes.start(x) for x in (winch.coil, *winch.points)]
         rope = [nodes.number(winch.drum), *points, nodes.number(winch.load)]
         joints.append(np.stack((rope[:-1], rope[1:]), axis=1))
-    # a hinge joins what lies together; a spring across a distance leaves its ends as they are
+    # a link joins points at the same place; across a distance it does not
     distance = np.linalg.norm(nodes.phi[linked[:, 0]] - nodes.phi[linked[:, 1]], axis=1)
     joined = _components(n, np.concatenate((*joints, linked[distance <= TOUCHING * length])))
     count = int(_components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts, linked))).max()) + 1
-    # across a distance a link joins, too
+    # here links join across a distance, too
     across = _components(n, np.concatenate((*joints, linked)))
     alone = np.bincount(joined, minlength=n)[joined] == 1
     alone[contacts[:, 0]] = False
@@ -74,8 +74,8 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
 
 
 def _components(n: int, edges: Array) -> Array:
-    """Number of the connected component of every node, int [n]. Every root takes the smallest neighbouring root until none has a
-    neighbour; SciPy's function would do the same, but to import it is a fifth of the time of a warm start."""
+    """Return the number of the connected component of every node, int [n]. Every root takes the smallest neighbouring root until
+    none has a neighbour; SciPy's function would do the same, but its import takes a fifth of the time of a warm start."""
     root = np.arange(n)
     a, b = edges[:, 0], edges[:, 1]
     while a.size:
@@ -89,8 +89,8 @@ def _components(n: int, edges: Array) -> Array:
 
 
 class _Ends(NamedTuple):
-    """Of every node [N]: the component that joints and links leave, whether it is an end without a joint, whether it is an end,
-    the number of its beam, how far it reaches, m, and its mask of held unknowns."""
+    """Data of every node [N]: component that joints and links connect, True for an end without a joint, True for an end, number
+    of its beam, distance within which it counts as near, m, and mask of fixed unknowns."""
 
     joined: Array
     loose: Array
@@ -101,7 +101,7 @@ class _Ends(NamedTuple):
 
 
 def _nearly(scene: Scene, nodes: NodeList, ends: _Ends, places: list[list[int]]) -> list[tuple[int, int, float]]:
-    """Of every free end that is close to another node, not of its own beam between the ends, the nearest one."""
+    """Find for every free end the nearest other node within reach, not of its own beam between the ends."""
     loose = ends.loose.copy()
     loose[[k for place in places for k in place]] = False
     own, at = np.flatnonzero(loose), np.flatnonzero(_on_beams(scene, nodes))
@@ -132,7 +132,7 @@ def _nearly(scene: Scene, nodes: NodeList, ends: _Ends, places: list[list[int]])
 
 
 def _on_beams(scene: Scene, nodes: NodeList) -> Array:
-    """Which nodes lie where they say: control points do not lie on their beam, bool [N]."""
+    """Return which nodes lie on their part, bool [N]: control points of splines do not lie on their beam."""
     out = np.ones(len(nodes), bool)
     for beam in scene.beams:
         if beam.interpolation == "bspline":
@@ -141,7 +141,7 @@ def _on_beams(scene: Scene, nodes: NodeList) -> Array:
 
 
 def _without_sliders(scene: Scene, nodes: NodeList, pairs: Array) -> Array:
-    """Pairs of nodes without those of a slider and a node of its beam: it may start at an end of it."""
+    """Remove pairs of a slider and a node of its beam: a slider may start at an end of it."""
     for slider in scene.sliders:
         for beam in slider.beams:
             point, span = nodes.number(slider.point), nodes.span(beam)
@@ -151,11 +151,11 @@ def _without_sliders(scene: Scene, nodes: NodeList, pairs: Array) -> Array:
 
 
 def _touching(scene: Scene, nodes: NodeList, joined: Array, free: Array, held: Array, length: float) -> list[list[int]]:
-    """Nodes at the same place as a free end, place by place."""
+    """Return the nodes at the same place as a free end, place by place."""
     phi = nodes.phi
     tolerance = TOUCHING * length + 16.0 * float(np.finfo(float).eps * np.max(np.abs(phi)))
     at = np.flatnonzero(_on_beams(scene, nodes))
-    # what lies together has neighbouring places along any direction
+    # nodes at one place are neighbours along any direction
     height = phi[at] @ DIRECTION
     order = np.argsort(height, kind="stable")
     at, height = at[order], height[order]

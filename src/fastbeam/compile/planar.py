@@ -1,4 +1,4 @@
-"""Scenes that stay in a plane: found from their arrays before anything is packed, and their tables with 3 unknowns a node
+"""Scenes that stay in a plane: search for the plane in their arrays before tables are packed, and tables with 3 unknowns a node
 (theory.md 10)."""
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ Array = np.ndarray
 
 
 class Found(NamedTuple):
-    """A plane, and what stands in its tables instead of vectors and tensors."""
+    """Plane of a scene, and scalars that replace vectors and tensors in its tables."""
 
     plane: Plane      # without its model
     state: State      # at t = 0
     inertia: Array    # float64 [B, 2]: mass and moment of inertia about the normal, of every body
-    ties: Array       # complex128 [M]: factor of every entry of `Connections.apart`
+    ties: Array       # complex128 [M]: factor of every entry of `Connections.without_welds`
 
 
 def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
-    """The plane in which a scene stays; or None and the reason."""
+    """Find the plane in which a scene stays; or None and the reason."""
     try:
         plane = _plane_of(unpacked)
         elements = unpacked.elements
@@ -73,17 +73,17 @@ def _plane_of(unpacked: Unpacked) -> Plane:
               (unpacked.gravity[None], "gravity points out of the plane"),
               *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
     turning: list[tuple[Array, str]] = []
-    # round-off of spins and moments has no axis
-    # nodes of rows that are not those of all nodes
+    # nodes of arrays whose rows are not all nodes of the scene
     places: dict[int, Array] = {}
     if unpacked.dragged is not None:
-        # several drags may act on one node, each with air of its own
+        # several drags may act on one node, each with its own air
         places[len(within)] = unpacked.dragged.node
         within.append((unpacked.dragged.air, "the air at {} moves out of the plane"))
     if unpacked.prescribed is not None:
         for way, axes in unpacked.prescribed.directions(len(q)):
             within.append((way, "the motion of {} leaves the plane"))
             turning.append((axes, "the rotation of {} is not about the normal of the plane"))
+    # round-off of spins and moments has no axis
     speed, push = (float(np.max(np.abs(x), initial=0.0)) for x in (v[:, 0], rows[:, :, :3]))
     spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / length)
     across = [(spins, "the initial spin of {} is not about the normal of the plane")]
@@ -113,7 +113,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
         _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
     for freedom, _, frame in unpacked.numbered.links.freedoms:
         if not freedom.joint.conditions:
-            # the others are found by what they hold
+            # the conditions of other joints are checked by kept_in_plane
             left_in_plane(freedom.joint.label, Coordinate(freedom.shape, frame), normal)
     flat = to_plane(q[:, 1:], axes)
     # u is the director that lies best in the plane, the first of equals: d1 of a beam
@@ -131,7 +131,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
 
 
 def _following(loaded: Any, q: Array, length: float) -> tuple[list[Array], list[Array]]:
-    """Forces and moments [n, 3] on all nodes by every load that turns with them, at t = 0; q [n, 4, 3]; length: of the scene."""
+    """Return the forces and moments [n, 3] on all nodes by every follower load at t = 0; q [n, 4, 3]; length: of the scene."""
     forces, moments = [], []
     for k, force in enumerate(loaded.forces):
         on = loaded.node[loaded.of == k]
@@ -144,8 +144,8 @@ def _following(loaded: Any, q: Array, length: float) -> tuple[list[Array], list[
 
 
 def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
-    """Of every joint with a motor or a given motion, or with a spring that is not free of force at t = 0: what it is, and for all
-    n nodes the directions [n, 3] in which it pushes and about which it turns."""
+    """Yield for every joint with a motor or a prescribed motion, or with a spring under load at t = 0, its label, and for all n
+    nodes the directions [n, 3] in which it pushes and about which it turns."""
     for freedom, nodes, frame in links.freedoms:
         moved = freedom.motor is not None or freedom.drive is not None or freedom.is_given
         if not moved and freedom.stiffness * freedom.rest == 0.0:
@@ -156,19 +156,20 @@ def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
 
 
 def _refuse(off: Array, limit: float | Array, why: str, unpacked: Unpacked, nodes: Array | None = None) -> None:
-    """Refuse the plane where `off` [n] of a node (of `nodes` [n]; default: all of the scene) exceeds its limit; names it."""
+    """Raise NotPlanar where `off` [n] of a node (of `nodes` [n]; default: all of the scene) exceeds its limit, and name the
+    node."""
     if np.any(off > limit):
         k = int(np.argmax(off))
         raise NotPlanar(why.format(unpacked.nodes.labels[k if nodes is None else int(nodes[k])]))
 
 
 def _without_noise(x: Array, size: float) -> Array:
-    """Vectors [n, 3], zero where next to `size` they are round-off."""
+    """Return vectors [n, 3], zero where they are round-off next to `size`."""
     return np.where(np.linalg.norm(x, axis=1, keepdims=True) > TOLERANCE * size, x, 0.0)
 
 
 def _snapped(x: Array) -> Array:
-    """0, 1 and -1 where round-off is all that is missing."""
+    """Round numbers to 0, 1 and -1 where they differ by round-off only."""
     if np.iscomplexobj(x):
         return _snapped(x.real) + 1j * _snapped(x.imag)
     near = np.round(x)
@@ -176,8 +177,8 @@ def _snapped(x: Array) -> Array:
 
 
 def _normal(within: list[Array], across: list[Array], triad: Array, some_axes: Array) -> Array:
-    """Of the plane that holds the vectors `within`, whose normal has the direction of those `across`; some_axes: axes that
-    supports hold, 1 or 0, [*, 3]: where any plane would do, that in which most of them lie."""
+    """Find the normal of the plane that holds the vectors `within`, with the direction of the vectors `across`; some_axes: axes
+    that supports hold, 1 or 0, [*, 3]: if any plane is possible, choose that in which most of them lie."""
     for x in across:
         size = np.linalg.norm(x, axis=1)
         if np.any(size > 0.0):
@@ -190,7 +191,7 @@ def _normal(within: list[Array], across: list[Array], triad: Array, some_axes: A
             known = np.concatenate((known, x / np.max(np.linalg.norm(x, axis=1))))
             _, size, directions = np.linalg.svd(known, full_matrices=False)
         if size[1] > 1e-9 * size[0]:
-            # a director of the first node is more exact where it has this direction up to the round-off of the singular vector
+            # a director of the first node with this direction up to round-off is more exact than the singular vector
             noise = 64.0 * np.finfo(float).eps * size[0] / size[1]
             return min((d for d in triad if np.linalg.norm(np.cross(d, directions[2])) < noise),
                        key=lambda d: -abs(d @ directions[2]), default=directions[2])
@@ -204,7 +205,7 @@ def _normal(within: list[Array], across: list[Array], triad: Array, some_axes: A
 
 
 def _axes(normal: Array) -> Array:
-    """Two axes and the normal; coordinate axes where the normal is one."""
+    """Return two axes and the normal; coordinate axes where the normal is one."""
     k = int(np.argmax(np.abs(normal)))
     if np.max(np.abs(np.delete(normal, k))) < 0.1 * TOLERANCE:
         return np.eye(3)[[(k + 1) % 3, (k + 2) % 3, k]]
@@ -215,8 +216,8 @@ def _axes(normal: Array) -> Array:
 
 
 def strain_maps(c: Array, s: Array) -> tuple[Array, Array]:
-    """With the angle t of d2 = (c, s) against J d1 and the normal the strains of space are T (stretch, shear, curvature) within
-    the plane and another matrix of those beyond: [..., 6, 3] each."""
+    """Return the maps from strains (stretch, shear, curvature) in the plane, and from strains beyond it, to the strains of space,
+    for d2 = c J d1 + s n with the normal n: [..., 6, 3] each."""
     zero, one = np.zeros_like(c), np.ones_like(c)
     within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
                        [zero, zero, c]])
@@ -226,26 +227,26 @@ def strain_maps(c: Array, s: Array) -> tuple[Array, Array]:
 
 
 def _angles(elements: Elements, some: Array, plane: Plane) -> tuple[Array, Array]:
-    """Of elements, int [...], and their nodes: d2 = cos J u + sin n; [..., nn] each."""
+    """Return cos and sin of d2 = cos J u + sin n at the nodes of elements, int [...]; [..., nn] each."""
     nodes = elements.nodes[some]
     return plane.factor[nodes, 1].imag, plane.normal[nodes, 1]
 
 
 def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> None:
-    """Refuse elements that leave the plane."""
+    """Check that elements stay in the plane."""
     for begin in range(0, len(elements.nodes), CHUNK):
         some = np.arange(begin, min(begin + CHUNK, len(elements.nodes)))
         cos, sin = _angles(elements, some, plane)
 
         def refuse(wrong: Array, why: str, of: Any = slice(None), node: Array = elements.nodes[some, 0]) -> None:
-            """wrong: bool [element], of all or of some"""
+            """Raise NotPlanar for wrong elements, bool [element], of all or of some."""
             if np.any(wrong):
                 raise NotPlanar(why.format(unpacked.nodes.labels[int(node[of][wrong][0])].split(" node ")[0]))
 
         turned = np.abs(cos - cos[:, :1]) + np.abs(sin - sin[:, :1])
         refuse(np.any(turned > TOLERANCE, axis=1), "{} is twisted")
         c, s = cos[:, 0], sin[:, 0]
-        # those that differ from the one before
+        # elements that differ from the one before
         kinds = np.stack((elements.section[some], c, s))
         first = np.flatnonzero(np.concatenate(([True], np.any(kinds[:, 1:] != kinds[:, :-1], axis=0))))
         within, beyond = strain_maps(c[first], s[first])
@@ -265,7 +266,7 @@ def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> Non
 
 
 def _bodies(unpacked: Unpacked, plane: Plane) -> Array:
-    """Mass and moment of inertia about the normal of all bodies, [B, 2]."""
+    """Return mass and moment of inertia about the normal of all bodies, [B, 2]."""
     tensor = unpacked.inertia
     factor, normal = plane.factor[unpacked.bodies], plane.normal[unpacked.bodies]
     own = tensor[:, 1:, 1:]
@@ -278,7 +279,7 @@ def _bodies(unpacked: Unpacked, plane: Plane) -> Array:
 
 
 def _ties(unpacked: Unpacked, plane: Plane, state: State) -> Array:
-    """Factors of the entries of all tied nodes but those that share a row, [M]."""
+    """Return the factors of the entries of all slave nodes except those that share a row, [M]."""
     ties = unpacked.joints.without_welds()
     slave = ties.owner
     arm = np.einsum("ei,ei->e", ties.offset, plane.factor[ties.target])
@@ -291,7 +292,7 @@ def _ties(unpacked: Unpacked, plane: Plane, state: State) -> Array:
 
 # --- tables -----------------------------------------------------------------------------------------------------------
 def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) -> Plane:
-    """The plane with its model: the tables of the same scene with 3 unknowns a node. model: the tables in space, whose lists of
+    """Return the plane with its model: the tables of the scene with 3 unknowns a node. model: the tables in space, whose lists of
     nodes, rows and blocks serve both; packers: the elements of its tables, by strain set."""
     plane, axes = found.plane, found.plane.axes
     loads = np.zeros_like(model.loads)
@@ -323,7 +324,7 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
-    """The groups of `tables` with constants of the plane."""
+    """Return the groups of `tables` with constants of the plane."""
     meta = tables.meta.copy()
     pool = TablePool()
     parts = [packer.parts[k] for k in packer.order]
@@ -346,7 +347,7 @@ def _some_groups(elements: Elements, lane: Array, groups: Array) -> tuple[Elemen
 
 
 def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array, Array, Array]:
-    """Constants, viscosities and reference strains of groups of 8 elements, int [8 G]: [G, doubles] each."""
+    """Return constants, viscosities and reference strains of groups of 8 elements, int [8 G]: [G, doubles] each."""
     groups = lane.size // 8
     cos, sin = _angles(elements, lane, plane)
     c, s = cos[:, 0].reshape(groups, 8), sin[:, 0].reshape(groups, 8)
@@ -363,8 +364,9 @@ def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array,
 
 
 def _inner(inner: Inner | None, tables: list[ElementTables | None], columns: bool) -> Inner | None:
-    """Work arrays of eliminated nodes with 3 unknowns: blocks take a quarter of the doubles, and where right-hand sides stand
-    among them offsets change in other proportions. columns: whether constraints are left in the plane, whose columns follow."""
+    """Return the work arrays of eliminated nodes with 3 unknowns: blocks take a quarter of the doubles; offsets change in other
+    proportions where right-hand sides stand among them. columns: True if constraints are left in the plane, whose columns
+    follow."""
     if inner is None:
         return None
     if not columns:
@@ -383,8 +385,8 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None], columns: boo
 
 
 def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> Any:
-    """Springs and joints have the same tables, but for the tied nodes at their ends and the axes that joints carry. None where
-    nothing is left of them in the plane."""
+    """Return the table of springs or joints in the plane: that of space, with other slave nodes at their ends and other axes of
+    joints. None where nothing is left of it in the plane."""
     if isinstance(table, JointConditions):
         table = conditions_in_plane(table, model.kept, plane)
     for feature in model.features:
@@ -395,7 +397,8 @@ def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> An
 
 
 def _held(held: Held | None, axes: Array) -> Held | None:
-    """What is held in the plane. A single held spin is that of a beam about its own axis in statics, which is none there."""
+    """Return the fixed unknowns in the plane. A single fixed spin is that of a beam about its own axis in statics, and does not
+    exist in the plane."""
     if held is None:
         return None
     mask, row_mask, column_mask = (held_in_plane(x, axes) for x in (held.mask, held.row_mask, held.column_mask))

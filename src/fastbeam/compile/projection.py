@@ -1,5 +1,5 @@
-"""Velocities that agree with all connections, from given ones: parts change their rigid motions first, and bend only where that
-is not enough."""
+"""Projection of velocities onto all connections: parts change their rigid motions first, and bend only where that is not
+enough."""
 from __future__ import annotations
 
 import numpy as np
@@ -13,26 +13,27 @@ from fastbeam.model.tables import Elements, strains_of
 from fastbeam.scene import Scene
 
 Array = np.ndarray
-# share of what was given, below which all velocities that are left are round-off
+# share of the given velocities below which projected ones are round-off
 NOTHING = 1e-11
 Line = tuple[Array, Array, Array, int]
 
 
 def project(model: Model, scene: Scene, v: Array, omega: Array, moving: tuple[Array, Array],
             ) -> tuple[Array, Array, tuple[float, float]]:
-    """Velocities and spins [N, 3] that all connections, supports and sliders allow, and the kinetic energy before and after, J.
+    """Return the velocities and spins [N, 3] that all connections, supports and sliders allow, and the kinetic energy before and
+    after, J.
 
-    Every beam, body and mass changes its rigid motion, with the least kinetic energy of the change; where connections miss more
-    than that, velocities change in the norm of the masses: a beam begins to bend only where no rigid motions agree, or where
-    supports would stop what was given a velocity. What has no inertia changes as little as it may.
+    Every beam, body and mass changes its rigid motion, with the least kinetic energy of the change. If that is not enough,
+    velocities change in the norm of the masses: a beam begins to bend only where no rigid motions agree, or where supports would
+    stop a part with a given velocity. Velocities without inertia change as little as possible.
 
     Parameters
     ----------
     model : Model
-        Of the scene at rest.
+        Model of the scene at rest.
     scene : Scene
     v, omega : float64 [N, 3]
-        What the scene says.
+        Velocities and spins of the scene.
     moving : tuple of float64 [N, 3]
         Velocities and spins of supports.
     """
@@ -58,7 +59,7 @@ def project(model: Model, scene: Scene, v: Array, omega: Array, moving: tuple[Ar
 
 
 def strain_rates(nodes: NodeList, elements: list[Elements], v: Array, omega: Array) -> tuple[float, int]:
-    """The largest rate of a strain of beams, 1/s, those of bending and torsion at the radius of gyration of the stiffness, and a
+    """Return the largest strain rate of beams, 1/s, for bending and torsion at the radius of gyration of the stiffness, and a
     node of its element."""
     worst, where = 0.0, 0
     moving = np.any(v != 0.0, axis=1) | np.any(omega != 0.0, axis=1)
@@ -85,7 +86,7 @@ def strain_rates(nodes: NodeList, elements: list[Elements], v: Array, omega: Arr
 
 
 def along_curve(nodes: NodeList, line: Line) -> tuple[Array, Array]:
-    """Nodes [n + 1] and vectors [n + 1, 3] whose sum of products with velocities is the rate of a slider, m/s."""
+    """Return nodes [n + 1] and vectors [n + 1, 3] whose sum of products with velocities is the rate of a slider, m/s."""
     number, values, slopes, point = line
     tangent = slopes @ nodes.phi[number]
     along = tangent / (tangent @ tangent)

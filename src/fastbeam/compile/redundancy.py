@@ -1,4 +1,4 @@
-"""How strongly the augmented Lagrangian holds joints: those in trees of rigid parts are never redundant (theory.md 5.5)."""
+"""Regularisation of joints with multipliers: none in trees of rigid parts, which are never redundant (theory.md 5.5)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -10,24 +10,24 @@ from fastbeam.model.joints.constraints import KeptLink
 
 Array = np.ndarray
 POINT_MASS = 9
-# links from the ground, or through it, that loops may have before their joints are held more strongly; in chains of n links the
-# gap that an iteration leaves grows with n^2
+# largest number of links from the ground in loops with full regularisation; in chains of n links the gap that an iteration
+# leaves grows with n^2
 MANY_LINKS = 30.0
 
 
 def softness_of(kept: Sequence[KeptLink], connections: Connections, rank: Array) -> Array:
-    """Of every joint with multipliers the share of 1/a of (5.5) that its equations have, [J].
+    """Return the share of 1/a, theory.md (5.5), in the equations of every joint with multipliers, [J].
 
-    0: the joint belongs to a tree of rigid parts, where no force is undetermined, so that multipliers are plain; 1 in loops, less
-    where they are long. A rigid part is what shares a spin; supports are one part, the ground; joints are what joins them,
-    eliminated ones included.
+    0: the joint belongs to a tree of rigid parts, where all forces are determined: plain multipliers; 1 in loops, less in long
+    loops. Nodes that share a spin are one rigid part; all supports are one part, the ground; joints connect parts,
+    eliminated joints included.
 
     Parameters
     ----------
     kept
     connections
     rank : int [N]
-        Of the inertia of nodes, POINT_MASS: without a triad of its own.
+        Rank of nodes as in `NodeList`; POINT_MASS: without a triad.
     """
     out = np.ones(len(kept))
     if not kept:
@@ -38,7 +38,7 @@ def softness_of(kept: Sequence[KeptLink], connections: Connections, rank: Array)
     n = root.size
     held = connections.held & np.where(rank == POINT_MASS, HOLD_POSITION, HOLD_POSITION | HOLD_TRIAD)
     part = np.where((held != 0) & ~connections.tied, n, root)
-    # a held node holds the whole part
+    # a fixed node fixes its whole part
     grounded = np.zeros(n + 1, bool)
     grounded[root[part == n]] = grounded[n] = True
     part = np.where(grounded[root], n, root)

@@ -16,25 +16,25 @@ Array = np.ndarray
 
 
 class _Remeshed(Cut):
-    """The scene with new beams in place of those with sliders."""
+    """Scene with new beams in place of those with sliders."""
 
     def __init__(self, scene: Scene, new: dict[Beam, Beam]) -> None:
         self.given, self.new, self._paths = scene, new, {}
 
     def _bore(self, sleeve: Sleeve) -> dict[str, Any]:
-        """Its length counts for friction alone."""
+        """Return the changes of the bore of a sleeve: only friction needs its length."""
         return {} if has_coulomb(sleeve) else {"length": 0.0}
 
 
 @checked(scene=Anything())
 def with_moving_meshes(scene: Scene) -> Scene:
-    """The scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
+    """Return the scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
 
-    Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths at the start, at
-    least one each. For contacts that go far from there share them out by hand (`MovingMesh`), or take the scene as it is: where
-    elements become too long an event `coarse` says so. What refers to their ends, or slides on them, refers to the new beams.
-    Sleeves hold their beam at one point; those with a bore of their own, `length=`, are refused, but where Coulomb friction needs
-    its length. All else is taken as it is.
+    Beams with sliders keep their number of elements, which are distributed over the parts between contacts by their lengths at
+    the start, at least one each. If contacts move far from there, distribute the elements by hand (`MovingMesh`), or use the
+    scene as it is: an event `coarse` tells where elements become too long. Parts at the ends of these beams, and sliders on them,
+    refer to the new beams. Sleeves hold their beam at one point; those with `length=` raise an error unless Coulomb friction
+    needs the length. Everything else is unchanged.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def with_moving_meshes(scene: Scene) -> Scene:
     Raises
     ------
     SceneError
-        It is no scene, has no sliders, or a beam or slider is one that moving meshes do not know.
+        The argument is no scene, has no sliders, or has a beam or slider that moving meshes do not support.
     """
     if not isinstance(scene, Scene):
         raise SceneError(f"with_moving_meshes: needs a Scene, got {shown(scene)}; put the parts into one: fb.Scene(beam, ...)")
@@ -80,9 +80,9 @@ def with_moving_meshes(scene: Scene) -> Scene:
 
 
 def _cut(beam: Beam, at: list[float]) -> Beam:
-    """The beam with element ends at some places."""
+    """Return the beam with element ends at some places."""
     fixed = np.array([0.0, *at, beam.length])
-    # round-off of a half does not decide
+    # inner rounding removes round-off beside halves
     parts = np.maximum(1, np.round(np.round(beam.n_elements * np.diff(fixed) / beam.length, 9))).astype(int)
     ends = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(fixed[:-1], fixed[1:], parts)]
     return replace(beam, elements=np.concatenate((*ends, [beam.length])))

@@ -1,4 +1,4 @@
-"""What `print(model)` says: the work that runs, and what was left out and why."""
+"""Text of `print(model)`: the work that runs, and what was left out and why."""
 from __future__ import annotations
 
 from collections import Counter
@@ -20,7 +20,7 @@ def _plural(n: int, noun: str) -> str:
 
 
 def describe(scene: Scene, model: Model) -> str:
-    """Text of a model."""
+    """Return the text of a model."""
     lines = [f"model of {scene.label}: {_plural(model.n_nodes, 'node')}, {model.n_unknowns} unknowns"]
     kinds = Counter((b.basis.n_elements, b.basis.phi_s.shape[1], b.interpolation, b.degree,
                      b.directors if b.interpolation == "bspline" else "", b.strain, not b.section.is_diagonal)
@@ -99,12 +99,12 @@ def describe(scene: Scene, model: Model) -> str:
 
 
 def _some(names: Sequence[str]) -> str:
-    """The first four."""
+    """Join the first four names."""
     return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
 
 
 def _paths(scene: Scene, model: Model) -> list[str]:
-    """A line for every path."""
+    """Return a line for every path."""
     lines, known = [], set()
     for slider in scene.sliders:
         path = slider.beam
@@ -125,7 +125,7 @@ def _paths(scene: Scene, model: Model) -> list[str]:
 
 
 def _together(scene: Scene, model: Model) -> list[str]:
-    """In how many pieces the scene is, and which ends touch something without a joint."""
+    """Return lines with the number of connected pieces, and the ends that touch something without a joint."""
     count, places, near = pieces(scene, model.numbers, model.held_mask, model.length)
     lines = [f"  together           {_plural(count, 'connected piece')}"]
     for place in places[:4]:

@@ -1,4 +1,5 @@
-"""Finds what is condensed to its ends: beams of nets, and pieces of long beams, eight equal ones at a time (theory.md 9)."""
+"""Search for substructures that are condensed to their ends: beams of nets, and pieces of long beams, eight equal ones at a time
+(theory.md 9)."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -11,16 +12,16 @@ from fastbeam.model.numbering import NodeList
 from fastbeam.scene import Net, Scene
 
 Array = np.ndarray
-# elements that can be condensed, from which on it pays: in nets, where a sparse solver is the other way, and in long beams, where
-# it is block elimination
+# smallest numbers of condensable elements for which condensation pays: in nets, against a sparse solver, and in long beams,
+# against block elimination
 WORTH_IN_NETS, WORTH_IN_BEAMS = 1000, 8000
-# elements of a piece: what eight of them store stays in the cache of a processor
+# elements of a piece: the data of eight pieces fit into the cache of a processor
 PIECE = 32
 
 
 class Chosen(NamedTuple):
-    """Elements of a beam or net: of no substructure, int [*]; of groups of eight, [groups, elements of each, 8] for every number
-    of elements."""
+    """Elements of a beam or net: those of no substructure, int [*]; groups of eight substructures, [groups, elements of each, 8]
+    for every number of elements."""
 
     rest: Array
     groups: list[Array]
@@ -28,7 +29,7 @@ class Chosen(NamedTuple):
 
 def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array, condense: bool | str,
                      carried: Found | None) -> tuple[dict[str, Chosen], Found | None]:
-    """Substructures of every beam or net that has any, by its name, and the carriers, None where they do not pay. Nothing but
+    """Find the substructures of every beam or net that has any, by its name, and the carriers, None where they do not pay. Only
     elements and loads may touch the nodes between the ends of a substructure, and no slider runs on it.
 
     Parameters
@@ -57,7 +58,7 @@ def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, linked:
 
 
 def _free_nodes(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Array:
-    """Whether nothing but elements and loads touches a node, bool [N]."""
+    """Return which nodes only elements and loads touch, bool [N]."""
     n = np.arange(len(nodes))
     free = (joints.held == 0) & ~joints.tied & (joints.row_root == n) & (joints.spin_root == n)
     free[joints.row_root[joints.row_root != n]] = False
@@ -79,7 +80,7 @@ def _choose(n_elements: int, groups: list[Array]) -> Chosen:
 
 
 def _in_net(scene: Scene, net: Net, free: Array) -> Chosen:
-    """Whole beams of a net."""
+    """Choose whole beams of a net."""
     taken = np.concatenate(([0], np.cumsum(~free)))
     first, last = net.end_node.T
     whole = taken[last] == taken[first + 1]
@@ -98,11 +99,11 @@ def _in_net(scene: Scene, net: Net, free: Array) -> Chosen:
 
 
 def _in_beam(free: Array, n_elements: int, degree: int) -> Chosen:
-    """Pieces of a beam between the nodes that something touches."""
+    """Choose pieces of a beam between the nodes that other parts touch."""
     inside = free[1:-1].reshape(-1)
     inside = np.append(inside, False).reshape(n_elements, degree)
     usable = inside[:, :-1].all(axis=1)
-    # stretches of usable elements: a new one begins behind a node that is taken
+    # stretches of usable elements: a new one begins behind a node that another part touches
     begins = np.flatnonzero(usable & ~np.concatenate(([False], usable[:-1] & inside[:-1, -1])))
     ends = np.flatnonzero(usable & ~np.concatenate((usable[1:] & inside[:-1, -1], [False]))) + 1
     found: dict[int, list[Array]] = {}

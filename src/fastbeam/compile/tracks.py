@@ -1,4 +1,4 @@
-"""Tracks: what sliders run on, the curve of a beam or the curves of several as one (theory.md 3.2, 5.7)."""
+"""Curves of sliders: the curve of a beam, or the curves of several beams as one (theory.md 3.2, 5.7)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,24 +14,25 @@ from fastbeam.scene.interpolation.basis import CurveBasis, end_bumps
 from fastbeam.scene.switches import END
 
 Array = np.ndarray
-# angle between the references of two beams, rad, up to which their common curve gets one tangent
+# largest angle between the references of two beams, rad, whose common curve gets one tangent
 STRAIGHT = 1e-6
-# angle between two tracks of a switch, rad, from which on no step ends at the corner
+# smallest angle of a sharp corner between two tracks of a switch, rad, where no step ends
 SHARP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The curve that a slider runs on.
+    """Curve of a slider.
 
     Attributes
     ----------
     nodes : int [n]
         Numbers of its nodes in the scene, along it.
     basis : CurveBasis
-        Of a closed path elements may have nodes before the first and behind the last: -1 is the last, n the first.
+        Basis of the curve; elements of a closed path may have nodes before the first and behind the last: -1 is the last, n the
+        first.
     period : float
-        Length of a closed path, m; 0 of what has ends.
+        Length of a closed path, m; 0 for a curve with ends.
     node_s : float64 [n]
         Arc lengths of its nodes along it, m.
     joints, smooth : int
@@ -46,7 +47,7 @@ class Track:
     smooth: int = 0
 
     def at(self, s: float) -> tuple[Array, Array, Array]:
-        """Nodes under arc length s that count there, their shape functions and slopes."""
+        """Return the nodes under arc length s that count there, their shape functions and slopes."""
         if self.period:
             s -= self.period * np.floor(s / self.period)
         first, values, slopes = self.basis.evaluate(s)
@@ -59,7 +60,7 @@ class Track:
 
 
 def track_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
-    """The track of a slider, made once for all on it.
+    """Return the curve of a slider, made once for all sliders on it.
 
     Raises
     ------
@@ -101,9 +102,9 @@ def _of_path(scene: Scene, nodes: NodeList, path: Path, kind: str) -> Track:
 
 
 def corners_of(scene: Scene, nodes: NodeList, slider: Slider) -> dict[tuple[int, bool, int], tuple[Track | None, bool]]:
-    """Where tracks of the switch of a slider meet at a corner: (number of the track that it leaves, whether by its end, number of
-    the one behind) -> both as one curve, on which the first has the arc lengths that it has on the switch, and the other goes on
-    from there, None of tracks that share nodes; whether the corner is sharp."""
+    """Return the corners where tracks of the switch of a slider meet: (number of the track that it leaves, True by its end,
+    number of the next track) -> both as one curve, on which the first keeps its arc lengths on the switch, None for tracks that
+    share nodes; True for a sharp corner."""
     switch: Switch = slider.beam
     tracks = _tracks_of(scene, nodes, switch, slider.curve)
     number = {x.name: k for k, x in enumerate(switch.tracks)}
@@ -122,7 +123,7 @@ def corners_of(scene: Scene, nodes: NodeList, slider: Slider) -> dict[tuple[int,
 
 
 def _end_to_end(one: Track, other: Track, begin: float, meet: float) -> Track:
-    """Two tracks as one curve with a corner at arc length `meet`; the first begins at `begin`."""
+    """Join two tracks to one curve with a corner at arc length `meet`; the first begins at `begin`."""
     width, size = (max(x.basis.coef.shape[k] for x in (one, other)) for k in (1, 2))
     coef = [_padded(x.basis.coef, width, size) for x in (one, other)]
     ends = np.concatenate((begin + one.basis.element_ends, meet + other.basis.element_ends[1:]))
@@ -134,7 +135,7 @@ def _end_to_end(one: Track, other: Track, begin: float, meet: float) -> Track:
 
 
 def _padded(coef: Array, width: int, size: int) -> Array:
-    """Coefficients with room for more nodes and coefficients."""
+    """Pad coefficients with room for more nodes and coefficients."""
     return np.pad(coef, ((0, 0), (0, width - coef.shape[1]), (0, size - coef.shape[2])))
 
 
@@ -144,8 +145,8 @@ def _tracks_of(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> list
 
 
 def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Track:
-    """All tracks one behind the other, as one curve. What lies between goes on straight, for iterations of a step that leads
-    beyond an end: a slider never gets there."""
+    """Join all tracks one behind the other to one curve. Straight pieces between them serve iterations of a step beyond an end: a
+    slider never stays there."""
     tracks = _tracks_of(scene, nodes, switch, kind)
     together = _Together(scene, nodes)
     for one, other in switch.joints():
@@ -178,8 +179,8 @@ def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Trac
 
 
 def _straight_on(coef: Array, length: float, way: float) -> Array:
-    """Coefficients [nodes, coefficients] of the tangent at the end of an element of this length, over the arc length `way` behind
-    it, or before its start where that is negative."""
+    """Return the coefficients [nodes, coefficients] of the tangent at the end of an element of this length, over the arc length
+    `way` behind it, or before its start where that is negative."""
     k = np.arange(coef.shape[1])
     sign = 1.0 if way > 0.0 else -1.0
     values, slopes = coef @ sign**k, coef @ (sign**(k + 1) * k * (k + 1)) / length
@@ -189,10 +190,10 @@ def _straight_on(coef: Array, length: float, way: float) -> Array:
 
 
 class Part(NamedTuple):
-    """A beam of a path, in the direction of the path."""
+    """Beam of a path, in the direction of the path."""
 
-    curve: CurveBasis   # that sliders run on
-    own: CurveBasis     # its own
+    curve: CurveBasis   # curve of the sliders
+    own: CurveBasis     # curve of the beam
     degree: int
     n_nodes: int
 
@@ -206,7 +207,7 @@ def _part(beam: Beam, direction: int, kind: str) -> Part:
 
 
 def _reversed(curve: CurveBasis, n_nodes: int) -> CurveBasis:
-    """The same curve from its end to its start."""
+    """Return the curve from its end to its start."""
     count, width = curve.n_nodes_of[::-1], curve.coef.shape[1]
     column = np.arange(width)
     take = np.where(column < count[:, None], count[:, None] - 1 - column, column)
@@ -216,7 +217,7 @@ def _reversed(curve: CurveBasis, n_nodes: int) -> CurveBasis:
 
 
 def _joined(parts: list[Part], smooth: Array, closed: bool) -> CurveBasis:
-    """The curves of beams end to end; smooth [joints]: where both sides get one tangent, as inside of `Basis.curve`."""
+    """Join the curves of beams end to end; smooth [joints]: where both sides get one tangent, as inside of `Basis.curve`."""
     n_elements = np.array([part.curve.first_node.size for part in parts])
     element = np.concatenate(([0], np.cumsum(n_elements)))
     node = np.concatenate(([0], np.cumsum([part.n_nodes for part in parts])))
@@ -268,7 +269,7 @@ def _joined(parts: list[Part], smooth: Array, closed: bool) -> CurveBasis:
 
 
 class _Together:
-    """Which nodes of a scene stay at one place."""
+    """Nodes of a scene that stay together at one place."""
 
     def __init__(self, scene: Scene, nodes: NodeList) -> None:
         from scipy.sparse import coo_matrix
@@ -296,11 +297,11 @@ class _Together:
             np.finfo(float).eps * np.max(np.abs(self.phi)))
 
     def turn_alike(self, a: int, b: int) -> bool:
-        """Whether two nodes have the same rotation at all times: welded together, or clamped both."""
+        """Return whether two nodes have the same rotation at all times: welded together, or both clamped."""
         return bool(self.set[a] == self.set[b] or self.clamped[a] and self.clamped[b])
 
     def joined(self, a: int, b: int) -> bool:
-        """Whether two nodes at one place stay together: through joints at that place, or because supports hold both."""
+        """Return whether two nodes at one place stay together: through joints at that place, or because supports hold both."""
         here = np.max(np.abs(self.phi - self.phi[a]), axis=1) <= self.tolerance
         # parts that reach this place, by their rigid sets; -1 is the ground
         known, front = {int(self.set[a])}, [int(self.set[a])]

@@ -1,4 +1,4 @@
-"""The second stage of the compiler: elements, bodies, loads and the initial state as arrays, before anything is packed."""
+"""Second stage of the compiler: elements, bodies, loads and the initial state as arrays, before anything is packed."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -23,43 +23,43 @@ from fastbeam.scene import DistributedLoad, RigidBody, Scene
 from fastbeam.scene.interpolation.shapes import gll_nodes
 
 Array = np.ndarray
-# pieces of an element, and of a beam, in which a load by a function is looked at first; a share of its largest value that is no
-# difference; the shortest piece, of an element; pieces of a beam at one time
+# initial pieces of an element, and of a beam, for a load by a function; largest error as a share of its largest value; shortest
+# piece as a share of an element; largest number of pieces of a beam at one time
 PIECES, LEAST_PIECES, ALIKE, SHORTEST, MOST_PIECES = 4, 64, 1e-12, 1e-13, 2**16
 
 
 class Loads(NamedTuple):
-    """Loads on the rows of the nodes, that of a node that shares a row at the node that has it."""
+    """Loads on the rows of the nodes; loads of nodes that share a row stand at the node that has it."""
 
     vectors: Array     # float64 [K, N, 6], N and N m
     times: list[Any]   # factor of every vector; None: constant
-    names: list[str]   # what each time function belongs to
+    names: list[str]   # names of the loads of each time function
     weight: Array      # float64 [N], kg
     constant: Array    # float64 [N, 3]: forces without time functions, N
 
 
 @dataclass(frozen=True)
 class Unpacked:
-    """A scene as arrays.
+    """Scene as arrays.
 
     Attributes
     ----------
     numbered : Numbered
     elements : list of Elements
-        Of every beam, then of every net.
+        Elements of every beam, then of every net.
     bodies : int64 [B]
         Nodes of rigid bodies and masses.
     inertia : float64 [B, 4, 4]
-        Of (v, rates of the directors) of these.
+        Their inertia for (v, rates of the directors).
     loads : Loads
     gravity : float64 [3]
-        m/s^2.
+        Gravity, m/s^2.
     kept : list of KeptLink
         Joints with multipliers.
     state : State
-        At t = 0, in space.
+        State at t = 0, in space.
     notes : tuple of (str, str)
-        What there is to say about the initial velocities: kinds and texts of events.
+        Events of the initial velocities: kinds and texts.
     prescribed : PrescribedMotions or None
         Supports that move.
     dragged : Dragged or None
@@ -83,18 +83,18 @@ class Unpacked:
 
     @property
     def nodes(self) -> NodeList:
-        """Of the scene."""
+        """Nodes of the scene."""
         return self.numbered.nodes
 
     @property
     def joints(self) -> Connections:
-        """Of the scene."""
+        """Connections of the scene."""
         return self.numbered.joints
 
 
 def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], Model], known: State | None = None) -> Unpacked:
-    """Arrays of a scene whose nodes have numbers; pack: makes a model of them, on which velocities are projected; known: the
-    initial state, where that is not what the scene says.
+    """Return the arrays of a scene whose nodes have numbers; pack: makes a model of them, on which velocities are projected;
+    known: the initial state, where that is not the one of the scene.
 
     Raises
     ------
@@ -119,13 +119,13 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
 
 
 def _with_mass(scene: Scene) -> list[Any]:
-    """Bodies and masses, without the places of moving meshes."""
+    """Return bodies and masses, without the places of moving meshes."""
     places = {place for mesh in scene.moving for place in mesh.places}
     return [part for part in [*scene.bodies, *scene.masses] if part not in places]
 
 
 def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
-    """Nodes [B] of bodies and masses, and their inertia [B, 4, 4]."""
+    """Return the nodes [B] of bodies and masses, and their inertia [B, 4, 4]."""
     parts = _with_mass(scene)
     number = [np.array([nodes.start(p) for p in parts], np.int64)]
     inertia = [np.zeros((len(parts), 4, 4))]
@@ -144,7 +144,7 @@ def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
 
 
 def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Array) -> Loads:
-    """All loads; row_root: int [N], the node whose row a node shares."""
+    """Collect all loads; row_root: int [N], the node whose row a node shares."""
     n = len(nodes)
     groups: list[tuple[Any, Array]] = []
 
@@ -167,7 +167,7 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
         vector = group(scene.gravity_time)
         vector[:, :3] += weight[:, None] * scene.gravity
         for mesh in scene.moving:
-            # on a coordinate that is held: where contact/moving_mesh.py finds the factor of gravity
+            # 1 on a fixed coordinate, from which contact/moving_mesh.py reads the factor of gravity
             vector[nodes.start(mesh.places[0]), 1] = 1.0
     constant = np.zeros((n, 3))
     for net in scene.nets:
@@ -199,7 +199,7 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
 
 
 def distributed(load: DistributedLoad, nodes: NodeList) -> list[tuple[slice, Array]]:
-    """Forces and moments of a distributed load on all nodes, with their columns: [N, 3] each."""
+    """Return the forces and moments of a distributed load on all nodes, with their columns: [N, 3] each."""
     at, out = nodes.start(load.beam) + load.beam.basis.element_nodes, []
     for columns, nodal in of_elements(load):
         target = np.zeros((len(nodes), 3))
@@ -209,9 +209,10 @@ def distributed(load: DistributedLoad, nodes: NodeList) -> list[tuple[slice, Arr
 
 
 def of_elements(load: DistributedLoad) -> list[tuple[slice, Array]]:
-    """Its forces and moments on the nodes of every element of the beam, with their columns: [E, n, 3] each."""
+    """Return the forces and moments of a distributed load on the nodes of every element of the beam, with their columns:
+    [E, n, 3] each."""
     basis, out = load.beam.basis, []
-    # forces work on positions, moments on the spins of the directors: each with its own basis
+    # forces do work on positions, moments on the spins of the directors: each with its own basis
     for which, (given, s, weight, shape) in enumerate((
             (load.force, basis.mass_point_s, basis.mass_weight, basis.mass_phi_values),
             (load.moment, basis.point_s, basis.weight, basis.dir))):
@@ -228,7 +229,7 @@ def of_elements(load: DistributedLoad) -> list[tuple[slice, Array]]:
 
 
 class Points(NamedTuple):
-    """Of P pieces of elements with points of a quadrature each."""
+    """Quadrature points of P pieces of elements, g in each."""
 
     element: Array   # int64 [P]
     s: Array         # float64 [P, g], m
@@ -237,15 +238,15 @@ class Points(NamedTuple):
 
 
 def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
-    """Points that integrate the force (0) or moment (1) of a load, a function of s, over elements with these ends [E + 1]: pieces
-    are halved until halves make no difference, so that jumps and kinks may lie anywhere.
+    """Return points that integrate the force (0) or moment (1) of a load, a function of s, over elements with these ends [E + 1]:
+    pieces are halved until halves make no difference, so that jumps and kinks may lie anywhere.
 
     Raises
     ------
     SceneError
         The function jumps too often.
     """
-    # with both ends, so that a jump beside one is seen
+    # points at both ends, so that a jump near an end is found
     last = load.beam.degree + 2
     at = gll_nodes(last)
     share = 2.0 / (last * (last + 1) * np.polynomial.legendre.legval(at, np.eye(last + 1)[last])**2)
@@ -257,7 +258,7 @@ def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
         return [s, half * share, field(s.reshape(-1)).reshape(*s.shape, 3)]
 
     def sums(s: Array, weight: Array, values: Array) -> tuple[Array, Array]:
-        # and with linear functions, for the moment of forces
+        # integrals with a linear weight check the moment of the forces, too
         lever = (s - middle[:, None]) / (b - a)[:, None]
         return np.einsum("pg,pgc->pc", weight, values), np.einsum("pg,pgc->pc", weight * lever, values)
 
@@ -288,7 +289,7 @@ def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
 
 
 def _timed_by(scene: Scene, time: Any) -> str:
-    """What has this time function, for messages."""
+    """Return the names of the loads with this time function, for messages."""
     names = ["gravity"] * (scene.gravity_time is time)
     names += [f"{load.kind} {load.name!r}" for load in [*scene.loads, *scene.distributed] if load.time is time]
     names += [f"the loads of {net.label}" for net in scene.nets if net.loads is not None and net.time is time]

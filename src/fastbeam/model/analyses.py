@@ -1,4 +1,4 @@
-"""Analyses of a model, what they cannot do with its features, and what a user does instead."""
+"""Analyses of a model, their limits with its features, and alternatives."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
@@ -10,12 +10,12 @@ import numpy as np
 from fastbeam.interface.errors import SceneError
 
 Array = np.ndarray
-# names that a message shows
+# largest number of names that a message shows
 MOST_NAMES = 3
 
 
 class Analysis(Enum):
-    """What may be done with a model; the value is how a user writes it."""
+    """Analysis of a model; the value is how a user writes it."""
 
     PLANAR = "compile_scene(planar=True)"
     COMPARED = "simulate(method=...)"
@@ -57,7 +57,7 @@ AT_REST = (Analysis.STATIC, Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analy
 
 
 class Asked(NamedTuple):
-    """What is asked of a feature: the model, who asks, which sliders are held, bool [S], and of which part of the scene."""
+    """Context of a check of features: the model, the caller, sliders that are locked, bool [S], and a part of the scene."""
 
     model: Any
     who: str
@@ -66,19 +66,19 @@ class Asked(NamedTuple):
 
 
 class Lack(NamedTuple):
-    """What some analyses cannot do with a feature, and what to do instead.
+    """Limit of some analyses with a feature, and an alternative.
 
     Attributes
     ----------
     analyses : tuple of Analysis
     what : str
-        Of the feature, in a table: 'friction'.
+        Name of the unsupported part of the feature in a table: 'friction'.
     text : str
-        What a message says; {who} is the call, {names} are the first parts that are concerned, {name} is the first of them.
+        Text of a message; {who} is the call, {names} are the first parts concerned, {name} is the first of them.
     instead : str
-        What it says to do, with the same words in braces.
+        Alternative in the message, with the same words in braces.
     names : callable
-        The parts that are concerned, of the feature and of what is `Asked`; nothing is refused where there are none.
+        Returns the names of the parts concerned from the feature and an `Asked`; without any, the analysis is possible.
     """
 
     analyses: tuple[Analysis, ...]
@@ -89,17 +89,17 @@ class Lack(NamedTuple):
 
 
 def always(*names: str) -> Callable[[Any, Asked], Iterable[str]]:
-    """The names of a feature that is concerned wherever it is."""
+    """Return a function that names a feature as concerned in every model."""
     return lambda feature, asked: names
 
 
 def unknown_to_methods(what: str, names: Callable[[Any, Asked], Iterable[str]] | None = None) -> Lack:
-    """Declare that only the conserving step knows a feature."""
+    """Declare that only the conserving step supports a feature."""
     return Lack((Analysis.COMPARED,), what, "{who} does not know {names}", "use the default method", names or always(what))
 
 
 def timed_loads(names: Callable[[Any, Asked], Iterable[str]]) -> Lack:
-    """Declare that equilibria have to be told a time."""
+    """Declare that equilibria need a time."""
     return Lack((Analysis.TIMELESS_LOADS,), "functions of time", "{who}: loads have time functions",
                 "say with at_time=... where to evaluate them", names)
 
@@ -111,14 +111,14 @@ def without_adjoint(what: str, names: Callable[[Any, Asked], Iterable[str]] | No
 
 
 def dissipating(what: str, names: Callable[[Any, Asked], Iterable[str]], *, kinked: bool = False) -> Lack:
-    """Declare that steps backward in time would put energy in; kinked: that two runs cannot be extrapolated either."""
+    """Declare that steps backward in time would put energy in; kinked: two runs cannot be extrapolated either."""
     return Lack((Analysis.ORDER_4 if kinked else Analysis.COMPOSED,), what,
                 "order=4 has a step backward in time, in which {names} would put energy in, and what rubs, hits or is locked has "
                 "kinks in time, over which two runs cannot be extrapolated either", "use order=2", names)
 
 
 def told(analysis: Analysis, features: Iterable[Any], asked: Asked | None = None) -> Iterator[tuple[Lack, list[str]]]:
-    """What an analysis cannot do with some features, and the names of the parts that are concerned."""
+    """Yield the limits of an analysis with some features, and the names of the parts concerned."""
     given = Asked(None, "", np.zeros(0, bool)) if asked is None else asked
     for feature in sorted(features, key=lambda x: not x.is_told_first):
         for lack in feature.lacks:
@@ -129,40 +129,40 @@ def told(analysis: Analysis, features: Iterable[Any], asked: Asked | None = None
 
 def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = None,
             part: Any = None) -> Iterator[tuple[Lack, list[str]]]:
-    """What an analysis cannot do with a model, as `told`."""
+    """Yield the limits of an analysis with a model, as `told`."""
     return told(analysis, model.features, Asked(model, who, np.zeros(model.n_sliders, bool) if held is None else held, part))
 
 
 def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None, part: Any = None) -> None:
-    """Refuse a model with a feature that an analysis does not know.
+    """Check that an analysis supports all features of a model.
 
     Parameters
     ----------
     analysis : Analysis
     model : Model
     who : str, optional
-        What messages call it; default: as the user writes it.
+        Name of the analysis in messages; default: as the user writes it.
     held : bool [S], optional
-        Sliders that are held, whose forces along their beams do not count.
+        Sliders that are locked, whose forces along their beams do not count.
     part : optional
-        Of the scene, where the analysis is about one.
+        Part of the scene, for an analysis of one part.
 
     Raises
     ------
     SceneError
-        Names the parts that are concerned and what to do instead.
+        Names the parts concerned and the alternative.
     """
     name = analysis.value if who is None else who
     refuse(list(lacking(analysis, model, name, held, part)), name)
 
 
 def refuse(found: list[tuple[Lack, list[str]]], name: str) -> None:
-    """Refuse what is lacking, if anything is; found: as of `told`; name: of the call.
+    """Raise an error for the first limit, if there is any; found: as from `told`; name: of the call.
 
     Raises
     ------
     SceneError
-        The first that was found, with all others that say the same.
+        The first limit, with the names of all limits of the same text.
     """
     if found:
         lack = found[0][0]

@@ -1,7 +1,7 @@
 """Rigid and ball connections as linear maps between nodes: no multipliers, nothing to drift.
 
-Nodes joined rigidly form a set with one root; a ball joint makes the position of one set's root follow another set. Every tied
-node ends up with the entries of `kernels.nodes.Ties`, or, where beams of a net are welded, with the row of its root.
+Nodes joined rigidly form a set with one root; a ball joint makes the position of one set's root follow another set. Every slave
+node gets entries of `kernels.beams.ties.Ties`, or, where beams of a net are welded, the row of its root.
 """
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from fastbeam.kernels.layout import ARM, POSITION, TRIAD
 Array = np.ndarray
 HOLD_POSITION, HOLD_TRIAD = 7, 56
 AXES = "xyz"
-# components of an axis of a plane below this are none
+# components of an axis of a plane below this count as zero
 OBLIQUE = 1e-9
 NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
 @dataclass
 class Connections:
-    """What ties nodes to others.
+    """Connections between nodes: slave nodes with their master nodes, shared rows and spins, fixed unknowns.
 
     Attributes
     ----------
     held : int [N]
-        Mask of held unknowns of every node.
+        Mask of fixed unknowns of every node.
     spin_root, row_root : int [N]
         The node whose spin a node shares; the node whose row, all six unknowns, it shares.
     start : int [N + 1]
-        Range of the entries of every node; none for a free one.
+        Range of the entries of every node; empty for a free node.
     kind, target : int [M]
     offset, rotation : [M, 3], [M, 3, 3]
         Offset of an ARM in the triad of the target; d_i = sum_j R_ij d_j of the target of a TRIAD.
     loops : int [L]
-        Ball joints, counted through `balls` and then `hinges`, that close loops of rigid parts and supports: held by multipliers.
+        Ball joints, counted through `balls` and then `hinges`, that close loops of rigid parts and supports: with multipliers.
     """
 
     held: Array
@@ -53,26 +53,26 @@ class Connections:
 
     @property
     def tied(self) -> Array:
-        """Whether a node has entries, bool [N]."""
+        """True for slave nodes, which have entries, bool [N]."""
         return np.diff(self.start) > 0
 
     @property
     def owner(self) -> Array:
-        """The tied node of every entry, int [M]."""
+        """Slave node of every entry, int [M]."""
         return np.repeat(np.arange(self.held.size), np.diff(self.start))
 
     @cached_property
     def entries(self) -> dict[int, list[tuple[int, int, Array, Array]]]:
-        """(kind, target, offset, rotation) of every tied node."""
+        """Entries (kind, target, offset, rotation) of every slave node."""
         flat = list(zip(self.kind.tolist(), self.target.tolist(), self.offset, self.rotation))
         return {int(k): flat[self.start[k]:self.start[k + 1]] for k in np.flatnonzero(self.tied)}
 
     def targets(self, node: int) -> list[int]:
-        """Nodes that the unknowns of `node` belong to."""
+        """Return the nodes that the unknowns of `node` belong to."""
         return np.unique(self.target[self.start[node]:self.start[node + 1]]).tolist() or [node]
 
     def without_welds(self) -> Connections:
-        """Without the entries of nodes that share the row of another."""
+        """Return the connections without the entries of nodes that share the row of another."""
         owner = self.owner
         keep = self.row_root[owner] == owner
         start = np.concatenate(([0], np.cumsum(np.bincount(owner[keep], minlength=self.held.size))))
@@ -81,7 +81,7 @@ class Connections:
 
 
 class _Sets:
-    """Union-find."""
+    """Disjoint sets with union and find."""
 
     def __init__(self, n: int) -> None:
         self.parent = list(range(n))
@@ -111,7 +111,7 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     held : int [N]
         Masks of supports: 63 clamped, 7 pinned, some of its bits where single axes are held, 56 the inert triad of a point mass.
     rank : int [N]
-        Which node of a rigid set becomes its root: the lowest; 9 for nodes without rotation.
+        Rank of a node in a rigid set, whose root is the lowest; 9 for nodes without rotation.
     labels : sequence of str
         Names of the nodes for messages.
     tolerance : float
@@ -153,7 +153,7 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     base, arms = _ball_trees(root_of, np.delete(ball, out.loops, axis=0), offset, out.held, rank)
 
     def fixed_axes(node: int) -> int:
-        """Axes along which nothing can move a node, bit by bit."""
+        """Return the axes along which nothing can move a node, bit by bit."""
         top = root_of[node]
         turns = np.any(offset[node]) or int(top) in arms
         return HOLD_POSITION if out.held[top] == 63 else 0 if turns else int(out.held[base[top]]) & HOLD_POSITION
@@ -166,7 +166,7 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
             raise SceneError(f"{name(j)}: both sides are held{along} ({labels[root_of[a]]}, {labels[root_of[b]]}), the joint "
                              f"does nothing{along and ' there'}; remove {'' if along else 'it or '}one of the supports")
 
-    # entries: position, arms, triad of every tied node
+    # entries: position, arms, triad of every slave node
     slave = touched[(touched != root) | (base[root] != root)]
     root = root_of[slave]
     kind, owner, target = [np.full(slave.size, POSITION)], [slave], [base[root]]
@@ -199,7 +199,7 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     out.held[slave] |= HOLD_POSITION
     out.held[slave[turns]] |= HOLD_TRIAD
     out.spin_root[slave[turns]] = root[turns]
-    # a welded end at the place of a root with unknowns of its own needs no entries: the same unknowns move it
+    # a welded end at the place of a root with its own unknowns needs no entries: the same unknowns move it
     welded = np.zeros(n, bool)
     welded[welds] = True
     shares = welded[slave] & turns & (base[root] == root) & ~np.any(offset[slave], axis=1)
@@ -213,13 +213,13 @@ def _pairs(joints: list[tuple[int, int, str]]) -> Array:
 
 
 def held_axes(held: Array) -> Array:
-    """Of masks [n] the components of positions that are held, bool [n, 3]."""
+    """Return which components of positions are fixed, bool [n, 3], from masks [n]."""
     return (held[:, None] >> np.arange(3)) & 1 != 0
 
 
 def held_in_plane(held: Array, axes: Array) -> Array:
-    """Masks of the three unknowns in a plane from those of six, int [*]: the turn where all three spins are held, a position
-    along an axis of the plane where all its components are. axes: of the plane, [3, 3]."""
+    """Return masks of the three unknowns in a plane from masks of six, int [*]: the turn where all three spins are fixed, a
+    position along an axis of the plane where all its components are. axes: of the plane, [3, 3]."""
     out = np.where(held & HOLD_TRIAD == HOLD_TRIAD, 4, 0)
     for c in range(2):
         parts = sum(1 << i for i in range(3) if abs(axes[c, i]) > OBLIQUE)
@@ -228,13 +228,13 @@ def held_in_plane(held: Array, axes: Array) -> Array:
 
 
 def _freedom(held: Array) -> Array:
-    """0 where a position is held, 1 where some of its components are, 2 where none is, [n]."""
+    """Return 0 where a position is fixed, 1 where some of its components are, 2 where none is, [n]."""
     some = held & HOLD_POSITION
     return np.where(some == HOLD_POSITION, 0, np.where(some != 0, 1, 2))
 
 
 def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array, labels: Sequence[str]) -> Array:
-    """The root of the rigid set of every touched node, int [n]."""
+    """Return the root of the rigid set of every touched node, int [n]."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     graph = coo_matrix((np.ones(len(fixed), np.int8), (fixed[:, 0], fixed[:, 1])), shape=(n, n))
@@ -253,7 +253,7 @@ def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array,
 
 
 def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callable[[int], str]) -> Array:
-    """Ball joints that join rigid sets, or supports of them, which others before them join already, int [L].
+    """Find ball joints between rigid sets, or supports of them, that joints before them connect already, int [L].
 
     Raises
     ------
@@ -269,7 +269,7 @@ def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callab
     local = local.reshape(-1, 2)
     m = roots.size
     standing = held[roots] & HOLD_POSITION != 0
-    # every support hangs on the ground, one more set
+    # every support is connected to the ground, an additional set
     ground = np.flatnonzero(standing)
     graph = coo_matrix((np.ones(len(ball) + ground.size, np.int8), (np.concatenate((local[:, 0], ground)),
                                                                     np.concatenate((local[:, 1], np.full(ground.size, m))))),
@@ -298,14 +298,14 @@ def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callab
 
 
 def _sides(offset: Array, pair: Array, a: int, local: Array) -> Array:
-    """Offsets of both sides of a joint in the triads of their roots, that of root a first."""
+    """Return the offsets of both sides of a joint in the triads of their roots, that of root a first."""
     return offset[pair if local[0] == a else pair[::-1]]
 
 
 def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array,
                 rank: Array) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
-    """(node whose position starts that of a root's set [n], offsets in triads from there on for the roots that have any), for
-    ball joints that close no loops; at most one set of a tree is supported."""
+    """Return the node from which the position of every root's set starts [n], and offsets in triads from there on for the roots
+    that have any, for ball joints that close no loops; at most one set of a tree is supported."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import breadth_first_order, connected_components
     base = np.arange(root_of.size)
@@ -322,7 +322,7 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array,
     top = np.full(n_trees, -1)
     top[tree[order[::-1]]] = order[::-1]
     base[roots] = roots[top[tree]]
-    # every tree hangs on one more node, so that one search goes through all
+    # an additional node connects all trees, so that one search goes through all of them
     graph = coo_matrix((np.ones(len(ball) + n_trees, np.int8), (np.concatenate((local[:, 0], np.full(n_trees, m))),
                                                                 np.concatenate((local[:, 1], top)))), shape=(m + 1, m + 1))
     reached, parent = breadth_first_order(graph.tocsr(), m, directed=False)

@@ -1,4 +1,4 @@
-"""Controllers of a scene, and the numbers that a state keeps of them."""
+"""Controllers of a scene, and their history variables."""
 from __future__ import annotations
 
 from fastbeam.model.analyses import Analysis, Lack, without_adjoint
@@ -7,7 +7,7 @@ from fastbeam.scene import Controller
 
 
 class Controllers(Feature):
-    """Controllers, which are asked at their own times.
+    """Controllers, which are called at their own times.
 
     Parameters
     ----------
@@ -24,9 +24,9 @@ class Controllers(Feature):
 
     @property
     def history_size(self) -> int:
-        """Numbers of `State.history`."""
+        """Number of history variables of all controllers."""
         return sum(part.size for part in self.parts)
 
     def start_history(self, own: Array, q: Array, v: Array) -> None:
-        """Values at the start, how often each has been asked, and memories, into the numbers of the state."""
+        """Put the values at the start, the number of calls so far, 0, and the memories into `own`."""
         own[:] = [x for part in self.parts for x in (part.start, 0.0, *part.memory)]  # type: ignore[misc]

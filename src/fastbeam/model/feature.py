@@ -1,5 +1,5 @@
-"""What a feature of a compiled scene tells about itself: the compiler, steps, rows and analyses ask all features the same
-questions and know none of them by name."""
+"""Feature of a compiled scene: the questions that the compiler, steps, rows and analyses ask all features, none of which they
+know by name."""
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -18,7 +18,7 @@ Array = np.ndarray
 
 
 class Stand(IntEnum):
-    """Where terms stand among those of a run, and schedules among those of a span; sums are formed in this order."""
+    """Order of terms in a run, and of schedules in a span; sums are formed in this order."""
 
     SLIDING = auto()
     INNER = auto()
@@ -39,21 +39,21 @@ class Stand(IntEnum):
 
 
 class OfRun(NamedTuple):
-    """What the terms of a run are made from.
+    """Data from which features build the terms of a run.
 
     Attributes
     ----------
     model : Model
     static : bool
-        Only what has a part in statics.
+        True for the terms of an equilibrium.
     inner : Inner or None
         Eliminated nodes with the work arrays of the run.
     own : dict
-        What `Feature.work` has made, by the keys of features.
+        Results of `Feature.work`, by the keys of features.
     law_work : float64 or None
-        The work array of laws.
+        Work array of laws.
     known : bool
-        Without equations for the forces that hold coordinates of joints, which are those of the state.
+        True for multipliers of joint coordinates that are taken from the state, without equations for them.
     """
 
     model: Any
@@ -71,7 +71,7 @@ class Span:
     Attributes
     ----------
     own, terms : dict, tuple
-        As of `OfRun`, and the terms of the run.
+        Results of `Feature.work`, as in `OfRun`, and the terms of the run.
     plane : Plane or None
     weights : float64 [m]
         Substeps of a step as fractions of it.
@@ -99,29 +99,29 @@ class Span:
 
     @property
     def end(self) -> float:
-        """Time at which the last one ends."""
+        """Time at which the last substep ends."""
         return self.t + self.h * (self.done + self.n)
 
 
 class Feature:
-    """Something that a scene may have: tables, numbers in `State.history`, terms of a step, rows, and what does not go with it.
+    """Optional part of a scene: its tables, history variables, terms of a step, rows, and limits of analyses.
 
     Attributes
     ----------
     key : str
-        By which others find it in a model.
+        Name by which a model finds it.
     title : str
-        In a table of features.
+        Name in a table of features.
     order : int
-        Features stand in this order: their numbers in the history, and what they add to sums.
+        Rank of the feature: in the history, and in sums.
     lacks : tuple of Lack
-        What analyses cannot do with it.
+        Limits of analyses of models with the feature.
     opens : bool
-        Whether its numbers open the history, before the energies.
+        True if its history variables stand before the energies.
     is_told_first : bool
-        Whether messages name it before others, which belong to it: joints of moving meshes, friction of sleeves that twist.
+        True if messages name it before the parts that belong to it: joints of moving meshes, friction of sleeves that twist.
     called_laws : dict of type -> failed_laws.Lawful
-        Laws of the user's own that its tables call, by the kinds of tables.
+        User laws that its tables call, by the kinds of tables.
     """
 
     key: ClassVar[str]
@@ -134,90 +134,92 @@ class Feature:
 
     @property
     def history_size(self) -> int:
-        """Numbers in `State.history`."""
+        """Number of history variables."""
         return 0
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """Names of what takes energy away."""
+        """Names of energies that the feature dissipates."""
         return ()
 
     @property
     def works(self) -> tuple[str, ...]:
-        """Names of what puts energy in."""
+        """Names of works that the feature puts in."""
         return ()
 
     @property
     def exchanges(self) -> bool:
-        """Whether the total energy changes by more than its losses and works say."""
+        """True if the feature changes the total energy by more than `losses` and `works` count."""
         return False
 
     def work(self, model: Any, plane: Any, static: bool) -> Any:
-        """Arrays of one run of a model; plane: that of the scene, where the run is planar; static: of an equilibrium."""
+        """Allocate the arrays of one run of a model; plane: that of the scene, where the run is planar; static: for an
+        equilibrium."""
         return None
 
     def terms(self, run: OfRun) -> Iterable[tuple[Stand, Any]]:
-        """What it adds to the terms of a run, and where these stand."""
+        """Return the terms that the feature adds to a run, and their order."""
         return ()
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
-        """A table of links with the arrays of a run where the feature knows it; else as it is."""
+        """Return a table of links with the arrays of a run where the feature knows it, else unchanged."""
         return table
 
     def schedules(self, span: Span) -> Iterable[tuple[Stand, Any]]:
-        """What its terms are given in the steps of a span, in the order of these terms."""
+        """Return the inputs of its terms in the steps of a span, in the order of these terms."""
         return ()
 
     def describe(self) -> Iterable[tuple[str, str, Sequence[str]]]:
-        """Lines of `print(model)`: a word or two, what stands before the names of parts, and these."""
+        """Return lines of `print(model)`: a word or two, the text before the names of parts, and these names."""
         return ()
 
     # --- rows ---------------------------------------------------------------------------------------------------------
     def series(self, kinds: Collection[str], model: Any) -> Mapping[str, tuple[int, ...]]:
-        """Shapes of its series in rows of these kinds (`simulate(observe=...)`)."""
+        """Return the shapes of its series in rows of these kinds (`simulate(observe=...)`)."""
         return {}
 
     def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> Mapping[str, Array]:
-        """Its series in the row of a state at time t, but for forces that are unknowns."""
+        """Return its series in the row of a state at time t, except for forces that are unknowns."""
         return {}
 
     def add_motion(self, model: Any, state: State, out: Array) -> None:
         """Add its kinetic energy and momenta to those of nodes, [9] as `energies.motion` puts them."""
 
     def weight(self, model: Any, q: Array) -> float:
-        """Its energy in constant gravity at coordinates [12 N], J."""
+        """Return its energy in constant gravity at coordinates [12 N], J."""
         return 0.0
 
     def stored(self, state: State) -> float:
-        """What it stores that is no strain, J."""
+        """Return its stored energy other than strain energy, J."""
         return 0.0
 
     def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
-        """What it took away less what it put in, numbers that the balance of a row adds, J, and sizes of these parts."""
+        """Return dissipated energy less work put in, as terms of the energy balance of a row, J, and the sizes of these terms."""
         return [], []
 
     # --- in a plane, and at the start ---------------------------------------------------------------------------------
     def in_plane(self, plane: Any, model: Any, constraints: int) -> Self:
-        """The same in the tables of a plane; model: in space; constraints: all that are left there but moments of sleeves."""
+        """Return the feature for the tables of a plane; model: in space; constraints: number of those left in the plane but
+        moments of sleeves."""
         return self
 
     def link_in_plane(self, table: Any, plane: Any) -> Any:
-        """A table of links for a plane where the feature knows it, None where nothing is left of it; else as it is."""
+        """Return a table of links for a plane where the feature knows it, None where nothing is left of it; else unchanged."""
         return table
 
     def start_history(self, own: Array, q: Array, v: Array) -> None:
-        """Put what its numbers of the history are at the start into them, at coordinates and rates [12 N], in a plane [4 N]."""
+        """Put the initial values of its history variables into `own`, at coordinates and rates [12 N], in a plane [4 N]."""
 
     def start_momenta(self, own: Array, q: Array, v: Array) -> None:
-        """Put momenta that follow from coordinates and rates into its numbers of the history."""
+        """Put momenta that follow from coordinates and rates into its history variables."""
 
     def misfit(self, own: Array, q: Array, v: Array) -> float:
-        """The largest difference between velocities and those of the momenta in its numbers, m/s."""
+        """Return the largest difference between velocities and those of the momenta in its history variables, m/s."""
         return 0.0
 
 
 def every_feature() -> list[type[Feature]]:
-    """All kinds of features that have been imported, in their order; variants of a kind share its key and are left out."""
+    """Return all kinds of features that have been imported, in their order; variants of a kind share its key and are left out."""
     def below(kind: type[Feature]) -> Iterator[type[Feature]]:
         for one in kind.__subclasses__():
             if "key" in vars(one):

@@ -1,4 +1,4 @@
-"""Features of a model, by name, and where their numbers stand in `State.history`."""
+"""Features of a model, by name, and offsets of their variables in `State.history`."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Array = np.ndarray
-# of a scene without sliders
+# record for a scene without sliders
 NO_SLIDERS = SimpleNamespace(curves=None, sliders=None, sleeves=None, slider_lengths=np.zeros(0), spans={}, corners={},
                              curve_s=())
 
 
 class Found:
-    """The feature of a model whose key is the name of this attribute, or None; looked for once, as a model never changes."""
+    """Descriptor: the feature of a model whose key is the name of the attribute, or None; cached, as a model never changes."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._key = name
@@ -40,7 +40,7 @@ class Found:
 
 
 class Part(Generic[T]):
-    """An attribute of one record of a model as an attribute of the model, read once."""
+    """Descriptor: an attribute of one record of a model as an attribute of the model, read once."""
 
     def __init__(self, of: str) -> None:
         self._of = of
@@ -56,10 +56,10 @@ class Part(Generic[T]):
 
 
 class WithFeatures:
-    """Of a compiled scene: its features, in their order.
+    """Features of a compiled scene, in their order.
 
-    `State.history` holds the numbers of those that open it, energies that were taken away, works that were put in, and the
-    numbers of the others.
+    `State.history` holds the variables of features with `opens`, energies that were dissipated, works that were put in, and the
+    variables of the other features.
     """
 
     features: tuple[Feature, ...]
@@ -97,21 +97,21 @@ class WithFeatures:
     added = Found()
 
     def with_features(self, *more: Feature | None) -> Self:
-        """The model with some more; None: there is none."""
+        """Return the model with additional features; None: no feature."""
         found = [*self.features, *(x for x in more if x is not None)]
         return replace(self, features=tuple(sorted(found, key=lambda x: x.order)))  # type: ignore[type-var]
 
     def with_loading(self, **changes: object) -> Self:
-        """The model with other loads; changes: of the attributes of `Loading`."""
+        """Return the model with other loads; changes: of the attributes of `Loading`."""
         return replace(self, loading=replace(self.loading, **changes))  # type: ignore[type-var]
 
     def with_remarks(self, **changes: object) -> Self:
-        """The model with other remarks; changes: of the attributes of `Remarks`."""
+        """Return the model with other remarks; changes: of the attributes of `Remarks`."""
         return replace(self, remarks=replace(self.remarks, **changes))  # type: ignore[type-var]
 
     @property
     def sliding(self) -> SlidingContact | SimpleNamespace:
-        """Sliders and sleeves; without any, what there is of none."""
+        """Sliders and sleeves; a record of empty tables without any."""
         return self.by_key.get("sliding", NO_SLIDERS)
 
     @cached_property
@@ -119,16 +119,16 @@ class WithFeatures:
         """Features by their keys."""
         return {x.key: x for x in self.features}
 
-    # --- what some of them tell ---------------------------------------------------------------------------------------
+    # --- attributes of some features ----------------------------------------------------------------------------------
     @property
     def twisting(self) -> Array:
-        """Numbers of the sleeves that rub on beams that turn in them, int64 [R]."""
+        """Numbers of the sleeves with friction against twist of their beams, int64 [R]."""
         found: Any = self.by_key.get("twist")
         return np.zeros(0, np.int64) if found is None else found.of
 
     @property
     def user_forces(self) -> tuple[str, ...]:
-        """Labels of the forces by laws of the user's own."""
+        """Labels of the forces by user laws."""
         found: Any = self.by_key.get("user_laws")
         return () if found is None else found.labels
 
@@ -146,55 +146,55 @@ class WithFeatures:
 
     @cached_property
     def spring_rows(self) -> list[Any]:
-        """What springs, dampers, winches and bushings have at rows."""
+        """Evaluators of springs, dampers, winches and bushings at rows."""
         found: Any = self.by_key.get("link_forces")
         return [] if found is None else found.find_rows(self.links)
 
     @property
     def accounts_loads(self) -> bool:
-        """Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because
-        states of both hold the same numbers of the steps before."""
+        """True if loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because
+        states of both have the same history variables."""
         return "load_account" in self.by_key
 
     @cached_property
     def laws(self) -> dict[type, Any]:
-        """Laws of the user's own, failed_laws.Lawful, by the kinds of tables that call them."""
+        """User laws, failed_laws.Lawful, by the kinds of tables that call them."""
         return {kind: lawful for feature in self.features for kind, lawful in feature.called_laws.items()}
 
     # --- places in the history ----------------------------------------------------------------------------------------
     @cached_property
     def losses(self) -> tuple[str, ...]:
-        """What takes energy away besides sliders."""
+        """Names of the energies that features other than sliders dissipate."""
         return tuple(label for feature in self.features for label in feature.losses)
 
     @cached_property
     def works(self) -> tuple[str, ...]:
-        """What puts energy in besides loads and drives of sliders."""
+        """Names of the works of features other than loads and drives of sliders."""
         return tuple(label for feature in self.features for label in feature.works)
 
     @property
     def loss_place(self) -> int:
-        """Where the energies stand that were taken away."""
+        """Offset of the dissipated energies in the history."""
         return sum(x.history_size for x in self.features if x.opens)
 
     @property
     def works_place(self) -> int:
-        """Where the works stand that were put in."""
+        """Offset of the works in the history."""
         return self.loss_place + len(self.losses)
 
     @property
     def history_size(self) -> int:
-        """Numbers of the history."""
+        """Number of all history variables."""
         return len(self.losses) + len(self.works) + sum(x.history_size for x in self.features)
 
     def place_for(self, kind: type[Feature] | Feature) -> int:
-        """Where the numbers of a feature begin, or would begin."""
+        """Return the offset of the variables of a feature in the history, for a feature of the model or an additional one."""
         energies = 0 if kind.opens else self.works_place - self.loss_place + len(self.works)
         before = [x for x in self.features if x.order < kind.order or x.opens and not kind.opens]
         return energies + sum(x.history_size for x in before if x.opens or not kind.opens)
 
     def losses_for(self, kind: type[Feature]) -> int:
-        """Where the energies that a feature takes away begin, or would begin."""
+        """Return the offset of the energies that a feature dissipates, for a feature of the model or an additional one."""
         return self.loss_place + sum(len(x.losses) for x in self.features if x.order < kind.order)
 
     @cached_property
@@ -202,18 +202,18 @@ class WithFeatures:
         return {x.key: self.place_for(x) for x in self.features}
 
     def place(self, key: str) -> int:
-        """Where the numbers of a feature that the model has begin."""
+        """Return the offset of the variables of a feature that the model has."""
         return self._places[key]
 
     def own(self, history: Array, key: str) -> Array:
-        """The numbers of a feature in a history, a view; none where the model does not have it."""
+        """Return a view of the variables of a feature in a history; empty where the model does not have the feature."""
         if key not in self.by_key:
             return history[:0]
         return history[self._places[key]:][:self.by_key[key].history_size]
 
-    # --- what stands there --------------------------------------------------------------------------------------------
+    # --- contents of the history --------------------------------------------------------------------------------------
     def start_history(self, q: Array, v: Array) -> Array:
-        """The history of a start with coordinates and rates [12 N], in a plane [4 N]."""
+        """Return the history of a start with coordinates and rates [12 N], in a plane [4 N]."""
         out = np.zeros(self.history_size)
         for x in self.features:
             x.start_history(self.own(out, x.key), q, v)
@@ -221,25 +221,25 @@ class WithFeatures:
         return out
 
     def start_momenta(self, history: Array, q: Array, v: Array) -> None:
-        """Momenta that follow from coordinates and their rates [12 N], in a plane [4 N], into a history."""
+        """Put momenta that follow from coordinates and their rates [12 N], in a plane [4 N], into a history."""
         for x in self.features:
             x.start_momenta(self.own(history, x.key), q, v)
 
     def stop(self, state: State) -> None:
-        """Take the velocities of a state away, and the momenta that stand in its history."""
+        """Set the velocities of a state, and the momenta in its history, to zero."""
         state.v[:] = 0.0
         self.start_momenta(state.history, state.q, state.v)
 
     def momenta_misfit(self, state: State) -> float:
-        """The largest difference between velocities of a state and those of the momenta in its history, m/s."""
+        """Return the largest difference between velocities of a state and those of the momenta in its history, m/s."""
         return max((x.misfit(self.own(state.history, x.key), state.q, state.v) for x in self.features), default=0.0)
 
     def turns_of(self, history: Array) -> Array:
-        """How far supports have turned since t = 0 in a history, rotation vectors of motions that turn, [3 K], rad."""
+        """Return the rotation vectors of supports since t = 0 in a history, for motions that turn, [3 K], rad: a view."""
         return self.own(history, "prescribed")
 
     def keep_turns(self, history: Array, of: Array) -> None:
-        """Count turns of supports and joints in a history as in another."""
+        """Copy the counted turns of supports and joints from another history."""
         self.turns_of(history)[:] = self.turns_of(of)
         if self.motions is not None:
             place = self.place("motions")
@@ -247,5 +247,5 @@ class WithFeatures:
 
     @property
     def balances(self) -> bool:
-        """Whether the energy has a balance: something takes energy away or puts some in."""
+        """True if the energy has a balance: something dissipates energy or puts some in."""
         return bool(self.losses or self.works) or any(x.opens or x.exchanges for x in self.features)

@@ -1,4 +1,4 @@
-"""Hash of a compiled scene, by which results and checkpoints know whether a model is theirs."""
+"""Hash of a compiled scene, by which results and checkpoints recognise their model."""
 from __future__ import annotations
 
 from hashlib import sha256
@@ -8,10 +8,11 @@ import numpy as np
 
 
 def fingerprint_of(model: Any) -> str:
-    """Hash of all tables and the initial state, the same in every process of a machine; functions of time count by being."""
+    """Return the hash of all tables and the initial state, the same in every process of a machine; functions of time count only
+    as present."""
     digest = sha256()
     tables = (model.simo, model.green, model.bodies, *model.links, model.ties, model.held, model.curves, model.sliders)
-    # the ties of a joint are those of the model
+    # tables of joints contain the ties of the model again
     parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
     parts += [model.pattern.row_of, model.spinless, model.loads, model.gravity, model.gravity_weight, model.constant_load,
               model.q0, model.v0, model.s0, model.slider_lengths, *(model.sleeves or ())[:5]]

@@ -1,5 +1,5 @@
-"""Gaps of constraints in space and their rates, read from the compiled rows of a step whose two ends are the present shape
-(theory.md 5.1), for whoever needs them outside of a step: impacts, starts, initial velocities."""
+"""Gaps of constraints in space and their rates, from the compiled rows of a step with both ends at the present shape (theory.md
+5.1), for use outside of a step: impacts, starts, initial velocities."""
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -31,8 +31,8 @@ CONSTRAINTS = Sliding, BallJoints, DistanceJoints, JointConditions, JointDrives
 class Gaps(NamedTuple):
     """Gaps of all constraints at one shape: S sliders, F multipliers."""
 
-    values: Array   # float64 [F], m and rad; 0 of coordinates of joints and of twists that nothing holds
-    rates: Any      # sparse [F, 12 N]: by the rates of all coordinates; sliders go along their beams as their points do
+    values: Array   # float64 [F], m and rad; 0 for coordinates of joints and free twists
+    rates: Any      # sparse [F, 12 N]: derivatives by the rates of all coordinates; sliders follow their points along the beam
     tangents: Array  # float64 [S, 3]: derivative by s of the curves under the sliders
 
     def along(self, k: int, v: Array) -> float:
@@ -42,22 +42,22 @@ class Gaps(NamedTuple):
 
 
 class GapRows:
-    """Evaluates the gaps of all constraints of a model.
+    """Evaluator of the gaps of all constraints of a model.
 
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
 
     Attributes
     ----------
     joints, coordinates, others : int64 [*]
-        Numbers of the gaps that joints always keep, of the coordinates that friction and rigid stops may hold, and of all gaps
-        that are always kept besides those of sliders: `joints`, then `moments`.
+        Numbers of the gaps that joints always close, of the coordinates that friction and rigid stops may hold, and of all gaps
+        that are always closed besides those of sliders: `joints`, then `moments`.
     given : bool [*]
-        Which of `joints` are coordinates that are given as functions of time.
+        True for those of `joints` that are coordinates prescribed as functions of time.
     moments : list of int64 [2 or 3]
-        Numbers of the directions that every sleeve keeps.
+        Numbers of the directions that every sleeve constrains.
     """
 
     def __init__(self, model: Model) -> None:
@@ -81,7 +81,7 @@ class GapRows:
             self._begin()
 
     def _begin(self) -> None:
-        """Prepare what compiled code takes: all rows are those of the nodes themselves, without ties."""
+        """Prepare the arguments of compiled code: all rows are those of the nodes themselves, without slave nodes."""
         model, nodes = self._model, np.arange(self._model.n_nodes)
         own = {} if model.motions is None else {"motions": model.motions.work(model, None, True)}
         run = OfRun(model, static=True, own=own)
@@ -89,7 +89,7 @@ class GapRows:
         self._terms = Calls(tuple(_on_nodes(x, nodes) for x in (*of_features, *model.links) if isinstance(x, CONSTRAINTS)), ADDED)
         contact = contact_of(model, at_rest=True)
         assert contact is not None
-        # those that are eliminated with their beams, too
+        # constraints that are condensed with their beams have rows, too
         self._contact = contact = contact._replace(first=np.arange(model.n_constraints))
         self._work = work_of(model, keep=False)
         self._state = State(model.q0.copy(), np.zeros(0), model.s0.copy(), np.zeros(self._size), np.zeros(model.history_size))
@@ -125,7 +125,7 @@ class GapRows:
         by_nodes = sparse.csr_matrix((line[entry, unknown, gap], (row, column)), shape=(self._size, 6 * n))
         follow = sparse.eye(self._size, format="lil")
         for o, (slider, c) in enumerate(self._model.sleeve_pairs):
-            # the section under the sleeve changes along the beam
+            # the section in the sleeve changes along the beam
             tangent = tangents[slider]
             follow[contact.first_force[c] + np.arange(3)[:, None], 3 * slider + np.arange(3)] = np.outer(
                 contact.cross[o, 1, :3], tangent / (tangent @ tangent))
@@ -133,7 +133,7 @@ class GapRows:
 
 
 def _on_nodes(term: Any, nodes: Array) -> Any:
-    """A term of constraints whose forces and moments act on the nodes themselves."""
+    """Return a term of constraints whose forces and moments act on the nodes themselves."""
     term = term._replace(ties=NoTies())
     if isinstance(term, Sliding):
         return term._replace(along=NoForceAlong(), sliders=term.sliders._replace(spin_root=nodes))

@@ -1,4 +1,4 @@
-"""What holds the nodes of a scene: supports, and eliminated joints as trees, whose forces the equations of nodes tell."""
+"""Supports of a scene, and its eliminated joints as trees, whose forces follow from the equations of nodes."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -10,25 +10,25 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Holding:
-    """What holds the nodes of a scene.
+    """Supports of a scene, and joints that are eliminated.
 
     Attributes
     ----------
     support_names : list of str
     supports : int64 [R]
-        Their nodes.
+        Nodes of the supports.
     masks : int64 [R]
-        What each holds of the six unknowns of its node, bit by bit.
+        Unknowns of its node that each support fixes, one bit for each of the six.
     turning : int64 [R', 2]
         Further nodes whose rotation a support holds: (support, node).
     joint_names : list of str
-        Joints that are eliminated, of tree-like connections of nodes.
+        Joints that are eliminated.
     joints : int64 [J, 2]
         Nodes of sides a and b.
     parent : int64 [N]
-        The node that a connected node hangs on, towards a support where there is one; -1 for others.
+        Parent of a node in its tree of connections, towards a support where there is one; -1 for other nodes.
     determined : bool [N]
-        Whether the connections around a node are a tree with one support at most, so that its equations tell their forces.
+        True if the connections around a node are a tree with one support at most, so that equilibrium determines their forces.
     """
 
     support_names: list[str]
@@ -42,7 +42,7 @@ class Holding:
 
 
 def trees(n: int, pairs: Array, supports: Array) -> tuple[Array, Array]:
-    """`parent` and `determined` of `Holding`, of n nodes: pairs that are connected [*, 2], nodes of supports [*]."""
+    """Return `parent` and `determined` of `Holding`, for n nodes, connected pairs [*, 2] and nodes of supports [*]."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import breadth_first_order, connected_components
     parent, determined = np.full(n, -1), np.ones(n, bool)
@@ -56,7 +56,7 @@ def trees(n: int, pairs: Array, supports: Array) -> tuple[Array, Array]:
     top = np.full(count, -1)
     top[part[::-1]] = np.arange(n)[::-1]
     top[part[supports]] = supports
-    # every tree hangs on one more node, so that one search goes through all
+    # an additional node connects all trees, so that one search goes through all of them
     whole = coo_matrix((np.ones(len(pairs) + count, np.int8), (np.concatenate((pairs[:, 0], np.full(count, n))),
                                                                np.concatenate((pairs[:, 1], top)))), shape=(n + 1, n + 1))
     _, above = breadth_first_order(whole.tocsr(), n, directed=False)

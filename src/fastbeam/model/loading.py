@@ -1,4 +1,4 @@
-"""Loads and gravity of a compiled scene, and what messages say of it."""
+"""Loads and gravity of a compiled scene, and remarks for messages."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -12,22 +12,22 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Loading:
-    """Loads of a scene that are the same vectors in every shape.
+    """Dead loads of a scene: the same vectors in every shape.
 
     Attributes
     ----------
     loads : float64 [K, 8 (N + 1)]
         Load vectors in row layout; `load_times[k]` their factor (None: constant).
     load_names : list of str
-        What each time function belongs to.
+        Name of the owner of each time function.
     load_parts : dict
         Loads of the scene by their names.
     gravity : float64 [3]
-        m/s^2, with a factor by `gravity_time`.
+        Gravity, m/s^2, with a factor by `gravity_time`.
     gravity_weight : float64 [N]
         Masses of nodes, kg.
     constant_load : float64 [N, 3]
-        Of the loads without a time function.
+        Sum of the loads without a time function, N.
     """
 
     loads: Array
@@ -42,18 +42,18 @@ class Loading:
 
 @dataclass(frozen=True)
 class Remarks:
-    """What is said of a model, and computed for nothing else.
+    """Remarks on a model for messages, without effect on results.
 
     Attributes
     ----------
     text : str
-        What `print(model)` shows.
+        Text of `print(model)`.
     not_planar : str
-        Why there is no plane.
+        Reason why there is no plane.
     asked_for_plane : bool
-        Whether it was compiled with planar=True: nothing but the plane is of interest.
+        True if compiled with planar=True: only the plane is of interest.
     massless : tuple of str
-        Beams without rotary inertia whose triads nothing holds.
+        Beams without rotary inertia whose triads no support holds.
     notes : tuple of (str, str)
         Kinds and texts of events of a run that begins with the initial velocities.
     joints : dict

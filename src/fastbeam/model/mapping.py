@@ -1,5 +1,5 @@
-"""States of compiled scenes in space, seen from outside of a step: what ties and sliders ask of them, and a state of one model
-brought to another."""
+"""States of compiled scenes in space, outside of a step: slave nodes and contacts of sliders, and the map of a state of one model
+to another."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from fastbeam.model.model import Model
 
 Array = np.ndarray
-# what is given turns by less from one evaluation to the next, rad: what turns further may have gone the other way
+# largest prescribed turn from one evaluation to the next, rad: beyond half a turn its direction is not known
 HALF_TURN = np.pi * (1.0 - 1e-3)
 
 
 def follow(model: Model, x: Array) -> Array:
-    """Coordinates, or their rates, [N, 4, 3], with those of tied nodes and of welded ends from the nodes they follow."""
+    """Return coordinates, or their rates, [N, 4, 3], with those of slave nodes and of welded ends from their master nodes."""
     out = x.copy()
     root = model.pattern.first_on_row
     welded = np.flatnonzero(root != np.arange(len(x)))
@@ -39,7 +39,7 @@ def follow(model: Model, x: Array) -> Array:
     owner = np.repeat(np.arange(len(x)), np.diff(ties.start))
     out[ties.slave, 0] = 0.0
     place, arm, triad = (np.flatnonzero(ties.kind == kind) for kind in (POSITION, ARM, TRIAD))
-    # what a tied node takes from another is never tied itself
+    # master nodes are never slave nodes themselves
     np.add.at(out[:, 0], owner[place], x[ties.target[place], 0])
     np.add.at(out[:, 0], owner[arm], (ties.offset.reshape(-1, 1, 3)[arm] @ x[ties.target[arm], 1:])[:, 0])
     turns = triad[ties.target[triad] != owner[triad]]
@@ -48,27 +48,27 @@ def follow(model: Model, x: Array) -> Array:
 
 
 def turned(triads: Array, spins: Array) -> Array:
-    """Triads [N, 3, 3] turned by Cayley vectors [N, 3]."""
+    """Return triads [N, 3, 3] turned by Cayley vectors [N, 3]."""
     w = spins[:, None, :]
     d = np.cross(w, triads)
     return triads + (d + 0.5 * np.cross(w, d)) / (1.0 + 0.25 * np.sum(w**2, axis=2, keepdims=True))
 
 
 def nodes_of_curve(curves: Curves | Paths, c: int) -> Array:
-    """Numbers [n] of the nodes of curve c, along it."""
+    """Return the numbers [n] of the nodes of curve c, along it."""
     first, n = int(curves.meta[c, FIRST_NODE]), int(curves.shape[c, NODES_OF_CURVE])
     return np.asarray(curves.node[first:first + n]) if isinstance(curves, Paths) else first + np.arange(n)
 
 
 def within_round(curves: Curves | Paths, c: int, s: float) -> float:
-    """Arc length s of curve c; on a closed path that of the first round."""
+    """Return the arc length s of curve c; on a closed path that of the first round."""
     period = float(curves.period[c]) if isinstance(curves, Paths) else 0.0
     return s - period * np.floor(s / period) if period else s
 
 
 def each_once(curves: Curves | Paths, c: int, local: Array, values: Array) -> tuple[Array, Array]:
-    """Nodes under a contact, counted along curve c, as numbers in the scene, and their values [..., n]. On a short closed path a
-    node may be there twice, and counts once."""
+    """Return the nodes under a contact, counted along curve c, as numbers in the scene, and their values [..., n]. On a short
+    closed path the values of a node that occurs twice are summed."""
     nodes = nodes_of_curve(curves, c)
     if not isinstance(curves, Paths) or not curves.period[c]:
         return nodes[local], values
@@ -79,7 +79,8 @@ def each_once(curves: Curves | Paths, c: int, local: Array, values: Array) -> tu
 
 
 def shapes_at(model: Model, k: int, s: float, derivatives: int = 2) -> tuple[Array, Array]:
-    """Nodes [n] under the contact of slider k at s; their shape functions, and so many derivatives of these by s, [1 to 3, n]."""
+    """Return the nodes [n] under the contact of slider k at s; their shape functions, and so many derivatives of these by s,
+    [1 to 3, n]."""
     curves, sliders = model.curves, model.sliders
     assert curves is not None and sliders is not None
     c = int(sliders.curve[k])
@@ -97,11 +98,11 @@ def shapes_at(model: Model, k: int, s: float, derivatives: int = 2) -> tuple[Arr
 
 
 def nodes_passed(curves: Curves | Paths, c: int, s0: float, s1: float) -> Array:
-    """Nodes that are under a contact on curve c anywhere between two arc lengths, counted along the curve [n]."""
+    """Return the nodes that are under a contact on curve c anywhere between two arc lengths, counted along the curve [n]."""
     _, n, o, p, _ = (int(i) for i in curves.meta[c])
     at = [within_round(curves, c, s) for s in (s0, s1)]
     low, high = np.sort(np.clip(np.searchsorted(curves.ends[o:o + n + 1], at, side="right") - 1, 0, n - 1)).tolist()
-    # on a closed path the short way round
+    # on a closed path, the shorter way around it
     across = isinstance(curves, Paths) and curves.period[c] > 0.0 and high - low > n // 2
     elements = [*range(high, n), *range(low + 1)] if across else range(low, high + 1)
     local = np.concatenate([int(curves.first[p + e]) + np.arange(int(curves.count[p + e])) for e in elements])
@@ -109,13 +110,14 @@ def nodes_passed(curves: Curves | Paths, c: int, s0: float, s1: float) -> Array:
 
 
 def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:
-    """Nodes [n] under the contact of slider k at s, their shape functions and slopes [n]."""
+    """Return the nodes [n] under the contact of slider k at s, their shape functions and slopes [n]."""
     nodes, (values, slopes, _) = shapes_at(model, k, s)
     return nodes, values, slopes
 
 
 def contact(model: Model, k: int, s: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Of slider k at s: gap, tangent of the curve, and velocity of the point relative to the curve, [3]; q, v [N, 4, 3]."""
+    """Return the gap of slider k at s, the tangent of the curve, and the velocity of the point relative to the curve, [3] each;
+    q, v [N, 4, 3]."""
     assert model.sliders is not None
     nodes, values, slopes = curve_at(model, k, s)
     point = int(model.sliders.point[k])
@@ -123,9 +125,9 @@ def contact(model: Model, k: int, s: float, q: Array, v: Array) -> tuple[Array, 
 
 
 def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> State:
-    """A state of another model, with these names, as one of this model: parts of the same name and shape keep their coordinates
-    and velocities, sliders of the same name their place. Parts that the other does not have take those of this model's initial
-    state, moved with what they are joined to or slide on.
+    """Map a state of another model, with these names, to this model: parts of the same name and shape keep their coordinates and
+    velocities, sliders of the same name their place. Parts that the other does not have take those of this model's initial state,
+    moved with the parts that they are joined to or slide on.
 
     Raises
     ------
@@ -151,15 +153,15 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
         else:
             _put_on_curve(model, k, fresh.s[k], own, before, known)
     _carry_history(model, names, state, fresh)
-    # what a joint of this model does not allow stays as it is: whoever starts from this state measures it
+    # violations of joints of this model are kept: the check at the start of a run measures them
     fresh.q[:], fresh.v[:] = (np.where(known[:, None, None], x, follow(model, x)).reshape(-1) for x in own)
     model.start_momenta(fresh.history, fresh.q, fresh.v)
     return fresh
 
 
 def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State) -> None:
-    """Locks that have taken hold or let go, where a slider has as many as its namesake; whether its point is on the beam;
-    supports that have let go; turns of supports and joints."""
+    """Copy locks that have taken hold or let go, for sliders with the same number of locks; contacts that are open; supports that
+    have let go; turns of supports and joints."""
     if model.slider_forces is not None:
         locks, theirs = names.get("locks", []), names.get("sliders", [])
         history = state.history[:HISTORY * len(locks)].reshape(-1, HISTORY)
@@ -176,7 +178,7 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
             elif leaves and OFF in (own[HELD], given[HELD]):
                 own[HELD] = given[HELD]
             if own[HELD] == OFF:
-                # whether the point was beyond an end
+                # tells whether the point was beyond an end
                 own[STICKS] = given[STICKS]
     if model.released is not None and "until" in names:
         place, = names["history"]
@@ -188,7 +190,7 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
 
 
 def _carry_turns(model: Model, names: Mapping[str, list[Any]], history: Array, fresh: Array) -> None:
-    """How far supports have turned, and values of joints, which count turns, into a fresh history."""
+    """Copy the turns of supports, and the values of joints, which count turns, into a new history."""
     if "turns" not in names:
         return
     of_supports, of_joints = names["turns"]
@@ -206,7 +208,7 @@ def _carry_turns(model: Model, names: Mapping[str, list[Any]], history: Array, f
 
 
 def _numbered(named: Iterable[Any]) -> list[Any]:
-    """Names with how many of the same are before each."""
+    """Return names with the number of equal ones before each."""
     seen: dict[Any, int] = {}
     out = []
     for name in named:
@@ -216,7 +218,7 @@ def _numbered(named: Iterable[Any]) -> list[Any]:
 
 
 def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) -> list[tuple[slice, slice]]:
-    """Nodes of all parts that both have."""
+    """Return the nodes of all parts that both models have."""
     out = []
     for kind, noun in (("beams", "beam"), ("nets", "net"), ("bodies", "body"), ("masses", "point mass")):
         there = {entry["name"]: entry for entry in other.get(kind, [])}
@@ -241,7 +243,7 @@ def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) ->
 
 
 def _carry_along(model: Model, own: list[Array], known: Array) -> None:
-    """Bodies and masses that only this model has go where known nodes that follow them are."""
+    """Move bodies and masses that only this model has to known nodes that follow them."""
     ties = model.ties
     if ties is None:
         return
@@ -262,7 +264,7 @@ def _carry_along(model: Model, own: list[Array], known: Array) -> None:
 
 
 def _put_on_curve(model: Model, k: int, s: float, own: list[Array], before: list[Array], known: Array) -> None:
-    """A part that only this model has goes to its slider's place on a curve, with the rate that it has in the initial state."""
+    """Move a part that only this model has to its slider's place on a curve, with the rate of the initial state."""
     assert model.sliders is not None
     point = int(model.sliders.point[k])
     ties = model.ties

@@ -1,4 +1,4 @@
-"""Linear maps of a compiled scene between its unknowns, velocities and coordinates, for whoever needs them outside of a step."""
+"""Linear maps of a compiled scene between its unknowns, velocities and coordinates, for use outside of a step."""
 from __future__ import annotations
 
 from functools import cached_property
@@ -18,12 +18,12 @@ Array = np.ndarray
 
 
 def _skew(x: Array) -> Array:
-    """[m, 3] -> [m, 3, 3]"""
+    """Return the skew matrices of x [m, 3], which times v are x cross v: [m, 3, 3]."""
     return np.cross(np.eye(3)[None], x[:, None, :])
 
 
 def velocity_map(q: Array) -> Any:
-    """(v, spin) of all nodes -> rates of their 12 coordinates, sparse [12 N, 6 N]."""
+    """Return the map from (v, spin) of all nodes to rates of their 12 coordinates, sparse [12 N, 6 N]."""
     from scipy import sparse
     n = len(q)
     block = np.zeros((n, 12, 6))
@@ -34,8 +34,8 @@ def velocity_map(q: Array) -> Any:
 
 
 def motion_map(q: Array, nodes: Array) -> Any:
-    """Rates of the 12 coordinates of some nodes -> their (v, spin), sparse [6 N, 12 N], as `velocities_and_spins`; nodes: int,
-    ascending."""
+    """Return the map from rates of the 12 coordinates of some nodes to their (v, spin), sparse [6 N, 12 N], as
+    `velocities_and_spins`; nodes: int, ascending."""
     from scipy import sparse
     block = np.zeros((nodes.size, 6, 12))
     block[:, :3, :3] = np.eye(3)
@@ -46,7 +46,8 @@ def motion_map(q: Array, nodes: Array) -> Any:
 
 
 def tie_map(model: Model) -> Any:
-    """12 coordinates of all nodes -> the same with those of tied nodes from their targets, sparse [12 N, 12 N]."""
+    """Return the map on 12 coordinates of all nodes that takes those of slave nodes from their master nodes, sparse
+    [12 N, 12 N]."""
     from scipy import sparse
     n = model.n_nodes
     if model.ties is None:
@@ -55,7 +56,7 @@ def tie_map(model: Model) -> Any:
     owner = np.repeat(np.arange(n), np.diff(ties.start))
     free = np.flatnonzero(np.repeat(np.diff(ties.start) == 0, 12))
     rows, columns, values = [free], [free], [np.ones(free.size)]
-    # what a tied node takes from a target is never tied itself, so one pass is enough
+    # master nodes are never slave nodes themselves, so one pass is enough
     for kind, to, of, factor in ((0, [0], [0], np.ones((owner.size, 1, 1))), (1, [0], [3, 6, 9], ties.offset.reshape(-1, 1, 3)),
                                  (2, [3, 6, 9], [3, 6, 9], ties.rotation.reshape(-1, 3, 3))):
         e = np.flatnonzero(ties.kind == kind)
@@ -68,7 +69,7 @@ def tie_map(model: Model) -> Any:
 
 
 def share_map(model: Model) -> Any:
-    """Unknowns of all nodes -> the same with those of nodes that share the row of another from the first on that row, sparse
+    """Return the map on the unknowns of all nodes that takes those of nodes on a shared row from the first node on it, sparse
     [6 N, 6 N]."""
     from scipy import sparse
     n = model.n_nodes
@@ -77,22 +78,25 @@ def share_map(model: Model) -> Any:
 
 
 def spins(q: Array, v: Array) -> Array:
-    """Spins of nodes at coordinates and rates [..., 4, 3], rad/s: float64 [..., 3]."""
+    """Return the spins of nodes at coordinates and rates [..., 4, 3], rad/s: float64 [..., 3]."""
     return np.asarray(0.5 * np.cross(q[..., 1:, :], v[..., 1:, :]).sum(axis=-2))
 
 
 def velocities_and_spins(q: Array, v: Array) -> Array:
-    """Of nodes at coordinates and rates [..., 4, 3], m/s and rad/s: float64 [..., 6], as `velocity_map` takes them."""
+    """Return velocities and spins of nodes at coordinates and rates [..., 4, 3], m/s and rad/s: float64 [..., 6], as
+    `velocity_map` takes them."""
     return np.concatenate((v[..., 0, :], spins(q, v)), axis=-1)
 
 
 def rates_map(model: Model, q: Array) -> Any:
-    """Velocities and spins of rows -> rates of all coordinates, sparse [12 N, 6 N], at coordinates [N, 4, 3]."""
+    """Return the map from velocities and spins of rows to rates of all coordinates, sparse [12 N, 6 N], at coordinates
+    [N, 4, 3]."""
     return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()
 
 
 def spin_map(model: Model) -> Any:
-    """Spins of all nodes -> the same with those of rigidly tied nodes from their roots, sparse [3 N, 3 N]."""
+    """Return the map on the spins of all nodes that takes those of rigidly connected nodes from their roots, sparse
+    [3 N, 3 N]."""
     from scipy import sparse
     n = model.n_nodes
     pick = sparse.csr_matrix((np.ones(n), (np.arange(n), model.spin_root)), shape=(n, n))
@@ -100,7 +104,7 @@ def spin_map(model: Model) -> Any:
 
 
 def free_unknowns(model: Model, state: State | None = None) -> Array:
-    """Numbers 6 node + c of the unknowns that are free; of nodes that share a row those of the first."""
+    """Return the numbers 6 node + c of the free unknowns; for nodes that share a row, of the first node."""
     free = (model.held_in(state)[:, None] >> np.arange(6)) & 1 == 0
     first = np.unique(model.pattern.row_of, return_index=True)[1]
     free[np.setdiff1d(np.arange(model.n_nodes), first)] = False
@@ -108,8 +112,8 @@ def free_unknowns(model: Model, state: State | None = None) -> Array:
 
 
 def mass_map(model: Model, q: Array | None = None) -> Any:
-    """Mass matrix on the 12 coordinates of all nodes, sparse [12 N, 12 N]; with coordinates q [12 N] that of ropes too, which
-    depends on them."""
+    """Assemble the mass matrix on the 12 coordinates of all nodes, sparse [12 N, 12 N]; with coordinates q [12 N] also that of
+    ropes, which depends on them."""
     from scipy import sparse
     own = sparse.kron(vector_masses(model, q is not None), sparse.eye(3), format="csr")
     ropes = None if q is None else ropes_of(model)
@@ -117,15 +121,15 @@ def mass_map(model: Model, q: Array | None = None) -> Any:
 
 
 def gyration_radii(model: Model) -> Array:
-    """Radius of gyration of every node, float64 [N], m: of its body, or of the section of its beam; 0 without mass."""
+    """Return the radius of gyration of every node, float64 [N], m: of its body, or of the section of its beam; 0 without mass."""
     mass = vector_masses(model, True).diagonal().reshape(model.n_nodes, -1)
     place, turning = mass[:, 0], mass[:, 1:].sum(axis=1)
     return np.sqrt(np.divide(turning, place, out=np.zeros(len(mass)), where=place > 0.0))
 
 
 def vector_masses(model: Model, without_ropes: bool = False) -> Any:
-    """Masses of the vectors (phi, d1, d2, d3) of all nodes, the same in all three directions, sparse [4 N, 4 N]; in a plane of
-    (phi, u), [2 N, 2 N]. without_ropes: those of ropes are not asked for."""
+    """Assemble the masses of the vectors (phi, d1, d2, d3) of all nodes, the same in all three directions, sparse [4 N, 4 N]; in
+    a plane of (phi, u), [2 N, 2 N]. without_ropes: leave out ropes, else a model with ropes raises an error."""
     from scipy import sparse
     # the inertia of a rope couples its nodes with its length
     if not without_ropes:
@@ -144,7 +148,7 @@ def vector_masses(model: Model, without_ropes: bool = False) -> Any:
             rho, *turning = tables.tab[co + place.inertia:co + place.masses].reshape(-1, 8)
             m = tables.tab[co + place.masses:co + place.table_size].reshape(2, nn, nn, 8)
             a, b = np.broadcast_arrays(at[:, None, live], at[None, :, live])
-            # in space d1 has none
+            # d1 has no mass in space
             for k, x in ((0, rho * m[0]), *((vectors - len(turning) + i, j * m[1]) for i, j in enumerate(turning))):
                 put(vectors * a + k, vectors * b + k, x[:, :, live])
     if isinstance(model.bodies, PlanarBodies):
@@ -160,7 +164,7 @@ def vector_masses(model: Model, without_ropes: bool = False) -> Any:
 
 
 def free_of_rows(model: Model) -> Array:
-    """Mark unknowns of rows that are free in statics by 1, held ones by 0, float64 [n rows]."""
+    """Mark unknowns of rows that are free in statics by 1, fixed ones by 0, float64 [n rows]."""
     size = len(model.dofs)
     free = np.ones((model.pattern.n, size))
     if model.static_held is not None:
@@ -170,14 +174,14 @@ def free_of_rows(model: Model) -> Array:
 
 
 class RowMap:
-    """Maps from the unknowns of the rows of nodes in statics to what they move.
+    """Maps from the unknowns of the rows of nodes in statics to positions, spins and coordinates.
 
     Parameters
     ----------
     model : Model
-        In space.
+        Model in space.
     axes : float64 [3, 3], optional
-        Of the plane where nodes have 3 unknowns: two in it and its normal, by rows.
+        Axes of the plane where nodes have 3 unknowns: two in it and its normal, by rows.
     """
 
     def __init__(self, model: Model, axes: Array | None) -> None:
@@ -185,17 +189,17 @@ class RowMap:
 
     @cached_property
     def free(self) -> Array:
-        """1 for free unknowns, 0 for held ones [m]."""
+        """Mask with 1 for free unknowns, 0 for fixed ones [m]."""
         return free_of_rows(self.model if self.axes is None else self.model.plane.model)
 
     @cached_property
     def ties(self) -> Any:
-        """`tie_map`."""
+        """Map `tie_map` of the model."""
         return tie_map(self.model)
 
     @cached_property
     def every(self) -> Any:
-        """Unknowns -> positions and spins of all nodes, sparse [6 N, m], held ones too."""
+        """Map from unknowns, fixed ones too, to positions and spins of all nodes, sparse [6 N, m]."""
         from scipy import sparse
         n, pattern = self.model.n_nodes, self.model.pattern
         pick = sparse.csr_matrix((np.ones(n), (np.arange(n), pattern.row_of)), shape=(n, pattern.n))
@@ -207,10 +211,10 @@ class RowMap:
 
     @cached_property
     def rows(self) -> Any:
-        """The same with held unknowns standing still."""
+        """Map `every` with zero columns for fixed unknowns."""
         from scipy import sparse
         return (self.every @ sparse.diags(self.free)).tocsr()
 
     def rates(self, q: Array) -> Any:
-        """Unknowns -> rates of the coordinates of all nodes at q [12 N], sparse [12 N, m]."""
+        """Return the map from unknowns to rates of the coordinates of all nodes at q [12 N], sparse [12 N, m]."""
         return self.ties @ velocity_map(q.reshape(-1, 4, 3)) @ self.rows

@@ -49,12 +49,12 @@ class Model(WithFeatures):
         None where the scene has none; then no code is compiled for them.
     links : tuple
         Tables of springs and other links between two points, one of each kind.
-    kept : list of links.KeptLink
+    kept : list of joints.constraints.KeptLink
         Joints with multipliers, in the order of their constraints behind the sliders.
     kept_softness : float64 [J]
-        Of each of them the share of 1/a of theory.md (5.5) that its equations have.
+        Share of 1/a, theory.md (5.5), in the equations of each of these joints.
     static_held : Held or None
-        What is held in statics: with one spin of every beam of a net that may spin about its axis.
+        Fixed unknowns in statics: includes one spin of every beam of a net that may spin about its axis.
     pattern : Pattern
         Order, blocks and elimination plan.
     spinless : int8 [N]
@@ -67,24 +67,24 @@ class Model(WithFeatures):
     length : float
         Size of the scene, m.
     softest : float
-        EI / (EA length^2), the smallest of all elements, with the stiffest of extension and shear and the softest of torsion and
-        bending: from increments of this size on (relative to the length) the change of the forces that they cause, EA times
-        their square, bends a beam more than they do.
+        Smallest EI / (EA length^2) of all elements, EA the stiffest of extension and shear, EI the softest of torsion and
+        bending. Increments above this size, relative to the length, change axial forces by EA times their square, which bends a
+        beam more than the increments do.
     numbers : numbering.NodeList
         Finds the global number of a node of the scene.
     dofs : tuple
-        Of as many numbers as a node has unknowns: 6, in the tables of a planar scene 3.
-    plane : planar.Plane or None
-        Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
+        Tuple with one entry for each unknown of a node: 6, in the tables of a planar scene 3.
+    plane : plane.Plane or None
+        Plane of a planar scene, and its tables with 3 unknowns a node.
     remarks : Remarks
-        What is said of it, whose attributes are attributes of the model, too.
+        Remarks on the model, whose attributes are attributes of the model, too.
     uneliminated : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
     uncondensed : callable
         Makes the model of the same scene in space, whose beams are not condensed.
     features : tuple of Feature
-        What the scene has besides, in the order of their numbers in the history.
-    find_holding : callable that makes `holding` when it is first asked for
+        Features of the scene, in the order of their history variables.
+    find_holding : callable that makes `holding` on its first use
     """
 
     scene_name: str
@@ -134,11 +134,12 @@ class Model(WithFeatures):
 
     @property
     def held_mask(self) -> Array:
-        """Of every node which of its six unknowns are held at the start, bit by bit, int64 [N]; tied ones count as held."""
+        """Unknowns of every node that are fixed at the start, one bit for each of the six, int64 [N]; those of slave nodes count
+        as fixed."""
         return self.held_in(None)
 
     def held_in(self, state: State | None) -> Array:
-        """The same where some supports have let go or taken hold in a state."""
+        """Return the mask of fixed unknowns as in `held_mask`, with the supports that have let go or taken hold in a state."""
         of_row = np.zeros(self.n_nodes, np.int64)
         if self.held is not None:
             of_row[self.held.row] = self.held.mask
@@ -148,12 +149,12 @@ class Model(WithFeatures):
 
     @property
     def blows(self) -> bool:
-        """Whether moving air has a force at rest."""
+        """True if moving air exerts forces at rest."""
         return self.dragged is not None and bool(self.dragged.blows)
 
     @property
     def has_blows(self) -> bool:
-        """Whether sliders, joints or supports may change velocities at once."""
+        """True if velocities of sliders, joints or supports may jump."""
         forces, motions = self.slider_forces, self.motions
         return bool(forces is not None and (forces.lets_go or np.any(forces.restitutions >= 0.0))
                     or self.released is not None and self.released.losses
@@ -161,7 +162,7 @@ class Model(WithFeatures):
 
     @property
     def reaction_names(self) -> list[str]:
-        """Supports, joints that are eliminated, and joints with multipliers: those that reactions are told of, in this order."""
+        """Names of supports, eliminated joints and joints with multipliers, in the order of their reactions."""
         return [*self.holding.support_names, *self.holding.joint_names, *self.kept_names]
 
     @property
@@ -171,7 +172,7 @@ class Model(WithFeatures):
 
     @cached_property
     def mass(self) -> float:
-        """Of the scene, kg; 1 where nothing has any."""
+        """Mass of the scene, kg; 1 if nothing has mass."""
         return float(self.gravity_weight.sum()) or 1.0
 
     @cached_property
@@ -186,8 +187,7 @@ class Model(WithFeatures):
 
     @cached_property
     def carried(self) -> Array:
-        """Whether a constraint is that of a slider, or sleeve, that is eliminated with its beam (compile/carriers.py), bool
-        [C]."""
+        """True for constraints of sliders, or sleeves, that are condensed with their beam (compile/carriers.py), bool [C]."""
         out = np.zeros(self.n_constraints, bool)
         if self.carriers is not None:
             out[self.carriers.slider] = True
@@ -196,17 +196,17 @@ class Model(WithFeatures):
 
     @cached_property
     def n_bordered(self) -> int:
-        """Number of the other constraints: rows of the block matrix or a dense border."""
+        """Number of constraints that are not condensed: rows of the block matrix or a dense border."""
         return int(np.sum(~self.carried))
 
     @property
     def bordered_sliders(self) -> int:
-        """Number of sliders among these."""
+        """Number of sliders that are not condensed."""
         return int(np.sum(~self.carried[:self.n_sliders]))
 
     @cached_property
     def sleeve_pairs(self) -> Array:
-        """Of every sleeve its slider and the constraint of its moments, int64 [O, 2]."""
+        """Slider and moment constraint of every sleeve, int64 [O, 2]."""
         if self.sleeves is None:
             return np.zeros((0, 2), np.int64)
         sliders = np.flatnonzero(self.sleeves.of_slider >= 0)
@@ -221,14 +221,14 @@ class Model(WithFeatures):
 
     @property
     def forces(self) -> Array:
-        """Of every constraint the number of its forces, int64 [C]."""
+        """Number of forces of every constraint, int64 [C]."""
         moments = 3 if self.dim == 3 else 1
         return np.array([self.dim] * self.n_sliders + [link.forces(self.dim) for link in self.kept]
                         + [moments] * len(self.sleeve_pairs), np.int64)
 
     @property
     def first_force(self) -> Array:
-        """Of every constraint the number of its first force among those of all, int64 [C]."""
+        """Number of the first force of every constraint among all forces, int64 [C]."""
         return np.cumsum(self.forces) - self.forces
 
     @cached_property
@@ -238,13 +238,13 @@ class Model(WithFeatures):
 
     @property
     def softness(self) -> Array:
-        """Of every constraint the share of 1/a of theory.md (5.5) that its equations have, float64 [C]; 0: plain multipliers."""
+        """Share of 1/a, theory.md (5.5), in the equations of every constraint, float64 [C]; 0: plain multipliers."""
         return np.concatenate((np.ones(self.n_sliders), self.kept_softness, np.ones(len(self.sleeve_pairs))))
 
     @property
     def unknowns(self) -> Array:
-        """Of every constraint the number of its unknowns, int64 [C]: a slider has its place and mean gap besides forces, moments
-        of a sleeve a copy of a spin and are filled up to the same number."""
+        """Number of unknowns of every constraint, int64 [C]: sliders have a place and a mean gap besides forces, moments of
+        sleeves a copy of a spin and idle unknowns up to the same number."""
         out = self.forces
         out[:self.n_sliders] = out[self.n_sliders + len(self.kept):] = self.border
         return out
@@ -276,27 +276,27 @@ class Model(WithFeatures):
 
     @property
     def past_size(self) -> int:
-        """Numbers that a run keeps of the last two steps for the first guess of the next, besides the increments of the last."""
+        """Number of values of the last two steps that a run keeps for the predictor, besides the increments of the last step."""
         return 5 + len(self.dofs) * self.n_nodes + 2 * (self.dim + 1) * self.n_sliders
 
     @property
     def n_unknowns(self) -> int:
-        """Free unknowns of the nodes, and force and position of every slider; those that a run solves for."""
+        """Number of scalar unknowns of a run: free nodal unknowns, constraint forces, sliding coordinates."""
         return self.own_unknowns if self.plane is None else int(self.plane.model.own_unknowns)
 
     @property
     def own_unknowns(self) -> int:
-        """The same of these tables, whether or not the scene has a plane."""
+        """Number of scalar unknowns of these tables, whether or not the scene has a plane."""
         return len(self.dofs) * self.n_rows - self.n_held + self.n_forces + self.n_sliders
 
     @property
     def n_rows(self) -> int:
-        """Block rows of all nodes; welded beams of a net share one."""
+        """Number of block rows of all nodes; welded beams of a net share one."""
         return int(self.pattern.row_of.max()) + 1
 
     @property
     def n_held(self) -> int:
-        """Number of held unknowns, those of tied nodes included."""
+        """Number of fixed unknowns, those of slave nodes included."""
         return 0 if self.held is None else int(np.sum(self.held.mask[:, None] >> np.arange(len(self.dofs)) & 1))
 
     @property
@@ -306,12 +306,13 @@ class Model(WithFeatures):
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of all tables and the initial state, the same in every process of a machine; functions of time count by being."""
+        """Hash of all tables and the initial state, the same in every process of a machine; functions of time count only as
+        present."""
         return fingerprint_of(self)
 
     @checked(node=Count(0))
     def node_label(self, node: int) -> str:
-        """Beam and node, body or mass of a global node number.
+        """Return beam and node, body or mass of a global node number.
 
         Raises
         ------
@@ -323,64 +324,64 @@ class Model(WithFeatures):
         return self.labels[node]
 
     def state(self) -> State:
-        """A fresh copy of the initial state."""
+        """Return a new copy of the initial state."""
         history = self.start_history(self.q0, self.v0)
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     def ends_at(self, s: Array) -> Array:
-        """As `slider_ends`, on switches those of the tracks on which sliders that stand at s [S] are."""
+        """Return the arc lengths of the ends of curves, as `slider_ends`; on switches, of the tracks of sliders at s [S]."""
         ends = self.slider_ends
         for k, spans in self.spans.items():
             ends[k] = spans[int(np.argmin(np.maximum(spans[:, 0] - s[k], s[k] - spans[:, 1])))]
         return ends
 
     def limits_at(self, s: Array, history: Array | None = None) -> Array:
-        """Arc lengths between which sliders that stand at s [S] may go, of their tracks or of rigid stops, float64 [S, 2];
+        """Return the arc lengths between which sliders at s [S] may go, of their tracks or of rigid stops, float64 [S, 2];
         history: of the state, default that of the start."""
         ends = self.ends_at(s)
         return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends, s, self.along_of(history)))
 
     def slack_at(self, limits: Array) -> Array:
-        """By how much sliders may be beyond their limits [S, 2], round-off, float64 [S]."""
+        """Return the round-off by which sliders may be beyond their limits [S, 2], float64 [S]."""
         low, high = limits.T
         # a closed path has no ends, but may have one stop
         slack = END_SLACK * np.where(high < np.inf, high, np.abs(low))
-        # what is beyond the end of a track opens a gap on the next one, where they meet at a corner
+        # a place beyond the end of a track opens a gap on the next track, where both meet at a corner
         on_switch = list(self.spans)
         slack[on_switch] = TRACK_SLACK * np.maximum(np.abs(low), np.abs(high))[on_switch]
         return np.asarray(slack)
 
     def put_limits(self, out: Array, s: Array, history: Array | None = None) -> Array:
-        """Limits and what may be beyond, as compiled code takes them, float64 [S, 3]."""
+        """Put limits and the round-off beyond them into `out`, as compiled code takes them, float64 [S, 3]."""
         out[:, :2] = self.limits_at(s, history)
         out[:, 2] = self.slack_at(out[:, :2])
         return out
 
     def along_of(self, history: Array | None) -> Array:
-        """What the history of a state, or of the start, has of forces along beams, float64 [S, 11]: a view."""
+        """Return the history variables of sliders in a history, or at the start, float64 [S, 11]: a view."""
         own = self.slider_forces.initial_history if history is None else self.own(history, "slider_forces")
         return np.asarray(own.reshape(-1, HISTORY))
 
     @property
     def track(self) -> str:
-        """What sliders run on, for messages."""
+        """Kind of curve of the sliders, 'path' or 'beam', for messages."""
         return "path" if isinstance(self.curves, Paths) else "beam"
 
     @property
     def slider_ends(self) -> Array:
-        """Arc lengths of the ends of what sliders run on, infinite for closed paths, float64 [S, 2]."""
+        """Arc lengths of the ends of the curves of sliders, infinite for closed paths, float64 [S, 2]."""
         ends = np.stack((np.zeros(self.n_sliders), self.slider_lengths), axis=1)
         if isinstance(self.curves, Paths) and self.sliders is not None:
             ends[self.curves.period[self.sliders.curve] > 0.0] = -np.inf, np.inf
         return ends
 
     def state_for(self, names: Mapping[str, list[object]], state: State) -> State:
-        """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
+        """Map a state of another model, with these names of parts, to this model; see `Result.state_for`."""
         return state_for(self, names, state)
 
     @property
     def panel_rows(self) -> int:
-        """Rows of the panel of right-hand sides: those that the solver sees; with sliders all but those of condensed beams."""
+        """Rows of the panel of right-hand sides: nodes that the solver sees; with sliders all but those of condensed beams."""
         if self.columns == 1:
             return self.pattern.n
         return self.n_nodes if self.substructures is None else int(self.substructures.counts[0])
@@ -391,13 +392,14 @@ class Model(WithFeatures):
         return 0 if self.substructures is None else 8 * int(self.substructures.group[:, ELEMENTS].sum())
 
     def groups_of_beams(self) -> tuple[Array, Array]:
-        """Rows of `substructures.group` of the condensed beams with strain set (2.2), and of those with (2.1)."""
+        """Return the rows of `substructures.group` of condensed beams with strain set (2.2), and of those with (2.1)."""
         assert self.substructures is not None
         n = int(self.substructures.counts[1])
         return self.substructures.group[:n], self.substructures.group[n:]
 
     def others(self, tables: ElementTables, groups: Array) -> int:
-        """Groups of elements in tables of one strain set that belong to no condensed beam, of `groups`, and to no carrier."""
+        """Return the number of element groups in tables of one strain set that belong to no condensed beam (`groups`) and to no
+        condensed beam with sliders."""
         carried = 0
         if self.carriers is not None:
             carried = int(self.carriers.tables[self.carriers.tables[:, 1] == (tables is self.green), 3].sum())
@@ -405,7 +407,7 @@ class Model(WithFeatures):
 
     @property
     def by_rows(self) -> bool:
-        """Whether sliders are rows of the block matrix (theory.md 9) and not a dense border."""
+        """True if sliders are rows of the block matrix (theory.md 9) and not a dense border."""
         return self.n_constraints > 0 and self.pattern.plan is not None and self.substructures is None
 
     def __str__(self) -> str:
@@ -416,7 +418,7 @@ class Model(WithFeatures):
 
 
 def check_model(who: str, model: Any) -> None:
-    """Refuse what is not compiled.
+    """Check that a model is compiled.
 
     Raises
     ------

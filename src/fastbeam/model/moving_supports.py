@@ -1,4 +1,4 @@
-"""Supports that move as functions of time: what they are given in every step, and their tables; supports that let go."""
+"""Supports that move as functions of time: increments of every step, and tables; supports that let go."""
 from __future__ import annotations
 
 from typing import Any
@@ -17,16 +17,16 @@ from fastbeam.model.released_supports import Released
 from fastbeam.scene import PrescribedMotion, RigidBody, Scene
 
 Array = np.ndarray
-# a position may begin so far from the place of its node, of the size of the scene
+# largest distance of position(0) from its node, as a share of the size of the scene
 AT_START = 1e-9
-# a motion may leave the plane of its scene by so much of its way
+# largest motion out of the plane of the scene, as a share of the motion
 OUT_OF_PLANE = 1e-12
-# times at which directions of motions are looked up
+# times at which directions of motions are evaluated
 LOOKS = np.concatenate(([0.0], np.geomspace(1e-4, 1e3, 71)))
 
 
 class PrescribedMotions(Feature):
-    """All prescribed motions of a scene, of which there is one at least.
+    """Prescribed motions of a scene, of which there is one at least.
 
     Parameters
     ----------
@@ -70,44 +70,44 @@ class PrescribedMotions(Feature):
 
     @property
     def works(self) -> tuple[str, ...]:
-        """Names in the balance."""
+        """Names of their works in the energy balance."""
         return tuple(f"motion of {motion.at.label} ({motion.name!r})" for motion in self.motions)
 
     def describe(self) -> list[tuple[str, str, tuple[str, ...]]]:
-        """All of them."""
+        """Return the line of `print(model)`."""
         return [("supports that move", "", self.works)]
 
     @property
     def masks(self) -> Array:
-        """What they hold of the six unknowns of a node, bit by bit, int64 [M]."""
+        """Unknowns of the node that each motion prescribes, one bit for each of the six, int64 [M]."""
         return np.array([motion.mask for motion in self.motions], np.int64)
 
     def work(self, model: Any, plane: Any, static: bool) -> Prescribed | None:
-        """Tables with the arrays of a run in time."""
+        """Return the tables with the arrays of a run in time."""
         if static:
             return None
         row_of, place = model.pattern.row_of, model.works_place
         m, size = len(self.motions), 6 if plane is None else 3
-        # those with since= wait
+        # supports with since= do not hold yet
         masks = np.where([motion.since is None for motion in self.motions], self.masks, 0)
         masks = masks if plane is None else held_in_plane(masks, plane.axes)
         return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
                           empty((m, size)), empty((m, size)), np.zeros(1, np.int64), empty(4))
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
-        """Supports that move, and what holds them."""
+        """Return the terms of moving supports and of their reactions."""
         own = run.own.get(self.key)
         return [] if own is None else [(Stand.SUPPORTS, own), (Stand.REACTIONS, MovedRows(own))]
 
     def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
-        """Increments of supports."""
-        # a substep ends, to the last bit, where the next begins
+        """Tabulate the increments of supports for the steps of a span."""
+        # a substep ends, to the last bit, at the time at which the next begins
         times, own = np.append(span.starts, span.end), span.own[self.key]
         return [(Stand.SUPPORTS, PrescribedSchedule(own, self.schedule(times, own, span.plane)))]
 
     def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
-        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; tables:
-        those of the run, where masks of supports that have let go are 0; plane: that of the scene, whose increments are
+        """Return the increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6];
+        tables: those of the run, where masks of supports that have let go are 0; plane: that of the scene, whose increments are
         [n, M, 3], or None.
 
         Raises
@@ -132,21 +132,22 @@ class PrescribedMotions(Feature):
 
     @property
     def turning_labels(self) -> list[str]:
-        """Those of motions that turn."""
+        """Labels of the motions that turn."""
         return [self.works[k] for k in self.turning]
 
     @property
     def history_size(self) -> int:
-        """Numbers of `State.history`: a rotation vector of each motion that turns."""
+        """Number of history variables: a rotation vector of each motion that turns."""
         return 3 * len(self.turning)
 
     def vectors(self, t: float) -> Array:
-        """Rotation vectors at time t less those at t = 0, rad, [3 K]; 0 where matrices are given."""
+        """Return the rotation vectors at time t less those at t = 0, rad, [3 K]; 0 where rotations are given as matrices."""
         pairs = [(self.motions[k].turning(t)[1], self.motions[k].turning(0.0)[1]) for k in self.turning]
         return np.array([np.zeros(3) if now is None or first is None else now - first for now, first in pairs]).reshape(-1)
 
     def more_turns(self, counted: Array, t: float) -> dict[str, float]:
-        """Motions that have turned [3 K] by over half a turn more or less than at time t, by name, with the difference, rad."""
+        """Return motions whose counted turn [3 K] differs by over half a turn from that at time t, by name, with the difference,
+        rad."""
         off = np.linalg.norm((counted - self.vectors(t)).reshape(-1, 3), axis=1)
         return {self.motions[k].name: float(x) for k, x in zip(self.turning, off) if x > np.pi}
 
@@ -160,8 +161,8 @@ class PrescribedMotions(Feature):
                              f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
 
     def directions(self, n: int) -> list[tuple[Array, Array]]:
-        """Directions in which supports move and axes about which they turn at some times, up to three of each motion: [n, 3]
-        each, n nodes."""
+        """Return directions in which supports move and axes about which they turn at some times, up to three of each motion:
+        [n, 3] each, n nodes."""
         found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3 * int(np.bincount(self.own).max()))]
         for k, motion in enumerate(self.motions):
             first = 3 * int(np.sum(self.own[:k] == self.own[k]))
@@ -182,12 +183,12 @@ class PrescribedMotions(Feature):
 
 
 def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
-    """Rotations of a motion from each of these times to the next, [n, 3, 3].
+    """Return the rotations of a motion from each of these times to the next, [n, 3, 3].
 
     Raises
     ------
     SceneError
-        One of them is half a turn or more.
+        A rotation is half a turn or more.
     """
     turns, vectors = zip(*(motion.turning(t) for t in times))
     out = np.array([after @ before.T for before, after in zip(turns[:-1], turns[1:])])
@@ -202,18 +203,18 @@ def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
 
 
 def _axial(turn: Array) -> Array:
-    """Twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
+    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
     x = turn - np.swapaxes(turn, -1, -2)
     return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
 
 
 def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: float) -> PrescribedMotions | None:
-    """None where no support moves.
+    """Build the feature of moving supports; None where no support moves.
 
     Raises
     ------
     SceneError
-        As of `PrescribedMotions`; a position that does not begin at its node.
+        A node follows another, moves twice, or begins elsewhere; a position does not begin at its node.
     """
     if not scene.prescribed:
         return None
@@ -228,7 +229,7 @@ def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: fl
 
 
 def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Array, Array]:
-    """Velocities and spins of supports at t = 0, [N, 3] each: zero where they stand still."""
+    """Return the velocities and spins of supports at t = 0, [N, 3] each: zero where they stand still."""
     v, omega = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
     for motion in (x for x in scene.prescribed if x.since is None):
         at = joints.row_root[nodes.number(motion.at)]
@@ -239,12 +240,12 @@ def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[A
 
 
 def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Array, always: Array) -> Released | None:
-    """None where no support lets go or takes hold; always: what the others hold of every node, int64 [N].
+    """Build the feature of supports that let go or take hold, or None; always: unknowns that the other supports fix, int64 [N].
 
     Raises
     ------
     SceneError
-        Such a support holds what another node leads, or is one of two of a rigid part.
+        The node of such a support follows another, or two supports hold one rigid part.
     """
     every = [*scene.pins, *scene.clamps, *scene.prescribed]
     some = [(k, x) for k, x in enumerate(every) if x.until is not None or x.since is not None]

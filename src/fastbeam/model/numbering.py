@@ -25,7 +25,7 @@ class Labels(Sequence):
         self._n = 0
 
     def add(self, owner: Beam | Net | NodeRef | str, count: int = 1) -> None:
-        """The next nodes belong to this part, or are this point, or have this text."""
+        """Register the owner of the next nodes: a part, a point, or a text."""
         self._starts.append(self._n)
         self._owners.append(owner)
         self._n += count
@@ -34,7 +34,7 @@ class Labels(Sequence):
         return self._n
 
     def owner(self, k: int) -> tuple[Beam | Net | NodeRef | str, int]:
-        """What node k belongs to, and its number there."""
+        """Return the owner of node k, and its number there."""
         i = bisect_right(self._starts, k) - 1
         return self._owners[i], k - self._starts[i]
 
@@ -58,7 +58,7 @@ class NodeList:
 
     def __init__(self, scene: Scene) -> None:
         self.first: dict[Any, int] = {}
-        # what sliders run on (tracks.py)
+        # curves of sliders (tracks.py)
         self.tracks: dict[tuple[Any, str, float], Any] = {}
         self.labels = Labels()
         phi: list[Array] = []
@@ -104,7 +104,7 @@ class NodeList:
                 continue
             self.arms[key] = add(node, scene.position_of(node)[None], node.owner.directors[None], 4)
             self.arm_owner.append((self.first[node.owner], self.arms[key]))
-        # of every node the first one of the beam, or of the beam of a net, that it belongs to; of points that of their body
+        # part of every node: the first node of its beam, or beam of a net; for points of bodies the node of the body
         self.part = np.arange(len(self.labels))
         for beam in scene.beams:
             self.part[self.span(beam)] = self.start(beam)
@@ -113,7 +113,7 @@ class NodeList:
             self.part[self.span(net)] = np.repeat(first, last - first + 1)
         for owner, arm in self.arm_owner:
             self.part[arm] = owner
-        # spins of the rigid motions that every node begins with
+        # initial spin of every node by rigid motions
         self.turning = np.zeros((len(self.labels), 3))
         for motion in scene.motions:
             for part in motion.objects or [*scene.beams, *scene.nets, *scene.bodies, *scene.masses]:
@@ -134,12 +134,12 @@ class NodeList:
         return extent_of(self.phi[self._in_space])
 
     def coordinates(self, nodes: Sequence[int]) -> Array:
-        """Reference positions and directors of some nodes, [n, 4, 3]."""
+        """Return the reference positions and directors of some nodes, [n, 4, 3]."""
         pick = list(nodes)
         return np.concatenate((self.phi[pick, None], self.directors[pick]), axis=1)
 
     def start(self, part: Any) -> int:
-        """Global number of the first node of a beam, a beam of a net, a net, body or mass.
+        """Return the global number of the first node of a beam, a beam of a net, a net, body or mass.
 
         Raises
         ------
@@ -151,12 +151,12 @@ class NodeList:
         return self.first[part]
 
     def span(self, part: Any) -> slice:
-        """Global numbers of all nodes of a part."""
+        """Return the global numbers of all nodes of a part."""
         first = self.start(part)
         return slice(first, first + getattr(part, "n_nodes", 1))
 
     def number(self, node: NodeRef) -> int:
-        """Global number of a node of the scene."""
+        """Return the global number of a node of the scene."""
         if isinstance(node.owner, Beam):
             return self.start(node.owner) + node.index
         if node.is_center and not isinstance(node.owner, Ground):

@@ -1,4 +1,4 @@
-"""The plane of a scene: states of the scene in space and in the plane, and the model with 3 unknowns a node (theory.md 10)."""
+"""Plane of a scene: states in space and in the plane, and the model with 3 unknowns a node (theory.md 10)."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ AXES = "xyz"
 
 
 class NotPlanar(Exception):
-    """Why a scene has to be run in space."""
+    """Reason why a scene has to be run in space."""
 
 
 @dataclass(frozen=True)
@@ -28,21 +28,21 @@ class Plane:
     axes : float64 [3, 3]
         Two axes in the plane and its normal, by rows.
     height : float
-        Of all nodes along the normal, m.
+        Height of all nodes along the normal, m.
     factor : complex128 [N, 3]
         Director i of a node is factor_i u in the plane: a + i b stands for a u + b J u.
     normal : float64 [N, 3]
         Constant component of the directors along the normal.
     vectors : int
-        Forces of constraints that are vectors; behind them come single ones.
+        Number of constraint forces that are vectors; scalar multipliers follow.
     singles : int64 [*]
-        Of these the numbers of those that act in the plane.
+        Numbers of the scalar multipliers that act in the plane.
     single : int
-        Number of all of these in space.
+        Number of all scalar multipliers in space.
     moments : float64 [O, 3]
-        Of sleeves: their three multipliers in space next to the one in the plane. They come last.
+        Three multipliers of every sleeve in space for a unit one in the plane. They come last.
     model : Model
-        With 4 coordinates a node, x, y and u, and 3 unknowns.
+        Model with 4 coordinates a node, x, y and u, and 3 unknowns.
     """
 
     axes: Array
@@ -64,7 +64,7 @@ class Plane:
         return "plane with normal (" + ", ".join(f"{x:.3g}" for x in self.axes[2]) + ")"
 
     def reduce(self, state: State) -> State:
-        """Coordinates in the plane."""
+        """Return the state in the plane."""
         n = len(self.factor)
         flat = [to_plane(x.reshape(n, 4, 3), self.axes) for x in (state.q, state.v)]
         # u from the director that lies best in the plane
@@ -78,12 +78,12 @@ class Plane:
                      np.concatenate((numbers_of(force), state.force[vectors:moments][self.singles], about)), state.history.copy())
 
     def expand(self, flat: State) -> State:
-        """Coordinates in space."""
+        """Return the state in space."""
         return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), self.forces(flat.force),
                      flat.history.copy())
 
     def _within(self, x: Array) -> Array:
-        """[12 N] from [4 N], without what points along the normal."""
+        """Map [4 N] to [12 N], without components along the normal."""
         z = x.view(complex).reshape(-1, 2)
         place = np.empty((len(z), 4), complex)
         place[:, 0] = z[:, 0]
@@ -91,19 +91,20 @@ class Plane:
         return to_space(place, self.axes).reshape(-1)
 
     def vectors_of(self, rows: Array, nodes: Array, is_place: bool) -> Array:
-        """Positions and directors in space of some nodes [m] in rows of coordinates [n, 4 N], or their rates: [n, m, 4, 3]."""
+        """Return positions and directors in space of some nodes [m] from rows of coordinates [n, 4 N], or their rates:
+        [n, m, 4, 3]."""
         z = np.ascontiguousarray(rows).view(complex).reshape(len(rows), -1, 2)[:, nodes]
         out = to_space(np.concatenate((z[:, :, :1], self.factor[nodes] * z[:, :, 1:]), axis=2), self.axes)
         return out + self._above.reshape(-1, 4, 3)[nodes] if is_place else out
 
     @cached_property
     def _above(self) -> Array:
-        """What points along the normal, [12 N]."""
+        """Components of all coordinates along the normal, as vectors in space, [12 N]."""
         up = np.concatenate((np.full((len(self.factor), 1), self.height), self.normal), axis=1)
         return (up[:, :, None] * self.axes[2]).reshape(-1)
 
     def forces(self, force: Array) -> Array:
-        """Forces of all constraints [*] in space."""
+        """Return the forces of all constraints [*] in space."""
         vectors, moments = 2 * self.vectors, force.size - len(self.moments)
         about = force[moments:, None] * self.moments
         single = np.zeros(self.single)
@@ -112,7 +113,7 @@ class Plane:
                                single, about.reshape(-1)))
 
     def holds(self, state: State) -> bool:
-        """Whether a state lies in the plane."""
+        """Return whether a state lies in the plane."""
         try:
             check_state(state.q, state.v, self, self.model.length)
         except NotPlanar:
@@ -123,22 +124,22 @@ class Plane:
 
 
 def to_plane(x: Array, axes: Array) -> Array:
-    """Vectors [..., 3] in space as a + i b along the axes of the plane, complex128 [...]."""
+    """Map vectors [..., 3] in space to a + i b along the axes of the plane, complex128 [...]."""
     return x @ axes[0] + 1j * (x @ axes[1])
 
 
 def numbers_of(z: Array) -> Array:
-    """Vectors of the plane, complex128 [...], one component after the other, float64 [*]."""
+    """Flatten vectors of the plane, complex128 [...], one component after the other, float64 [*]."""
     return np.stack((z.real, z.imag), axis=-1).reshape(-1)
 
 
 def to_space(z: Array, axes: Array) -> Array:
-    """What `to_plane` came from, without what points along the normal."""
+    """Map vectors of the plane, complex128 [...], to space [..., 3], without components along the normal."""
     return z.view(float).reshape(*z.shape, 2) @ axes[:2]
 
 
 def check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
-    """Refuse coordinates [12 N] and their rates that leave a plane; length: size of the scene, m.
+    """Check that coordinates [12 N] and their rates lie in a plane; length: size of the scene, m.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Supports that let go or take hold in a run: what they hold, which hold in a state, and the tables of a run that follow."""
+"""Supports that let go or take hold in a run: fixed unknowns in a state, and the tables of a run that follow."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -19,8 +19,8 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Released(Feature):
-    """Supports with `until` or `since`, R of them. Their numbers in `State.history` are how often each has changed: one with
-    `since` takes hold first, and one with `until` lets go.
+    """Supports with `until` or `since`, R of them. Their history variables count the changes of each: supports with `since` take
+    hold first, those with `until` let go.
 
     Attributes
     ----------
@@ -29,13 +29,13 @@ class Released(Feature):
     node, row : int64 [R]
         Node and row of each.
     mask : int64 [R]
-        What it holds of the unknowns of the row, bit by bit.
+        Unknowns of the row that each fixes, bit by bit.
     always : int64 [R]
-        What others that neither let go nor take hold hold of the same row.
+        Unknowns of the same row that supports without `until` and `since` fix, bit by bit.
     motion : int64 [R]
-        Its number among the supports that move, or -1.
+        Number among the supports that move, or -1.
     reaction : int64 [R]
-        Its number among the supports of `Holding`.
+        Number among the supports of `Holding`.
     spin : int
         Bits of the spins.
     """
@@ -66,36 +66,36 @@ class Released(Feature):
 
     @property
     def history_size(self) -> int:
-        """Numbers of `State.history`."""
+        """Number of history variables, one for each support."""
         return len(self.names)
 
     @property
     def arrays(self) -> list[Array]:
-        """What tells models with different supports apart; conditions count as one."""
+        """Arrays that differ for models with different supports; times that are conditions count as NaN."""
         return [self.node, self.mask, self.waits, *(np.array([x if isinstance(x, float) else np.nan for x in times])
                                                     for times in (self.until, self.since))]
 
     @property
     def waits(self) -> Array:
-        """Which take hold in the run, bool [R]."""
+        """True for supports that take hold in the run, bool [R]."""
         return np.array([x is not None for x in self.since])
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """What takes energy away: impacts of those that take hold, in their order."""
+        """Names of the energies lost where supports take hold, in their order."""
         return tuple(f"impact at {name}" for name, waits in zip(self.names, self.waits) if waits)
 
     def describe(self) -> list[tuple[str, str, list[str]]]:
-        """Those that let go, and those that take hold."""
+        """Return lines of `print(model)`: supports that let go, and those that take hold."""
         return [(what, "", [name for name, time in zip(self.names, times) if time is not None])
                 for what, times in (("let go", self.until), ("take hold", self.since))]
 
     def off(self, changes: Array) -> Array:
-        """Which do not hold, bool [R], as often as they have changed [R]."""
+        """Return which supports do not hold, bool [R], from the number of changes of each [R]."""
         return np.asarray(changes + ~self.waits != 1.0)
 
     def at_start(self, held: Held | None, pattern: Pattern) -> Held | None:
-        """What is held before those with `since` take hold; held: with all of them."""
+        """Return the fixed unknowns before supports with `since` take hold; held: table with all supports."""
         if held is None or not self.waits.any():
             return held
         found = held._replace(mask=held.mask.copy(), row_mask=held.row_mask.copy(), column_mask=held.column_mask.copy())
@@ -107,17 +107,17 @@ class Released(Feature):
         return found
 
     def put(self, off: Array, masks: Array) -> None:
-        """What is held where some do not hold, off [R], into masks of all rows."""
+        """Set masks of fixed unknowns of all rows for supports that do not hold, off [R]."""
         rows, found = self.masks(off)
         masks[rows] = found
 
     def in_plane(self, plane: Any, model: Any, constraints: int) -> Released:
-        """For the unknowns in a plane."""
+        """Return a copy for the unknowns in a plane."""
         mask, always = (held_in_plane(x, plane.axes) for x in (self.mask, self.always))
         return replace(self, mask=mask, always=always, spin=4)
 
     def masks(self, off: Array) -> tuple[Array, Array]:
-        """Rows [n] and what is held there where some do not hold, off [R]: int64 [n]."""
+        """Return rows [n] and masks of fixed unknowns in these rows, int64 [n], for supports that do not hold, off [R]."""
         rows, which = np.unique(self.row, return_inverse=True)
         masks = np.zeros(rows.size, np.int64)
         np.bitwise_or.at(masks, which, self.always | np.where(off, 0, self.mask))
@@ -125,12 +125,12 @@ class Released(Feature):
 
 
 class OwnSupports:
-    """The tables of a run that change when supports let go or take hold: copies of those of its model.
+    """Tables of a run that change when supports let go or take hold: copies of those of its model.
 
     Parameters
     ----------
     core : Model
-        With such supports.
+        Model with such supports.
     """
 
     def __init__(self, core: Any) -> None:
@@ -143,11 +143,11 @@ class OwnSupports:
         self._off = self.of.waits
 
     def off(self, state: State) -> Array:
-        """Which supports do not hold in a state, bool [R]."""
+        """Return which supports do not hold in a state, bool [R]."""
         return self.of.off(self.core.own(state.history, "released"))
 
     def follow(self, stepper: Any) -> None:
-        """Bring all tables of a run up to its state."""
+        """Update all tables of a run to the supports in its state."""
         off = self.off(stepper.core_state)
         if np.array_equal(off, self._off):
             return
@@ -168,14 +168,14 @@ class OwnSupports:
 
 
 class StandingSupports:
-    """Of a run in which none changes."""
+    """Supports of a run in which none lets go or takes hold."""
 
     def follow(self, stepper: Any) -> None:
-        """Nothing changes."""
+        """Do nothing: no table changes."""
 
 
 def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupports | StandingSupports]:
-    """The model of a run with tables of its own where supports change; in statics they are as they begin.
+    """Return the model of a run with its own tables where supports change; in statics they stay as at the start.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a run may start from: states that agree with the connections, supports and sliders of their model."""
+"""State at the start of a run: checks against connections, supports and sliders of the model, and mending of small errors."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -23,40 +23,40 @@ from fastbeam.model.maps import (free_unknowns, mass_map, rates_map, share_map, 
 from fastbeam.model.model import Model
 
 Array = np.ndarray
-# what round-off of a long run may leave between welded ends of a net, relative to the size of the scene and to 1 for triads; what
-# supports hold elsewhere by more than that is worth a word
+# largest gap from round-off of a long run between welded ends of a net, relative to the size of the scene, or for triads to 1;
+# supports whose nodes are displaced by more raise an event
 TIED = 1e-7
-# gap of a slider at the start, relative to the size of the scene: a larger one would be closed by an impulse in the first step
+# largest gap of a slider at the start, relative to the size of the scene: an impulse would close it in the first step
 GAP = 1e-12
-# a slider at a rigid stop may be so far beyond it, of the length of the beam
+# largest distance of a slider beyond a rigid stop, as a share of the length of the beam
 AT_STOP = 1e-9
-# velocity of a slider across its curve, relative to the largest velocity, beyond which an event says so, and beyond which the
-# state is refused; it is not zero, because velocities at the end of a step satisfy constraints on positions to second order only
+# velocity of a slider across its curve, relative to the largest velocity, that raises an event, and that raises an error; it is
+# not zero, because velocities at the end of a step satisfy constraints on positions to second order only
 SIDEWAYS, UNTRUE = 0.01, 0.5
-# velocity of a state against that of its momenta, relative to the largest velocity, from which the state is refused: in runs they
-# differ by the square of the step, by 0.05 with steps of a tenth of a swing
+# difference between velocities of a state and those of its momenta, relative to the largest velocity, that raises an error: in
+# runs it grows with the square of the step, to 0.05 with steps of a tenth of a period
 EDITED = 0.1
-# and in the size of the scene a step: what is left of a motion that has come to rest
+# allowance for the same difference in a state near rest, in sizes of the scene a step
 AT_REST = 1e-6
 TURNS_AROUND = "contact forces alternate from step to step by as much as it takes to turn that around; use a smaller step"
 JUMPS = ("the support takes its node along at once, a blow that makes forces alternate from step to step; let the motion begin "
          "with the velocity of the state")
-# misfits of places up to this share of the size of the scene are mended where that is asked for
+# largest error of places that mend_start mends, as a share of the size of the scene
 MENDABLE = 1e-2
-# share of the largest velocity by which velocities of the scene may change without a word
+# largest change of velocities of the scene without an event, as a share of the largest velocity
 CHANGES = 1e-9
-# share of the size of the scene at which gaps are closed: round-off
+# size of closed gaps, round-off, as a share of the size of the scene
 CLOSED = 4.0 * float(np.finfo(float).eps)
 # rounds in which parts are moved until joints close
 ROUNDS = 8
-# factor on the mass of beams when places are mended, so that what slides moves rather than its beam
+# factor on the mass of beams when places are mended, so that sliding points move rather than their beams
 STIFF = 100.0
 
 
 @dataclass
 class Misfit:
-    """What a state has against its model: what, by how much in which unit, what is allowed, what can be mended, and from what
-    size on it is worth a word, and which."""
+    """Violation of a condition by the state at the start: text, size and unit, largest size allowed, largest that can be mended,
+    size from which an event is raised, and text of the event."""
 
     what: str
     size: float
@@ -68,12 +68,12 @@ class Misfit:
 
 
 def own_state(model: Model, state: State) -> State:
-    """A copy of a state that fits the model; compiled code reads it without bounds.
+    """Return a checked copy of a state that fits the model; compiled code reads it without bounds.
 
     Raises
     ------
     SceneError
-        It is not a State, or one of another model.
+        The start is not a State, or is one of another model.
     """
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
@@ -104,28 +104,28 @@ def own_state(model: Model, state: State) -> State:
 
 def check_start(model: Model, state: State, step: float, mend: bool | None = None, at_rest: bool = False, t: float | None = None,
                 goes_on: bool = False) -> tuple[State, list[Any]]:
-    """The state to start from, the same bits where it agrees with the model, and (kind, text) of what is to be said about it.
+    """Return the state to start from, bit for bit the same where it agrees with the model, and (kind, text) of its events.
 
     Parameters
     ----------
     model : Model
     state : State
     step : float
-        Of the run, s: round-off of a velocity is that of a position over it.
+        Step size of the run, s: round-off of a velocity is that of a position over it.
     mend : bool, optional
-        Take a state near to it that agrees where this one does not quite; None: who asks has no such option.
+        Replace a state with small errors by a near one that agrees with the model; None: the caller has no such option.
     at_rest : bool
-        The velocities do not count.
+        Ignore the velocities.
     t : float, optional
-        When the run begins, s: with it supports that move are looked at, too.
+        Time at which the run begins, s: supports that move are checked, too.
     goes_on : bool
-        The state is known to be one of a run of this model: its velocities satisfy constraints to second order in the step, which
-        says nothing against it however coarse the step was.
+        True for a state of a run of this model: its velocities satisfy constraints to second order in the step, and are accepted
+        however coarse the step was.
 
     Raises
     ------
     SceneError
-        It is no state of the model, or one that connections, supports or sliders do not allow; says which and by how much.
+        The state is not one of the model, or violates connections, supports or sliders; says which and by how much.
     """
     state = own_state(model, state)
     if at_rest:
@@ -165,34 +165,35 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
 
 
 def _worst(found: list[Misfit]) -> Misfit | None:
-    """The first that cannot be mended, else that with the largest share of what can be; None where all are allowed."""
+    """Return the first violation that cannot be mended, else the largest relative to what can be mended; None where all are
+    allowed."""
     wrong = [m for m in found if not m.size <= m.allowed]
     return max(wrong, key=lambda m: m.size / m.mendable if m.size == m.size else np.inf, default=None)
 
 
 def misfits(model: Model, state: State, step: float, t: float | None = None) -> list[Misfit]:
-    """The worst of every kind; t: when the run begins, if supports that move are to be looked at."""
+    """Return the largest violation of every kind; t: time at which the run begins, to check supports that move."""
     q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
     length = model.length
     reach = length + float(np.max(np.abs(q[:, 0])))
     speed = float(np.max(np.abs(v[:, 0]), initial=0.0)) + length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
     noise = 1e-12 * reach / step
-    # an impact has to know all inertia
+    # mending by an impact does not include added mass and moving meshes
     most = np.inf if model.added is None and model.moving is None else MENDABLE * speed
     out: list[Misfit] = []
 
     def add(what: str, error: Array, nodes: Array, unit: str, allowed: float, mendable: float) -> None:
-        """error [m, ...] of nodes [m]"""
+        """Add the largest error [m, ...] of nodes [m] to the violations."""
         if len(nodes):
             size = np.sqrt(np.sum(error.reshape(len(nodes), -1)**2, axis=1))
-            # of the difference of two triads the angle between them
+            # angle between two triads from the norm of their difference
             size = size if unit != "rad" else 2.0 * np.arcsin(np.minimum(size / np.sqrt(8.0), 1.0))
             k = int(np.argmax(size))
             out.append(Misfit(what.format(_joint_of(model, int(nodes[k]))), float(size[k]), unit, allowed, mendable))
 
     place, rate = follow(model, q), follow(model, v)
     tied = model.ties.slave if model.ties is not None else np.zeros(0, np.int64)
-    # a run keeps between welded ends of a net what there is, and closes anything else in its first step
+    # a run keeps gaps between welded ends of a net, and closes all others in its first step
     for led, off in ((tied, GAP), (np.setdiff1d(np.flatnonzero(_follows(model)), tied), TIED)):
         add("{} stands", (q - place)[led, 0], led, "m", off * reach, MENDABLE * length)
         add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * off, MENDABLE)
@@ -210,12 +211,12 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         off = velocities_and_spins(q[node], v[node]).reshape(2, 3) - rates
         off *= held_axes(np.array([motion.mask]))[0], [float(motion.mask & 56 != 0)] * 3
         size = float(np.linalg.norm(off[0])) + length * float(np.linalg.norm(off[1]))
-        # taken as it is from solve_static, and nothing against it: a word, and mended on request
+        # a state of solve_static is accepted as it is: it raises an event, and is mended on request
         told = SIDEWAYS * max(speed, float(np.linalg.norm(rates[0]))) + noise
         out.append(Misfit(f"the velocity of {model.labels[node]}, against that of {motion.label}, is", size, "m/s", np.inf,
                           np.inf, told, JUMPS))
     for place, moves, gap, rate, is_angle in _gaps_and_rates(model, state):
-        # the size of the scene makes a velocity of the rate of an angle
+        # the rate of an angle times the size of the scene is a velocity
         unit, big, wide, per = ("rad", 1.0, 1.0, length) if is_angle else ("m", reach, length, 1.0)
         out.append(Misfit(place, gap, unit, GAP * big, MENDABLE * wide))
         out.append(Misfit(moves, rate * per, "m/s", UNTRUE * speed + noise, np.inf, SIDEWAYS * speed + noise))
@@ -229,8 +230,8 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
 
 
 def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, float, float, bool]]:
-    """Of every constraint words for its gap and for the rate of that, both as numbers, m and m/s or rad and rad/s, and whether
-    they are those of an angle."""
+    """Yield for every constraint the texts of its gap and of its rate, their sizes, m and m/s or rad and rad/s, and True for an
+    angle."""
     if not model.n_constraints:
         return
     rows = GapRows(model)
@@ -247,12 +248,12 @@ def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, floa
                _angle(values[of_sleeve]), float(np.linalg.norm(rates[of_sleeve])), True)
     for link, first in zip(model.kept, model.first_force[model.n_sliders:]):
         if isinstance(link.law, Coordinate):
-            # what is given depends on time
+            # prescribed values depend on time
             continue
         at = slice(first, first + link.forces(3))
         gap, rate = values[at], float(np.linalg.norm(rates[at]))
         if isinstance(link.law, Distance):
-            # by how much the length is off, from (l^2 - L^2)/(2 L)
+            # error of the length l - L, from (l^2 - L^2)/(2 L)
             a, b = model.q0.reshape(-1, 4, 3)[list(link.node), 0]
             gap = 2.0 * gap / (1.0 + np.sqrt(1.0 + 2.0 * gap / np.linalg.norm(b - a)))
         place, moves, size = ("its directions are", "the rate of its directions is", _angle(gap)) if link.law.is_angle else (
@@ -261,19 +262,19 @@ def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, floa
 
 
 def _angle(products: Array) -> float:
-    """By which directions are turned whose products are sines of it, rad."""
+    """Return the angle, rad, between directions whose products are its sines."""
     return float(np.arcsin(min(float(np.linalg.norm(products)), 1.0)))
 
 
 def off_beam(model: Model, state: State) -> Array:
-    """Whether sliders have left their beams, bool [S]."""
+    """Return which sliders have left their beams, bool [S]."""
     if model.slider_forces is None:
         return np.zeros(model.n_sliders, bool)
     return np.asarray(model.own(state.history, "slider_forces").reshape(-1, HISTORY)[:, HELD] == OFF)
 
 
 def _follows(model: Model) -> Array:
-    """Whether a node is tied to others, or shares the row of one before it, bool [N]."""
+    """Return which nodes are slave nodes, or share the row of a node before them, bool [N]."""
     out = model.pattern.first_on_row != np.arange(model.n_nodes)
     if model.ties is not None:
         out[model.ties.slave] = True
@@ -281,7 +282,7 @@ def _follows(model: Model) -> Array:
 
 
 def _led(model: Model) -> Array:
-    """The node whose triad every node turns with, itself where it has its own, int64 [N]."""
+    """Return the node whose triad every node turns with, itself for a node with its own triad, int64 [N]."""
     out = model.pattern.first_on_row.copy()
     if model.ties is not None:
         turns = model.ties.kind == TRIAD
@@ -290,14 +291,14 @@ def _led(model: Model) -> Array:
 
 
 def _joint_of(model: Model, node: int) -> str:
-    """A node with the joints at it, for messages."""
+    """Return the label of a node with the joints at it, for messages."""
     joints = model.joints.get(node, [])
     return f"{model.labels[node]} ({', '.join(joints)})" if joints else model.labels[node]
 
 
 def _standing(model: Model, state: State) -> Array:
-    """Of every node which of its unknowns a support holds still, int64 [N]; nodes that follow others in position alone have a
-    triad of their own."""
+    """Return the unknowns of every node that a support at rest fixes, bit by bit, int64 [N]; nodes that follow others only in
+    position have their own triad."""
     held = model.held_in(state)
     held[_follows(model)] &= HOLD_TRIAD
     held[_led(model) != np.arange(held.size)] = 0
@@ -308,13 +309,13 @@ def _standing(model: Model, state: State) -> Array:
 
 
 def moving_supports(model: Model, state: State) -> list[tuple[Any, int]]:
-    """Motions that hold their nodes from the start on, and these; not those that take hold on the way, from wherever their nodes
-    are then."""
+    """Return the motions that hold their nodes from the start on, with these nodes; not those with `since`, which take hold
+    wherever their nodes are then."""
     return [(motion, node) for _, motion, node in active_motions(model, state) if motion.since is None]
 
 
 def active_motions(model: Model, state: State) -> list[tuple[int, Any, int]]:
-    """Motions of supports that hold now, their numbers and nodes."""
+    """Return the motions of supports that hold now: number, motion and node."""
     if model.prescribed is None:
         return []
     gone: set[int] = set()
@@ -326,7 +327,7 @@ def active_motions(model: Model, state: State) -> list[tuple[int, Any, int]]:
 
 
 def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]]:
-    """Supports that move begin at time t where the state has their nodes: worth a word where these are not their places then."""
+    """Return events for supports that move and whose nodes in the state are not at their places at time t."""
     q, q0 = state.q.reshape(-1, 4, 3), model.q0.reshape(-1, 4, 3)
     reach = model.length + float(np.max(np.abs(q0[:, 0])))
     out = []
@@ -347,14 +348,14 @@ def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]
 
 
 def _turned_by(a: Array, b: Array) -> float:
-    """The angle between two triads (3, 3), rad."""
+    """Return the angle between two triads (3, 3), rad."""
     return 2.0 * float(np.arcsin(min(1.0, float(np.linalg.norm(a - b)) / np.sqrt(8.0))))
 
 
 def _displaced_supports(model: Model, state: State) -> list[tuple[str, str]]:
-    """A support holds its node where the state has it: worth a word where that is not its place in the model."""
+    """Return events for supports whose nodes in the state are not at their places in the model: they hold them there."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
-    # what others have caught stands elsewhere
+    # nodes of supports that have taken hold stand elsewhere
     held = _standing(model, state) & model.held_mask
     away = np.linalg.norm(np.where(held_axes(held), off[:, 0], 0.0), axis=1)
     turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
@@ -369,12 +370,12 @@ def _displaced_supports(model: Model, state: State) -> list[tuple[str, str]]:
 
 
 def mended(model: Model, state: State, t: float | None = None) -> State:
-    """A state near to this one that ties, supports and sliders allow.
+    """Return a state near to this one that slave nodes, supports and sliders allow.
 
     Parts move as rigid bodies first, with the least motion in the norm of the masses, and bend only where joints are open still:
-    bodies and masses then give way before beams. Velocities jump as in an inelastic impact, the jump of least kinetic energy that
-    ends in velocities which everything allows: what has no support keeps its momenta. t: when supports that move have the
-    velocities that they give, else those of the state.
+    bodies and masses then give way before beams. Velocities jump as in an inelastic impact, by the jump of least kinetic energy
+    to admissible velocities: parts without support keep their momenta. t: time at which supports that move give the velocities
+    of their nodes; None: they have those of the state.
     """
     from scipy import sparse
     if off_beam(model, state).any():
@@ -388,7 +389,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     for _ in range(ROUNDS * (model.n_constraints > 0)):
         across, gaps = _across(model, rows, q, s)
         left = float(np.max(np.abs(gaps), initial=0.0))
-        # what is left would be closed by the next step, and its force do work on that
+        # the next step would close the rest, and the constraint forces would do work on it
         if left <= CLOSED * model.length or left > 0.5 * before:
             break
         before = left
@@ -407,10 +408,11 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
 
 
 def _close_rigidly(model: Model, rows: GapRows, state: State, q: Array, s: Array) -> None:
-    """Move parts as rigid bodies, and sliders along their beams, until ties and joints are closed, or as far as that goes."""
+    """Move parts as rigid bodies, and sliders along their beams, until connections and joints are closed, or as far as
+    possible."""
     inertia, before, part = mass_map(model), np.inf, model.numbers.part
     if model.ties is not None:
-        # no rigid motion brings a point of a body to where the body has it
+        # no rigid motion of parts moves a point of a body to its place on the body
         owner = np.repeat(np.arange(len(q)), np.diff(model.ties.start))
         own = _follows(model) & (np.bincount(owner, part[model.ties.target] != part[owner], len(q)) == 0)
         q[own] = follow(model, q)[own]
@@ -425,28 +427,28 @@ def _close_rigidly(model: Model, rows: GapRows, state: State, q: Array, s: Array
         step = rigid_share((rates.T @ inertia @ rates).tocsr(), sparse_rows(across @ rates, ties), -gaps,
                            rigid_motions(q[:, 0], part)).reshape(-1, 6)
         middle, number = middles(q[:, 0], part)
-        # turned as a whole, however far
+        # finite rotation of the whole part
         arms = (q[:, 0] - middle[number])[:, None]
         q[:, 0] = middle[number] + step[number, :3] + turned(arms, step[number, 3:])[:, 0]
         q[:, 1:] = turned(q[:, 1:], step[number, 3:])
 
 
 def sparse_rows(*parts: Any) -> Any:
-    """Sparse matrices below each other."""
+    """Stack sparse matrices below each other."""
     from scipy import sparse
     return sparse.vstack(parts, format="csr")
 
 
 def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
-    """What tied nodes, welded ends and supports ask of all nodes: a matrix on their velocities and spins, sparse [m, 6 N], by
-    how much each of them is off [m], and of supports, whose rows come last, the numbers of what they hold."""
+    """Assemble the conditions of slave nodes, welded ends and supports: a matrix on velocities and spins of all nodes, sparse
+    [m, 6 N], the errors of position [m], and the numbers of unknowns that supports, whose rows come last, fix."""
     from scipy import sparse
     place = follow(model, q)
     led = np.flatnonzero(_follows(model))
     unit = sparse.eye(6 * len(q), format="csr")
     to_rates = velocity_map(q)
     rates = tie_map(model) @ to_rates @ share_map(model)
-    # by how much a node moves less than what it follows
+    # motion of the master nodes less that of the slave node
     at = (12 * led[:, None] + np.arange(3)).reshape(-1)
     rows, off = [(rates - to_rates)[at]], [(place - q)[led, 0].reshape(-1)]
     leads = _led(model)
@@ -464,10 +466,10 @@ def _ties(model: Model, state: State, q: Array) -> tuple[Any, Array, Array]:
 
 
 def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[State, list[tuple[str, str]]]:
-    """The state with the velocities that the scene gives its parts, in the shape of the state, and what there is to say about it.
+    """Return the state with the velocities that the scene gives its parts, in the shape of the state, and its events.
 
-    Rigid motions are those of the scene at the places of the state, sliders keep their rates along their beams. What does not
-    agree with joints in this shape changes as in a projection: rigid motions of the parts first.
+    Rigid motions are those of the scene at the places of the state, sliders keep their rates along their beams. Velocities that
+    joints do not allow in this shape are projected: rigid motions of the parts change first.
     """
     state = own_state(model, state)
     q, q0, v0 = (x.reshape(-1, 4, 3) for x in (state.q, model.q0, model.v0))
@@ -484,7 +486,7 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     goals = []
     for k, tangent in enumerate(gaps.tangents):
         goals.append(at_start.along(k, model.v0) * tangent)
-        # what slides goes along, not what it slides on
+        # the part with the sliding point moves along, its beam does not
         part = model.numbers.part == model.numbers.part[int(model.sliders.point[k])]  # type: ignore[union-attr]
         if np.all(model.numbers.rank[part] != 3):
             given[part, :3] += goals[-1] - gaps.rates[3 * k:3 * k + 3] @ (to_rates @ given.reshape(-1))
@@ -505,17 +507,17 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
 
 
 def nearest_velocities(model: Model, state: State, leads: Any, goals: Array, supports: Array, given: Array) -> Array:
-    """Find the velocities and spins [6 N] that are nearest to `given` of those that ties, supports, sliders and joints allow:
-    rigid motions of the parts change first.
+    """Find the velocities and spins [6 N] nearest to `given` that slave nodes, supports, sliders and joints allow: rigid motions
+    of the parts change first.
 
     Parameters
     ----------
     leads : sparse [m, 12 N]
         Rates of gaps of sliders, joints and sleeves by those of the coordinates.
     goals : float64 [*]
-        What these are to be, 0 where there are fewer.
+        Values of these rates; 0 for rates behind the last.
     supports : float64 [6 N]
-        Velocities and spins of what supports hold.
+        Velocities and spins of nodes that supports fix.
     """
     q = state.q.reshape(-1, 4, 3)
     to_rates = velocity_map(q)
@@ -530,7 +532,7 @@ def nearest_velocities(model: Model, state: State, leads: Any, goals: Array, sup
 
 
 def _at_rest_where_the_scene_moves(model: Model, state: State) -> list[tuple[str, str]]:
-    """A start without velocities in a scene that gives some is worth a word."""
+    """Return the event of a start without velocities in a scene that gives some."""
     if state.v.any() or not model.v0.any():
         return []
     size = np.linalg.norm(model.v0.reshape(-1, 4, 3), axis=2)
@@ -541,7 +543,7 @@ def _at_rest_where_the_scene_moves(model: Model, state: State) -> list[tuple[str
 
 
 def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
-    """Springs that only push, have no force, and lie the other way round than in the scene, are worth a word."""
+    """Return events for one-sided springs without force whose ends have passed each other against the scene."""
     if model.lines is None:
         return []
     a, b = model.lines.node.T
@@ -555,8 +557,8 @@ def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
 
 
 def _after_impact(model: Model, rows: GapRows, state: State, q: Array, s: Array, t: float | None) -> Array:
-    """Rates [12 N] at coordinates q, near to those of the state, that everything allows: momenta change by what ties, joints and
-    supports do alone."""
+    """Return admissible rates [12 N] at coordinates q near to those of the state: only connections, joints and supports change
+    momenta."""
     inertia = mass_map(model)
     before = state.q.reshape(-1, 4, 3)
     own = velocities_and_spins(before, state.v.reshape(-1, 4, 3))
@@ -569,21 +571,21 @@ def _after_impact(model: Model, rows: GapRows, state: State, q: Array, s: Array,
     across, _ = _across(model, rows, q, s)
     lift, free = _lift(model, q, state)
     moved = _moved_unknowns(model, state)
-    # supports that move go on as they do
+    # supports that move keep their velocities
     led = rates_map(model, q)[:, moved] @ led_by.reshape(-1)[moved]
-    # every node has the momentum that it had, turned with it
+    # every node keeps its momentum, turned with the node
     carried = state.v + velocity_map(q) @ own.reshape(-1) - velocity_map(before) @ own.reshape(-1)
     momentum = np.zeros(q.size)
     if not np.array_equal(q, before):
         joined = sparse_rows(across @ velocity_map(q), _ties(model, state, q)[0])
         momentum += inertia @ _turned_back(inertia, joined, before, q, state.v, carried)
-    # or that of its support, whose change is no momentum that the rest would have to keep
+    # nodes of moving supports take the momentum of their support; the other nodes do not take up its change
     carried += velocity_map(q) @ (led_by - own).reshape(-1)
     momentum += inertia @ carried
     found = led_by.reshape(-1)[free]
     missing = lift.T @ (momentum - inertia @ (lift @ found + led))
     right = -(across @ led)
-    # coordinates that are given as functions of time keep their rates
+    # coordinates that are prescribed as functions of time keep their rates
     given = 2 * model.n_sliders + np.flatnonzero(rows.given)
     right[given] += (across @ carried)[given]
     rates = nearest_by((lift.T @ inertia @ lift).tocsr(), (across @ lift).tocsr(), right, found, free % 6 >= 3, missing)[0]
@@ -591,9 +593,9 @@ def _after_impact(model: Model, rows: GapRows, state: State, q: Array, s: Array,
 
 
 def _turned_back(inertia: Any, joined: Any, before: Array, q: Array, v: Array, carried: Array) -> Array:
-    """Rates [12 N] of the rigid motions that give each piece of the scene, moved from `before` to q, the momenta that it had with
-    rates v where it has those of `carried`. joined: on velocities and spins, sparse [m, 6 N], what joins nodes to pieces besides
-    the inertia of beams."""
+    """Return the rates [12 N] of the rigid motions that restore the momenta of each piece of the scene, moved from `before` to q:
+    those with rates v, where it has those of `carried`. joined: matrix on velocities and spins, sparse [m, 6 N], of what joins
+    nodes to pieces besides the inertia of beams."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     rates = velocity_map(q)
@@ -618,13 +620,13 @@ def _turned_back(inertia: Any, joined: Any, before: Array, q: Array, v: Array, c
 
 
 def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:
-    """Free velocities and spins -> rates of all coordinates, sparse [12 N, F], and their numbers [F]."""
+    """Return the map from free velocities and spins to rates of all coordinates, sparse [12 N, F], and their numbers [F]."""
     free = free_unknowns(model, state)
     return rates_map(model, q)[:, free], free
 
 
 def _moved_unknowns(model: Model, state: State) -> Array:
-    """Numbers 6 node + c of the unknowns that supports move, of nodes that share a row those of the first."""
+    """Return the numbers 6 node + c of the unknowns that supports move; for nodes that share a row, of the first node."""
     bits = np.zeros(model.n_nodes, np.int64)
     first = model.pattern.first_on_row
     for _, motion, node in active_motions(model, state):
@@ -633,14 +635,14 @@ def _moved_unknowns(model: Model, state: State) -> Array:
 
 
 def _across(model: Model, rows: GapRows, q: Array, s: Array) -> tuple[Any, Array]:
-    """Gaps across the curves [2 S], of joints with multipliers and of directions in sleeves as a matrix on the coordinates,
-    sparse, and their values; moves s to the nearest points."""
+    """Move s to the nearest points, and return the gaps across the curves [2 S], of joints with multipliers and of directions in
+    sleeves: their matrix on the coordinates, sparse, and values."""
     from scipy import sparse
     of_sliders = 3 * np.arange(s.size)[:, None] + np.arange(3)
     for _ in range(20):
         gaps, tangents = rows.values(q.reshape(-1), s)
         way = np.sum(gaps[of_sliders] * tangents, axis=1) / np.sum(tangents**2, axis=1)
-        # by round-off a slider that sticks would slip
+        # moves of the size of round-off would make a sticking slider slip
         moves = np.abs(way) > 1e-15 * model.slider_lengths
         if not moves.any():
             break

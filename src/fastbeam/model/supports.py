@@ -1,4 +1,4 @@
-"""Whether supports hold a scene in statics: every connected part against the rigid motions that space or its plane allows."""
+"""Supports of a scene in statics: check of every connected part against the rigid motions of space or of its plane."""
 from __future__ import annotations
 
 from typing import Any
@@ -21,9 +21,9 @@ Array = np.ndarray
 
 
 def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> bool:
-    """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene;
-    may_turn: one held point will do, about which it may turn. Returns whether motions out of the plane count: whether all six are
-    prevented, or a straight part can but turn about its own line. Sliders and joints connect.
+    """Check that supports prevent all six rigid motions of every connected part; flat: the three in the plane of the scene;
+    may_turn: one held point suffices, about which the part may turn. Sliders and joints connect parts. Returns True if motions
+    out of the plane count: all six are prevented, or a straight part can only turn about its own line.
 
     Raises
     ------
@@ -34,8 +34,8 @@ def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> 
 
 
 def free_aside(model: Model) -> str:
-    """Of a scene that is held in its plane which part nothing holds against leaving it, and how it would; nothing where there is
-    none. A straight part that can turn about its own line stays where it is.
+    """Describe a part of a scene held in its plane that can leave the plane, and its motion; empty without any. Straight parts
+    that can only turn about their own line do not count.
 
     Raises
     ------
@@ -44,12 +44,12 @@ def free_aside(model: Model) -> str:
     return _known(model, True, False) or ""
 
 
-# what was found of models that are held
+# results of checks of models that passed
 _HELD: WeakKeyDictionary[Model, dict[tuple[bool, bool], str | None]] = WeakKeyDictionary()
 
 
 def _known(model: Model, flat: bool, may_turn: bool) -> str | None:
-    """None where all six rigid motions of all parts are prevented; else what `free_aside` tells."""
+    """Return None where all six rigid motions of all parts are prevented, else the text of `free_aside`; cached."""
     known = _HELD.setdefault(model, {})
     if (flat, may_turn) not in known:
         known[flat, may_turn] = _checked(model, flat, may_turn)
@@ -57,7 +57,7 @@ def _known(model: Model, flat: bool, may_turn: bool) -> str | None:
 
 
 def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
-    """As `_known`, found anew."""
+    """Check the supports of a model; returns the result of `_known`."""
     aside: str | None = None
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -66,11 +66,11 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
     graph = coo_matrix((np.ones(pattern.keys.size), (pattern.rows, pattern.columns)), shape=(n, n))
     rows, columns = [pattern.row_of], [pattern.row_of]
     if model.inner is not None:
-        # an eliminated node hangs on the first node of its element
+        # an eliminated node is connected to the first node of its element
         rows.append(pattern.n + np.arange(model.inner.element.size))
         columns.append(model.inner.rows[model.inner.where[model.inner.element, ROWS]])
     if model.substructures is not None:
-        # a node of a condensed beam hangs on the start of the beam
+        # a node of a condensed beam is connected to the start of the beam
         for tables, groups in zip((model.simo, model.green), model.groups_of_beams()):
             for count, nn in np.unique(groups[:, [ELEMENTS, NODES_EACH]], axis=0).tolist():
                 first = groups[(groups[:, ELEMENTS] == count) & (groups[:, NODES_EACH] == nn), FIRST_GROUP]
@@ -79,18 +79,18 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
                 rows.append(own.reshape(-1))
                 columns.append(np.broadcast_to(own[:, :1, :1], own.shape).reshape(-1))
     if model.carriers is not None:
-        # and so does one of a carrier
+        # so is a node of a condensed beam with sliders
         for a, b in model.carriers.ends.tolist():
             rows.append(pattern.row_of[a + 1:b + 1])
             columns.append(np.broadcast_to(pattern.row_of[a], b - a))
     if model.ties is not None:
-        # a tied node hangs on its targets
+        # a slave node is connected to its master nodes
         count = np.diff(model.ties.start)
         rows.append(np.repeat(pattern.row_of, count))
         columns.append(model.ties.target_row)
     graph = graph + coo_matrix((np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
     for k in range(model.n_sliders):
-        # a sliding point hangs on its beam, and the beam on it
+        # a sliding point is connected to its beam
         nodes = curve_at(model, k, float(model.s0[k]))[0]
         graph = graph + coo_matrix((np.ones(nodes.size), (pattern.row_of[nodes], np.full(nodes.size, pattern.row_of[
             model.sliders.point[k]]))), shape=(n, n))
@@ -151,7 +151,7 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
 
 
 def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> int:
-    """Number of a node whose position a support holds.
+    """Return the number of a node whose position a support holds.
 
     Parameters
     ----------
@@ -159,9 +159,9 @@ def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> 
         The function and its argument, for messages.
     what : Clamp, Pin, PrescribedMotion, or what they hold
     held : int64 [N]
-        Bits of what supports hold of every node.
+        Unknowns of every node that supports fix, bit by bit.
     axes : int
-        Bits that have to be held.
+        Bits that have to be fixed.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> 
 
 
 def check_turned(who: str, model: Model, node: int, held: Array) -> None:
-    """Refuse to turn a node whose triad no support holds; who, held: as of `supported`.
+    """Check that a support holds the triad of a node that is to be turned; who, held: as in `supported`.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def check_turned(who: str, model: Model, node: int, held: Array) -> None:
 
 
 def standing_supports(model: Model) -> Array:
-    """Of every node which unknowns its own support holds, int64 [N]: none of those that follow another node."""
+    """Return the unknowns of every node that its own support fixes, bit by bit, int64 [N]: none for slave nodes."""
     held = model.held_mask
     held[model.pattern.first_on_row != np.arange(model.n_nodes)] = 0
     if model.ties is not None:
@@ -207,7 +207,7 @@ def standing_supports(model: Model) -> Array:
 
 
 def waiting(model: Model) -> dict[str, Any]:
-    """Tables of a model whose supports with `since` do not hold yet; the model has them with all.
+    """Return tables of a model before supports with `since` take hold; the model has all supports.
 
     Raises
     ------
@@ -224,7 +224,8 @@ def waiting(model: Model) -> dict[str, Any]:
 
 
 def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:
-    """Singular values [k] of what supports feel of the rigid motions basis [6, k], and the motions [k, 6], the freest last."""
+    """Return the singular values [k] of the constraints of supports on rigid motions basis [6, k], and the motions [k, 6], the
+    freest last."""
     k = basis.shape[1]
     # the triangle of a QR has the same singular values
     triangle = np.linalg.qr(np.concatenate((matrix @ basis, np.zeros((k, k)))), mode="r")
@@ -233,7 +234,7 @@ def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:
 
 
 def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
-    """What to say to someone whose scene would do in its plane."""
+    """Return the hint that the scene is supported in its plane, for a message; empty where it is not."""
     plane = model.plane
     if plane is None:
         assert model.uneliminated is not None
@@ -250,13 +251,13 @@ def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
 
 
 def _how(motion: Array) -> str:
-    """Of a rigid motion [6]."""
+    """Describe a rigid motion [6]."""
     shift, turn = motion[:3], motion[3:]
     return "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
 
 
 def _axis(v: Array) -> str:
-    """A direction as text, its largest component 1: the first of those that are equally large."""
+    """Format a direction as text, its largest component 1: the first of those that are equally large."""
     size = np.abs(v)
     v = v / (v[np.argmax(size > (1.0 - 1e-6) * np.max(size))] or 1.0)
     return "(" + ", ".join(f"{x:.3g}" for x in np.where(np.abs(v) < 1e-9, 0.0, v)) + ")"

@@ -1,4 +1,4 @@
-"""Packs beams into the lane tables of the element kernels: groups of 8 elements, each constant next to where it is used."""
+"""Lane tables of the element kernels: groups of 8 elements, each constant next to where it is used."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -35,14 +35,14 @@ class Elements:
         As in `basis.Basis`.
     mass_phi, mass_dir : [E, nn, nn]
     stiffness, viscosity, inertia : [*, 6, 6], [*, 6, 6], [*, 3]
-        Of every section: C; D; rhoA, rhoI2, rhoI3.
+        Matrices of every section: C; D; rhoA, rhoI2, rhoI3.
     section : int [E]
-        Which one an element has.
+        Number of the section of an element.
     coupled : bool [E]
     phi, directors : float64 [N, 3], [N, 3, 3]
         Reference positions and triads of all nodes of the scene.
     start_strain : float64 [*, 6], optional
-        Strains in the reference, of the beam or of every element; None: free of stress.
+        Strains in the reference, one row for the beam or for every element; None: free of stress.
     """
 
     strain: str
@@ -68,8 +68,8 @@ class Elements:
         return self.phi_s.shape[2], self.phi_s.shape[1]
 
     def softest(self, length: float) -> float:
-        """EI / (EA length^2), the smallest of all, with the stiffest of extension and shear and the softest of torsion and
-        bending."""
+        """Return the smallest EI / (EA length^2) of all elements, EA the stiffest of extension and shear, EI the softest of
+        torsion and bending."""
         stiff = self.stiffness[np.unique(self.section)][:, np.arange(6), np.arange(6)]
         long, bend = stiff[:, :3].max(axis=1), stiff[:, 3:]
         bend = np.where(bend > 0.0, bend, np.inf).min(axis=1)
@@ -77,8 +77,8 @@ class Elements:
 
     @cached_property
     def reference_strains(self) -> Array:
-        """The six strains in the reference configuration, but for the constant 1 or 1/2 of the first: [E, nq, 6]. The kernels
-        subtract it, so that any initial shape is free of stress (theory.md 2), or has the stress of a prestrain."""
+        """Strains in the reference configuration, without the constant 1 or 1/2 of the first: [E, nq, 6]. The kernels subtract
+        them, so that any initial shape is free of stress (theory.md 2), or has the stress of a prestrain."""
         every = np.arange(len(self.nodes))
         parts = [_reference_strains(self, every[k:k + CHUNK], self.phi, self.directors) for k in range(0, every.size, CHUNK)]
         found = parts[0] if len(parts) == 1 else np.concatenate(parts)
@@ -87,7 +87,7 @@ class Elements:
 
 
 def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> Elements:
-    """Elements of a beam or net whose nodes start at `first`, from the reference of all nodes."""
+    """Return the elements of a beam or net whose nodes start at `first`, from the reference of all nodes."""
     if isinstance(part, Net):
         # equal elements on every beam: those of an element of length 1, scaled
         unit = build_basis("lagrange", part.degree, 1, 1.0)
@@ -115,8 +115,8 @@ def _reference_strains(elements: Elements, some: Array, phi: Array, d: Array) ->
 
 
 def strains_of(name: str, f: Array, d: Array, k: Array) -> Array:
-    """The six strains of a strain set but for the constant 1 or 1/2 of the first [..., 6], from phi' [..., 3], directors and
-    their derivatives [..., 3, 3]; theory.md (2.1), (2.2)."""
+    """Evaluate the six strains of a strain set, without the constant 1 or 1/2 of the first, [..., 6], from phi' [..., 3],
+    directors and their derivatives [..., 3, 3]; theory.md (2.1), (2.2)."""
     d1, d2, d3 = (d[..., i, :] for i in range(3))
     k1, k2, k3 = (k[..., i, :] for i in range(3))
     shear2, shear3, twist = _dot(f, d2), _dot(f, d3), 0.5 * (_dot(k2, d3) - _dot(k3, d2))
@@ -130,7 +130,7 @@ def strains_of(name: str, f: Array, d: Array, k: Array) -> Array:
 
 
 def strain_gradient(name: str, f: Array, d: Array, k: Array) -> Array:
-    """Derivatives of `strains_of` by phi', by the three directors and by their derivatives, [..., 6, 7, 3]."""
+    """Return the derivatives of `strains_of` by phi', by the three directors and by their derivatives, [..., 6, 7, 3]."""
     out = np.zeros((*f.shape[:-1], 6, 7, 3))
     d1, d2, d3 = (d[..., i, :] for i in range(3))
     k1, k2, k3 = (k[..., i, :] for i in range(3))
@@ -156,18 +156,18 @@ def strain_gradient(name: str, f: Array, d: Array, k: Array) -> Array:
 
 
 def node_lengths(nodes: Array, mass_phi: Array, n: int) -> Array:
-    """Lengths of beams that belong to nodes, the integrals of their shape functions, float64 [n], m; nodes [E, nn] and mass_phi
+    """Return the tributary lengths of nodes, the integrals of their shape functions, float64 [n], m; nodes [E, nn] and mass_phi
     [E, nn, nn] of elements."""
     return np.bincount(nodes.reshape(-1), mass_phi.sum(axis=2).reshape(-1), minlength=n)
 
 
 def group_tables(elements: Elements, lane: Array, size: tuple[int, ...], stiffness: Array, inertia: Array) -> Array:
-    """Constants of groups of 8 elements but their reference strains, as kernels/layout.py has them: [groups, doubles].
+    """Pack the constants of groups of 8 elements, except their reference strains, as in kernels/layout.py: [groups, doubles].
 
     Parameters
     ----------
     lane : int [8 groups]
-        The elements.
+        Elements of the lanes.
     size : tuple
         `dimensions.SPACE` or `PLANE`.
     stiffness, inertia : float64 [groups, 36, 8], [groups, 3, 8]
@@ -197,21 +197,21 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 class TablePool:
-    """One array of the tables of all groups; those that are equal to the last bit stand there once, and stay in the cache."""
+    """Array of the tables of all groups; tables that are equal to the last bit are stored once, and stay in the cache."""
 
     def __init__(self) -> None:
         self._parts: list[Array] = []
         self._size = 0
 
     def append(self, rows: Array) -> Array:
-        """Add rows [groups, m]; returns where each begins."""
+        """Add rows [groups, m]; returns the offset of each."""
         at = self._size + rows.shape[1] * np.arange(len(rows))
         self._parts.append(rows.reshape(-1))
         self._size += rows.size
         return at
 
     def share(self, rows: Array) -> Array:
-        """Add rows of which many are equal, each of them once; rows of one call are compared."""
+        """Add rows, equal ones only once; rows of one call are compared."""
         words = np.ascontiguousarray(rows).view(np.uint64)
         # rows are compared by a quick hash; different rows with the same hash are found and not shared
         key = words @ (0x9E3779B97F4A7C15 * np.arange(1, 2 * words.shape[1], 2, dtype=np.uint64))
@@ -223,30 +223,30 @@ class TablePool:
         return self.append(rows[own])[np.searchsorted(own, first)]
 
     def constants(self, rows: Array, viscosity: Array | None) -> Array:
-        """Where C of groups begins in shared rows; viscosity: [groups, *, 8], stands ahead of it."""
+        """Add shared rows of constants; returns the offset of C of each group; viscosity: [groups, *, 8], stands ahead of C."""
         if viscosity is None:
             return self.share(rows)
         ahead = viscosity.reshape(len(rows), -1)
         return self.share(np.concatenate((ahead, rows), axis=1)) + ahead.shape[1]
 
     def array(self) -> Array:
-        """All tables."""
+        """Return all tables as one array."""
         out = aligned(self._size)
         return np.concatenate(self._parts, out=out) if self._parts else out
 
 
 @dataclass
 class ElementPacker:
-    """Collects the elements of one strain set in groups of 8; their constants are packed at last, by `tables`.
+    """Collector of the elements of one strain set in groups of 8; `tables` packs their constants at the end.
 
     Attributes
     ----------
     meta : list of int arrays [groups, 8]
-        Of every `add`, columns as in kernels/layout.py; without constants and reference strains.
+        Columns as in kernels/layout.py for every `add`; without constants and reference strains.
     nodes : list of int arrays [*, 2]
-        Nodes of the lanes, and the same with -1 in idle ones.
+        Nodes of the lanes, and again with -1 in idle lanes.
     beam : list of int
-        As `add` has it.
+        Argument `beam` of every `add`.
     parts : list of (Elements, int [8 groups])
         Elements of the lanes.
     """
@@ -259,8 +259,9 @@ class ElementPacker:
     n_blocks: int = 0
 
     def add(self, elements: Elements, some: Array | None = None, beam: int = 0) -> None:
-        """Append elements. some: int [S], which of them and in what order, all by default; beam: where beams are condensed,
-        elements of each: lane l of so many groups are those of beam l; -1 - g where they belong to group g of carriers."""
+        """Append elements. some: int [S], numbers of the elements in their order, all by default; beam: number of elements of
+        each condensed beam: lane l of so many groups has those of beam l; -1 - g for elements of group g of condensed beams with
+        sliders."""
         nn, nq = elements.shape
         some = np.arange(len(elements.nodes)) if some is None else some
         if not some.size:
@@ -283,25 +284,25 @@ class ElementPacker:
 
     @property
     def is_damped(self) -> bool:
-        """Whether a section has damping; then all tables have a place for it."""
+        """True if a section has damping; then all tables have a place for it."""
         return any(elements.viscosity.any() for elements, _ in self.parts)
 
     def lanes(self) -> Any:
-        """(meta [groups, 8], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net, without condensed beams and
-        carriers."""
+        """Yield (meta [groups, 8], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net that is not condensed."""
         for meta, nodes, beam in zip(self.meta, self.nodes, self.beam):
             if not beam:
                 yield meta, nodes[:, 1].reshape(len(meta), -1, 8)
 
     def condensed(self) -> Any:
-        """(elements of a beam, nodes [groups of beams, elements, nn, 8]) of condensed beams, in the order of their groups, which
-        come behind the others in the tables."""
+        """Yield (elements of a beam, nodes [groups of beams, elements, nn, 8]) of condensed beams, in the order of their groups,
+        which follow the others in the tables."""
         for meta, nodes, beam in zip(self.meta, self.nodes, self.beam):
             if beam > 0:
                 yield beam, nodes[:, 0].reshape(len(meta) // beam, beam, -1, 8)
 
     def carried(self) -> list[tuple[int, int, int]]:
-        """(group of carriers, first group of elements, number) of their elements, which come last in the tables."""
+        """Return (group of condensed beams with sliders, first group of elements, number) of their elements, which come last in
+        the tables."""
         at = sum(len(meta) for meta, beam in zip(self.meta, self.beam) if beam >= 0)
         out = []
         for meta, beam in zip(self.meta, self.beam):
@@ -311,8 +312,8 @@ class ElementPacker:
         return out
 
     def eliminate(self, eligible: Array, offset: int, columns: bool) -> int:
-        """Have the inner nodes of groups eliminated where all of them are eligible, bool [N + 1]; `offset`: where their factors
-        begin, columns: whether some follow. Returns where they end."""
+        """Mark groups for elimination of their inner nodes where all of these are eligible, bool [N + 1]; `offset`: begin of
+        their factors, columns: True with constraint columns. Returns the end of the factors."""
         for meta, live in self.lanes():
             nn = live.shape[1]
             if nn < 3:
@@ -324,8 +325,8 @@ class ElementPacker:
         return offset
 
     def pairs(self, row_root: Array) -> Array:
-        """Coupled nodes i, j of all element pairs in the order of the block map, as i N + j [*]; -1 for idle lanes and eliminated
-        nodes. row_root: int [N], the node whose row a node shares."""
+        """Return the coupled nodes i, j of all element pairs in the order of the block map, as i N + j [*]; -1 for idle lanes and
+        eliminated nodes. row_root: int [N], the node whose row a node shares."""
         n = row_root.size
         root = np.append(row_root, -1)
         out = []
@@ -338,11 +339,12 @@ class ElementPacker:
 
     @property
     def order(self) -> list[int]:
-        """Numbers of the calls of `add` in the order of the tables: condensed beams behind the others, carriers last."""
+        """Numbers of the calls of `add` in the order of the tables: condensed beams follow the others, those with sliders are
+        last."""
         return [k for kind in (0, 1, -1) for k, beam in enumerate(self.beam) if np.sign(beam) == kind]
 
     def tables(self, row_of: Array, blocks: Array) -> ElementTables | None:
-        """The finished tables; blocks: block of every pair (idle ones already set), in the order of `pairs`."""
+        """Pack the tables; blocks: block of every pair (idle ones already set), in the order of `pairs`."""
         if not self.meta:
             return None
         pool = TablePool()
@@ -365,7 +367,7 @@ class ElementPacker:
 
 
 def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: int, size: int, columns: bool) -> Inner | None:
-    """Index lists of the eliminated nodes; rows from n_end to n_rows are theirs. columns: whether some follow."""
+    """Build the index lists of the eliminated nodes, whose rows are n_end to n_rows. columns: True with constraint columns."""
     if not size:
         return None
     where, rows = [], []
@@ -390,23 +392,23 @@ def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: 
 
 
 def condensed_ends(packers: list[ElementPacker]) -> Array:
-    """First and last node of all condensed beams, int [B, 2]."""
+    """Return the first and the last node of all condensed beams, int [B, 2]."""
     out = [np.stack((live[:, 0, 0], live[:, -1, -1]), axis=-1).reshape(-1, 2) for p in packers for _, live in p.condensed()]
     return np.concatenate([np.zeros((0, 2), np.int64), *out])
 
 
 def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array, n_blocks: int, n_end: int,
                        first: int) -> Substructures | None:
-    """Tables of the condensed beams, for 6 unknowns a node.
+    """Build the tables of the condensed beams, for 6 unknowns a node.
 
     Parameters
     ----------
     rows, blocks : int [B, 2], [B, 4]
-        Rows and blocks of their ends, those of carriers last: start and end; start-start, start-end, end-start, end-end.
+        Rows and blocks of their ends, beams with sliders last: start and end; start-start, start-end, end-start, end-end.
     n_blocks, n_end : int
         Blocks of the tangent; rows that ends may have.
     first : int
-        Where the rows of their interior nodes begin.
+        First row of their interior nodes.
     """
     if not len(rows):
         return None
@@ -431,7 +433,7 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
 
 
 def pack_curves(tracks: list[Any]) -> Curves:
-    """Tables of the curves of beams (tracks.py)."""
+    """Build the tables of the curves of beams (tracks.py)."""
     meta, shape, ends, first, count, coef = [], [], [], [], [], []
     n_ends = n_first = n_coef = 0
     degree = 1
@@ -456,7 +458,7 @@ def pack_curves(tracks: list[Any]) -> Curves:
 
 
 def pack_paths(tracks: list[Any]) -> Paths:
-    """The same where some are paths."""
+    """Build the tables of curves of which some are paths."""
     curves = pack_curves(tracks)
     sizes = [track.nodes.size for track in tracks]
     curves.meta[:, FIRST_NODE] = np.cumsum(sizes) - sizes

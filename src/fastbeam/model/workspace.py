@@ -27,20 +27,20 @@ Array = np.ndarray
 
 
 def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
-    """Work arrays of one run; keep: with room for the state before a step; rates: for a method with rates of its own
+    """Allocate the work arrays of one run; keep: with room for the state before a step; rates: for a method with its own rates
     (generalised alpha)."""
     n, s, size = model.n_nodes, model.n_sliders, len(model.dofs)
     kept = int(keep)
     q = model.q0.size
-    # what is not a beam takes the coordinates from these
+    # terms other than beams read the coordinates from these arrays
     moved = q * (rates or bool(model.links) or any(
         x is not None for x in (model.sliders, model.ties, model.bodies, model.dragged, model.added, model.motions)))
     second = model.bodies is not None or model.moving is not None
     border = model.border * model.n_bordered
-    # what only a dense border needs
+    # arrays for a dense border only
     dense = 0 if model.by_rows else border
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
-    # zeros mean no rates of a step before, rest, no loads, and nodes that are not tied
+    # zeros mean no rates of a step before, rest, no loads, and no slave nodes
     theta = _padded((size - model.dim) * n)
     return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=empty(moved), q_end=empty(moved),
                 u=np.zeros(q * (rates or second)), s_end=empty(s), f_ext=aligned(8 * (n + 1)),
@@ -59,7 +59,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
 
 
 def check_border(model: Model) -> None:
-    """Refuse constraints whose dense columns over all nodes the memory of this computer does not hold.
+    """Check that the memory of this computer holds the dense columns of constraints over all nodes.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def check_border(model: Model) -> None:
     """
     if not model.n_bordered or model.by_rows:
         return
-    # the panel and its Schur complement, and what PARDISO solves with: right-hand sides, solutions, residuals and corrections
+    # the panel, its Schur complement, and arrays of PARDISO: right-hand sides, solutions, residuals and corrections
     needed = 8 * (model.border_size + 4 * model.columns * len(model.dofs) * model.pattern.n)
     there = physical_memory()
     if needed > there:
@@ -81,7 +81,7 @@ def check_border(model: Model) -> None:
 
 
 def physical_memory() -> float:
-    """Bytes of memory of this computer; infinity where that is not known."""
+    """Return the bytes of memory of this computer; infinity where that is not known."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
@@ -89,7 +89,7 @@ def physical_memory() -> float:
 
 
 def scratch_of(model: Model) -> Array:
-    """Scratch of one thread, as much as the largest group of elements needs, or eight nodes."""
+    """Allocate the scratch of one thread, for the largest group of elements, or eight nodes."""
     metas = [t.meta for t in (model.simo, model.green) if t is not None]
     kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
     sizes = [layout_of(model.dofs, nn, nq).doubles for nn, nq in kinds]
@@ -98,25 +98,25 @@ def scratch_of(model: Model) -> Array:
 
 
 def entries_of(model: Model, bounded: bool = True) -> int:
-    """Entries that a constraint may have: those of every node of a slider's beam and its point, or of both ends of a joint;
-    fewer at first where constraints are rows (unless not `bounded`), and room for more is made when one has them."""
-    # each as often as a tied node passes it on
+    """Return the largest number of entries of a constraint: every node of a slider's beam and its point, or both ends of a joint;
+    fewer at first where constraints are rows (unless not `bounded`), with room that grows on demand."""
+    # a slave node passes each entry on to all its master nodes
     widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
-    # and the spins of both ends of a joint
+    # two more for the spins of both ends of a joint
     ends = 2 * widest + 2 if model.kept else 0
     if model.curves is None:
         return 2 * _widest_tie(model) if model.by_rows and bounded else ends
-    # of a sleeve the spin of its holder, too
+    # one more for the spin of the holder of a sleeve
     most = int(model.curves.shape[:, NODES_OF_CURVE].max()) + (model.sleeves is not None)
     if model.by_rows and bounded:
         most = min(most, int(model.curves.count.max()))
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
-    # and the spin of every node
+    # and one more for the spin of every node
     return max(ends, (most + 1) * widest + most)
 
 
 def _widest_tie(model: Model) -> int:
-    """The most rows that what acts on a node goes to."""
+    """Return the largest number of rows that receive the forces on one node."""
     ties, rows = model.ties, model.n_rows
     if ties is None:
         return 1
@@ -127,25 +127,25 @@ def _widest_tie(model: Model) -> int:
 class Capacity(NamedTuple):
     """Capacity for constraints as rows of the block matrix."""
 
-    entries: int      # of each constraint
-    scale: float      # of everything else
+    entries: int      # entries of each constraint
+    scale: float      # factor on all other sizes
     buffer: int       # doubles for the columns and lines of one element, where `scale` is not enough
     targets: int      # products of blocks, where `scale` is not enough
 
 
-# what runs of a model came to need: the next one begins with it
+# capacities that runs of a model came to need: the next run begins with them
 _NEEDED: WeakKeyDictionary[Model, Capacity] = WeakKeyDictionary()
 
 
 def capacity_of(model: Model) -> Capacity:
-    """What a run begins with."""
+    """Return the capacity with which a run begins."""
     return _NEEDED.get(model) or Capacity(entries_of(model), 1.0, 0, 0)
 
 
 def larger_capacity(model: Model, capacity: Capacity, contact: Contact | FactoredContact, rows: Constraints) -> Capacity:
-    """With more of what was too short, kept for the next run."""
+    """Increase the capacity that was too small, and keep it for the next run."""
     needed = int(rows.touched.counts[2])
-    # of the fill, where all of it was found
+    # products of the fill, if all of the fill was found
     columns = np.diff(rows.order.start.astype(np.int64))
     targets = int(np.sum(columns**2)) if rows.order.counts[0] == np.sum(columns) and columns.min() >= 0 else 0
     if contact.full[0]:
@@ -161,7 +161,8 @@ def larger_capacity(model: Model, capacity: Capacity, contact: Contact | Factore
 
 
 def factored_contact_of(model: Model, entries: int) -> FactoredContact:
-    """Work arrays of constraints that are all sliders as rows of the block matrix, without sleeves, for the conserving step."""
+    """Allocate the work arrays of constraints that are all sliders as rows of the block matrix, without sleeves, for the
+    conserving step."""
     n, shape = model.n_sliders, model.curves.shape
     numbers = 8 if model.ties is None else 16
     return FactoredContact(basis=empty((5, shape[:, 2].max())), legendre=empty((3, shape[:, 1].max())),
@@ -175,7 +176,7 @@ def factored_contact_of(model: Model, entries: int) -> FactoredContact:
 
 
 def entries_at_rest(model: Model) -> int:
-    """Entries that a constraint may have in statics, where a slider stands in one element."""
+    """Return the largest number of entries of a constraint in statics, where a slider stands in one element."""
     widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
     ends = 2 * widest + 2 if model.kept else 0
     if model.curves is None:
@@ -186,7 +187,7 @@ def entries_at_rest(model: Model) -> int:
 
 
 def contact_of(model: Model, entries: int | None = None, at_rest: bool = False) -> Contact | None:
-    """Work arrays of the constraints, with room for so many entries (default: `entries_of`); at_rest: in statics."""
+    """Allocate the work arrays of the constraints, with room for so many entries (default: `entries_of`); at_rest: in statics."""
     n, row = model.n_constraints, 8 * len(model.dofs)
     if not n:
         return None
@@ -197,7 +198,7 @@ def contact_of(model: Model, entries: int | None = None, at_rest: bool = False) 
     kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
     kind = ContactAtRest if at_rest else kind
     columns, lines = (aligned_empty(n * row * entries).reshape(n, row * entries) for _ in range(2))
-    # behind the forces of joints those of the identity, and zeros on the right
+    # the identity behind the forces of joints, with zeros on the right
     corner = aligned(64 * n).reshape(n, 64)
     corner[:, ::9] = model.forces[:, None] <= np.arange(8)
     return kind(basis=empty((5, shape[:, 2].max())), legendre=empty((3, shape[:, 1].max())),
@@ -211,7 +212,7 @@ def contact_of(model: Model, entries: int | None = None, at_rest: bool = False) 
 
 
 def inner_of(model: Model) -> Inner | None:
-    """The eliminated nodes with work arrays of one run."""
+    """Return the eliminated nodes with work arrays of one run."""
     if model.inner is None:
         return None
     inner = model.inner
@@ -221,7 +222,7 @@ def inner_of(model: Model) -> Inner | None:
 
 
 def condensed_of(model: Model) -> Substructures | None:
-    """The condensed beams with work arrays of one run."""
+    """Return the condensed beams with work arrays of one run."""
     if model.substructures is None:
         return None
     placed = place_stores(model.substructures, len(model.dofs))
@@ -229,19 +230,19 @@ def condensed_of(model: Model) -> Substructures | None:
 
 
 def _padded(n: int) -> Array:
-    """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
+    """Return n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
     return np.zeros(n + 8)[:n]
 
 
 def law_work() -> Array:
-    """Work array of user forces in one run."""
+    """Allocate the work array of user forces in one run."""
     work = np.zeros(SIZE)
     work[FACTOR] = 1.0
     return work
 
 
 def scratch_of_moving(n: int) -> Scratch:
-    """Work arrays of beams whose elements move, for elements of n nodes."""
+    """Allocate the work arrays of beams whose elements move, for elements of n nodes."""
     size = 12 * n
     return Scratch(empty((4 * n, 4 * n)), empty(size + 2), empty(2 * size), empty(2 * size), empty((2, 2)),
                    empty(7 * size), empty(7 * size), empty(42 * n), empty(42 * n),
@@ -250,5 +251,5 @@ def scratch_of_moving(n: int) -> Scratch:
 
 
 def moving_of_run(table: MovingBeam) -> MovingBeam:
-    """The table with work arrays of one run."""
+    """Return the table with work arrays of one run."""
     return table._replace(scratch=scratch_of_moving(table.node.shape[1]))

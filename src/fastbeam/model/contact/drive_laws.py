@@ -1,4 +1,4 @@
-"""Drives of sliders and joints (scene/slider_forces.py): what they are given in a step, and their forces at one time."""
+"""Drives of sliders and joints (scene/slider_forces.py): their inputs in a step, and their forces at one time."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -14,15 +14,16 @@ from fastbeam.model.forces.compiled_laws import compiled_drive, machine_code
 from fastbeam.model.forces.loads import means
 
 Array = np.ndarray
-# derivative from values at steps of SHORT s from now on, of fourth order, as of scene/slider_forces.py
+# one-sided difference of fourth order, from values at the present time and at steps of SHORT s after it, as in
+# scene/slider_forces.py
 SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
-# derivatives of laws at rest: the largest difference, as a share of the size of the argument, how often it is halved, and how
-# much both one-sided derivatives may differ from the one that was found, relative
+# derivatives of laws at rest: largest difference, as a share of the size of the argument; number of its halvings; largest
+# relative difference between one-sided derivatives and the result
 LARGEST, HALVES, ONE_SIDED = 1e-3, 20, 1e-2
 
 
 def kind_of(drive: Any) -> int:
-    """One of the kinds of contact/slider_forces.py."""
+    """Return the kind of a drive, a constant of kernels/contact/slider_forces.py."""
     if drive is None:
         return NO_DRIVE
     if drive.is_controlled:
@@ -33,17 +34,17 @@ def kind_of(drive: Any) -> int:
 
 
 def gains_of(drive: Any) -> tuple[float, float, float]:
-    """Of a controller: by place and rate, and the largest force."""
+    """Return the stiffness, the damping and the largest force of a controller."""
     return drive.stiffness, drive.damping, np.inf if drive.limit is None else drive.limit
 
 
 def law_of(drive: Any, who: str) -> int:
-    """Address of a compiled force of (t, s, rate); kept as long as the process.
+    """Return the address of a compiled force of (t, s, rate); kept as long as the process.
 
     Raises
     ------
     SceneError
-        It cannot be compiled, or returns nothing.
+        The force cannot be compiled, or returns nothing.
     """
     return machine_code(who, "drive's force(t, s, rate)", lambda: _driving(drive.force))[0]
 
@@ -52,7 +53,8 @@ _driving = cache(compiled_drive)
 
 
 def given_to(drive: Any, who: str, t: float, h: float) -> tuple[float, float]:
-    """What it is given for a step from t to t + h; (0, 0) where it does not ask for the time."""
+    """Return the inputs of a drive for a step from t to t + h: position, increment or mean force, then 0; place and rate that a
+    controller follows; (0, 0) for laws."""
     kind = kind_of(drive)
     if kind == POSITION:
         return value_at(drive, who, "position", t + h), 0.0
@@ -68,13 +70,14 @@ def given_to(drive: Any, who: str, t: float, h: float) -> tuple[float, float]:
             return place, 0.0
         if h != 0.0:
             return place, (value_at(drive, who, "position", t + h) - value_at(drive, who, "position", t)) / h
-        # ds/dt of the moment
+        # ds/dt at time t
         return place, float(np.dot(FORWARD, [value_at(drive, who, "position", t + i * SHORT) for i in range(5)])) / SHORT
     return 0.0, 0.0
 
 
 def given_over(drive: Any, kind: int, who: str, starts: Array, lengths: Array) -> Array:
-    """As `given_to`, for substeps from times `starts` on, of these lengths [n]: [n, 2]; kind: `kind_of` the drive."""
+    """Return the inputs of a drive, as `given_to`, for substeps from times `starts` on, of these lengths [n]: [n, 2]; kind:
+    `kind_of` the drive."""
     out = np.zeros((len(starts), 2))
     if kind in (NO_DRIVE, LAW):
         return out
@@ -88,7 +91,7 @@ def given_over(drive: Any, kind: int, who: str, starts: Array, lengths: Array) -
 
 
 def value_at(drive: Any, who: str, what: str, t: float) -> float:
-    """Of position, speed or force at time t.
+    """Evaluate position, speed or force of a drive at time t.
 
     Raises
     ------
@@ -113,7 +116,7 @@ def value_at(drive: Any, who: str, what: str, t: float) -> float:
 
 
 def mean_of(drive: Any, who: str, what: str, t: float, h: float) -> float:
-    """Its mean over the step."""
+    """Return the mean of position, speed or force over a step from t to t + h."""
     given = getattr(drive, what)
     if not callable(given):
         return value_at(drive, who, what, t)
@@ -121,12 +124,12 @@ def mean_of(drive: Any, who: str, what: str, t: float, h: float) -> float:
 
 
 def law_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
-    """Force of a drive with a law, in Python.
+    """Evaluate the force of a drive with a law, in Python.
 
     Raises
     ------
     SceneError
-        It fails, or returns no finite number.
+        The law fails, or returns no finite number.
     """
     failed: Exception | None = None
     try:
@@ -141,13 +144,13 @@ def law_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
 
 
 def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
-    """Force at time t of one that does not prescribe the motion, where its slider or joint stands at s and moves at this rate;
-    NaN where its law fails."""
+    """Evaluate the force at time t of a drive that does not prescribe the motion, for a slider or joint at s with this rate; NaN
+    where its law fails."""
     kind = kind_of(drive)
     if kind == LAW:
         try:
             return law_at(drive, who, t, s, rate)
-        except SceneError:  # the step that asks it there ends the run
+        except SceneError:  # a step that evaluates the law there ends the run
             return np.nan
     given = given_to(drive, who, t, 0.0)
     if kind == FORCE:
@@ -157,8 +160,8 @@ def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
 
 
 def slope_at_rest(drive: Any, who: str, t: float, s: float, size: float, by_rate: bool) -> float:
-    """Derivative by place, N/m, or by rate, N s/m, of the force of one that does not prescribe the motion, where its slider rests
-    at s at time t; size: that of places, m, and of rates a second.
+    """Return the derivative by place, N/m, or by rate, N s/m, of the force of a drive that does not prescribe the motion, for a
+    slider at rest at s at time t; size: scale of places, m, and of rates a second.
 
     Raises
     ------
@@ -178,13 +181,13 @@ def slope_at_rest(drive: Any, who: str, t: float, s: float, size: float, by_rate
 
 
 def slope_of(f: Callable[[float], float], x: float, size: float, who: str, by: str) -> float:
-    """Derivative of a function at x: central differences are halved and extrapolated, the one that changes least is taken
-    (C. J. F. Ridders, Adv. Eng. Softw. 4, 1982); size: of x.
+    """Differentiate a function at x: central differences are halved and extrapolated, the one that changes least is taken (C. J.
+    F. Ridders, Adv. Eng. Softw. 4, 1982); size: scale of x.
 
     Raises
     ------
     SceneError
-        It has none there.
+        The function has no derivative there.
     """
     here, h = f(x), LARGEST * size
     best, error, before = np.nan, np.inf, np.zeros(0)
@@ -209,7 +212,7 @@ def slope_of(f: Callable[[float], float], x: float, size: float, who: str, by: s
 
 
 def _value_or_nan(f: Callable[[float], float], x: float) -> float:
-    """Where a function fails it has no value."""
+    """Evaluate a function; NaN where it fails."""
     try:
         return f(x)
     except (ArithmeticError, ValueError):

@@ -16,14 +16,14 @@ from fastbeam.scene.interpolation.basis import Basis, build_basis
 from fastbeam.scene.moving_mesh import PlaceOnBeam, has_coulomb
 
 Array = np.ndarray
-# differences of the strains of the reference along a beam that count as none
+# largest differences of reference strains along a beam with uniform strains
 UNIFORM = 1e-7
-# share of a beam that stays between two contacts, or a contact and an end; where they come nearer, a run ends
+# smallest distance between two contacts, or a contact and an end, as a share of the beam; a run ends below it
 SHORTEST = 5e-4
 
 
 class Mesh:
-    """One beam with the sliders that its elements move with, in the order of their places.
+    """Beam with the sliders that its elements move with, in the order of their places.
 
     Parameters
     ----------
@@ -45,11 +45,12 @@ class Mesh:
         self.end = np.array([int(np.argmin(np.abs(ends - x.at))) for x in self.sliders])
 
     def contact(self, k: int) -> Any:
-        """The node of the beam at contact k."""
+        """Return the node of the beam at contact k."""
         return self.beam.node(int(self.end[k]) * self.beam.degree)
 
     def slots(self) -> tuple[Array, Array]:
-        """Of every element the contacts that it lies between, or -1 [E, 2], and where its ends are there, 0 to 1 [E, 2]."""
+        """Return the contacts around every element, -1 for ends of the beam, [E, 2], and places of its ends between them, 0 to 1,
+        [E, 2]."""
         ends = self.beam.basis.element_ends
         fixed = np.concatenate(([0], self.end, [len(ends) - 1]))
         slot, share = [], []
@@ -61,7 +62,7 @@ class Mesh:
         return np.array(slot, np.int64), np.array(share)
 
     def way(self) -> Array:
-        """Of every node how far it goes with each contact, dx/ds [n, S]."""
+        """Return the displacement of every node along the beam for that of each contact, dx/ds [n, S]."""
         slot, share = self.slots()
         p, out = self.beam.degree, np.zeros((self.beam.n_nodes, len(self.end)))
         local = build_basis("lagrange", p, 1, 1.0).node_s
@@ -73,19 +74,19 @@ class Mesh:
         return out
 
     def nodes(self, numbers: NodeList) -> Array:
-        """Of every element its nodes, then the places that it depends on, or -1, int64 [E, p + 3]."""
+        """Return the nodes of every element, then the places that it depends on, or -1, int64 [E, p + 3]."""
         slot, _ = self.slots()
         places = np.array([*(numbers.start(x) for x in self.places), -1])
         return np.concatenate((numbers.start(self.beam) + self.beam.basis.element_nodes, places[slot]), axis=1)
 
     def held(self, numbers: NodeList) -> Array:
-        """Nodes of contacts with Coulomb friction and of their points, which multipliers hold there, int64 [H, 2]."""
+        """Return the nodes of contacts with Coulomb friction and of their points, which multipliers join, int64 [H, 2]."""
         found = [(numbers.number(self.contact(k)), numbers.number(slider.point)) for k, slider in enumerate(self.sliders)
                  if has_coulomb(slider)]
         return np.array(found, np.int64).reshape(-1, 2)
 
     def pairs(self, numbers: NodeList, root: Array) -> Array:
-        """Coupled nodes as i N + j."""
+        """Return the pairs of coupled nodes as i N + j."""
         at, n = self.nodes(numbers), len(numbers)
         a, b = (x.reshape(-1) for x in np.broadcast_arrays(at[:, :, None], at[:, None, :]))
         live = (a >= 0) & (b >= 0)
@@ -94,7 +95,7 @@ class Mesh:
         return np.asarray(root[a] * n + root[b])
 
     def table(self, numbers: NodeList, blocks: Any, row_of: Array, gravity: Array) -> MovingBeam:
-        """Constants; the place in the history is not known yet."""
+        """Build the constants of the term; the offset in the history is set later."""
         beam, at = self.beam, self.nodes(numbers)
         n, p = beam.degree + 1, beam.degree
         unit: Basis = build_basis("lagrange", p, 1, 1.0)
@@ -120,7 +121,7 @@ class Mesh:
 
 
 def _reference(beam: Beam) -> Array:
-    """Strains of the reference, the same everywhere [6]."""
+    """Return the strains of the reference, uniform along the beam, [6]."""
     fine = build_basis("lagrange", 8, 16, beam.length)
     phi, triads = beam.reference(fine.node_s)
     q = np.concatenate((phi[:, None], triads), axis=1)[fine.element_nodes]
@@ -137,7 +138,7 @@ def _reference(beam: Beam) -> Array:
 
 
 def element_lengths(table: MovingBeam, q: Array) -> Array:
-    """Between the contacts at coordinates [N, 4, 3]: [E], m."""
+    """Return the lengths of elements between the contacts at coordinates [N, 4, 3]: [E], m."""
     ends = np.where(table.slot >= 0, q[table.places, 0, 0][table.slot], (0.0, table.length[0]))
     return np.asarray((table.share[:, 1] - table.share[:, 0]) * (ends[:, 1] - ends[:, 0]))
 
@@ -148,11 +149,11 @@ class OfRates(NamedTuple):
     Attributes
     ----------
     columns : int64 [m]
-        The rates, of those of all coordinates [12 N].
+        Numbers of the rates among those of all coordinates [12 N].
     matrix : float64 [points, 4, 3, m]
         Zero for fields without inertia.
     length : float
-        Of the element, m.
+        Length of the element, m.
     """
 
     columns: Array
@@ -161,7 +162,7 @@ class OfRates(NamedTuple):
 
 
 def of_rates(table: MovingBeam, q: Array) -> Iterator[OfRates]:
-    """Of all elements at coordinates [N, 4, 3], theory.md (5.19): h a less x_t g."""
+    """Yield the momenta of all elements at coordinates [N, 4, 3], theory.md (5.19): h a less x_t g."""
     values, slopes = table.mass_shape
     x, n = table.mass_point[0], table.node.shape[1]
     vector, component = np.divmod(np.arange(12), 3)
@@ -178,18 +179,18 @@ def of_rates(table: MovingBeam, q: Array) -> Iterator[OfRates]:
 
 
 def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
-    """Of points of the elements, by mass, as the history has them [E, points, 4, 3], at coordinates and rates [N, 4, 3]; 0 for
-    fields without inertia."""
+    """Return the momenta by mass of points of the elements, as in the history, [E, points, 4, 3], at coordinates and rates
+    [N, 4, 3]; 0 for fields without inertia."""
     return np.array([one.matrix @ v.reshape(-1)[one.columns] for one in of_rates(table, q)])
 
 
 def masses(table: MovingBeam) -> Array:
-    """Of the points of an element for its length 1, by fields, [points, 4], kg/m."""
+    """Return the masses of the points of an element for its length 1, by fields, [points, 4], kg/m."""
     return np.outer(table.mass_point[1], table.rho)
 
 
 def mass_matrix(table: MovingBeam, q: Array) -> Any:
-    """Of the rates of all coordinates at coordinates [N, 4, 3], (5.20): sparse [12 N, 12 N]."""
+    """Assemble the mass matrix for the rates of all coordinates at coordinates [N, 4, 3], (5.20): sparse [12 N, 12 N]."""
     from scipy import sparse
     c, rows, columns, entries = masses(table), [], [], []
     for one in of_rates(table, q):

@@ -1,4 +1,4 @@
-"""Conditions of sleeves as NumPy sees them: products D_i . d_j(s) between the triad of a holder and the section of a beam."""
+"""Conditions of sleeves for NumPy: products D_i . d_j(s) between the triad of a holder and the section of a beam."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,7 +17,7 @@ CONDITIONS = (((1.0, 0, 1),), ((1.0, 0, 2),), ((0.5, 1, 2), (-0.5, 2, 1)))
 
 
 class Section(NamedTuple):
-    """The section of a beam in a sleeve: n nodes with shape functions and their first and second derivatives, P conditions."""
+    """Section of a beam in a sleeve: n nodes with shape functions and their first and second derivatives, P conditions."""
 
     nodes: Array    # int64 [n + 1]: nodes of the beam, then the holder
     roots: Array    # int64 [n + 1]: the nodes that their spins belong to
@@ -28,18 +28,18 @@ class Section(NamedTuple):
     pairs: int      # 3, or 2 where the twist is free
 
     def turned_by(self, angle: float) -> Section:
-        """The same with D_2, D_3 turned about D_1, so that the section at this angle is held there."""
+        """Return a copy with D_2, D_3 turned about D_1 that holds the section at this angle."""
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
         return self._replace(turn=turn @ self.turn, axes=turn @ self.axes, pairs=3)
 
     def values(self, derivative: int = 0) -> Array:
-        """The conditions [P], or a derivative of them by s."""
+        """Evaluate the conditions [P], or their derivative by s of this order."""
         d = np.einsum("a,ajc->jc", self.shapes[derivative], self.d)
         return np.array([sum(f * (self.axes[i] @ d[j]) for f, i, j in some) for some in CONDITIONS[:self.pairs]])
 
     def by_spins(self, derivative: int = 0) -> tuple[Array, Array]:
-        """Derivatives of `values` by the spins of the nodes [P, n, 3] and of the holder [P, 3]."""
+        """Return the derivatives of `values` by the spins of the nodes [P, n, 3] and of the holder [P, 3]."""
         n = self.shapes[derivative]
         d = np.einsum("a,ajc->jc", n, self.d)
         every = CONDITIONS[:self.pairs]
@@ -47,11 +47,11 @@ class Section(NamedTuple):
         return np.array(of_nodes), np.array([sum(f * np.cross(self.axes[i], d[j]) for f, i, j in some) for some in every])
 
     def moment(self, mu: Array) -> Array:
-        """Moment [3] of the multipliers [3] on the holder."""
+        """Return the moment [3] of the multipliers [3] on the holder."""
         return self.by_spins()[1].T @ mu[:self.pairs]
 
     def turned(self, mu: Array, size: int) -> Any:
-        """Minus the derivative of the moments of multipliers mu [3] on all nodes by the spins, sparse [6 size, 6 size]."""
+        """Return minus the derivative of the moments of multipliers mu [3] on all nodes by the spins, sparse [6 size, 6 size]."""
         from scipy import sparse
         n = self.shapes[0]
         count = len(n)
@@ -71,12 +71,12 @@ class Section(NamedTuple):
 
 
 def _double_cross(a: Array, b: Array) -> Array:
-    """The matrix of a x (b x .)."""
+    """Return the matrix of a x (b x .)."""
     return np.outer(b, a) - (a @ b) * np.eye(3)
 
 
 def sections(model: Model, s: Array, q: Array) -> list[Section]:
-    """Sections in all sleeves of a model in space at sliding coordinates s [S] and coordinates q [N, 4, 3]."""
+    """Return the sections in all sleeves of a model in space at sliding coordinates s [S] and coordinates q [N, 4, 3]."""
     sleeves = model.sleeves
     if sleeves is None:
         return []

@@ -1,4 +1,4 @@
-"""Friction of beams that turn in unkeyed sleeves: tables, where a run starts from, and what rows tell of it (theory.md 5.8)."""
+"""Friction of beams that turn in unkeyed sleeves: tables, values at the start of a run, and rows (theory.md 5.8)."""
 from __future__ import annotations
 
 from copy import deepcopy
@@ -16,14 +16,14 @@ from fastbeam.model.mapping import contact
 from fastbeam.model.model import Model
 
 Array = np.ndarray
-# an angle in the history that differs more from that of the coordinates belongs to another state, rad
+# largest difference, relative to 1 + angle, between an angle in the history and that of the coordinates of the same state, rad
 STALE = 1e-11
-# a velocity below this share of the fastest motion is none
+# velocities below this share of the fastest motion count as zero
 AT_REST = 1e-12
 
 
 def sleeves_of_run(table: Sleeves, at_rest: bool = False) -> Sleeves:
-    """The table with the arrays of one run; at_rest: in statics, where friction of twists holds sections as keys do."""
+    """Return the table with the arrays of one run; at_rest: in statics, where friction of twists fixes sections as keys do."""
     if at_rest:
         return table._replace(keyed=table.keyed.copy(), axes=table.axes.copy(), twist=NoTwist())
     if not isinstance(table.twist, Twist):
@@ -32,13 +32,13 @@ def sleeves_of_run(table: Sleeves, at_rest: bool = False) -> Sleeves:
 
 
 def rubbing(terms: tuple[Any, ...]) -> Sleeves | None:
-    """The sleeves among the terms of a run if beams rub that turn in them."""
+    """Find the sleeves with friction against twist of their beams among the terms of a run; None without any."""
     return next((x.sleeves for x in terms if isinstance(x, Rubbing)), None)
 
 
 def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Terms with the moments of friction of the state instead of equations for them; running: those of the run, which tell where
-    their sections are."""
+    """Replace equations for moments of friction by the moments of the state; running: terms of the run, with the axes of
+    sections."""
     sleeves = rubbing(running)
     if sleeves is None:
         return terms
@@ -56,7 +56,7 @@ class TwistFriction(Feature):
     of : int64 [R]
         Numbers of the sleeves.
     names : list of str
-        Theirs.
+        Names of the sleeves.
     """
 
     key, title, order, is_told_first = "twist", "friction of beams that turn in sleeves (radius=)", 90, True
@@ -74,34 +74,35 @@ class TwistFriction(Feature):
 
     @property
     def history_size(self) -> int:
-        """Numbers of `State.history`."""
+        """Number of history variables of all sleeves."""
         return TWIST * int(self.of.size)
 
 
 def twist_label(slider: str) -> str:
-    """Name of the twist in the sleeve of a slider, where friction is told of."""
+    """Return the name of the twist in the sleeve of a slider, for messages about friction."""
     return f"{slider}: twist"
 
 
 def numbers_of(model: Model, history: Array) -> Array:
-    """Of every sleeve that rubs in a history, float64 [R, 4], see `kernels.twist`."""
+    """Return the history variables of sleeves with friction against twist, float64 [R, 4], see kernels/contact/sleeve_twist.py: a
+    view."""
     return model.own(history, "twist").reshape(-1, TWIST)
 
 
 def _sine_and_cosine(axes: Array, d: Array) -> tuple[float, float]:
-    """Of the angle from D_2, D_3 to d_2, d_3, times the length of the latter; axes, d [3, 3]."""
+    """Return sine and cosine of the angle from D_2, D_3 to d_2, d_3, times the length of the latter; axes, d [3, 3]."""
     return float(axes[1] @ d[2] - axes[2] @ d[1]) / 2.0, float(axes[1] @ d[1] + axes[2] @ d[2]) / 2.0
 
 
 def angle_of(section: Section, known: float) -> float:
-    """Angle of a section in its sleeve, rad, of all turns the one next to `known`."""
+    """Return the angle of a section in its sleeve, rad, on the turn nearest to `known`."""
     found = float(np.arctan2(*_sine_and_cosine(section.axes, np.einsum("a,ajc->jc", section.shapes[0], section.d))))
     return found + 2.0 * np.pi * float(np.round((known - found) / (2.0 * np.pi)))
 
 
 def start_twisting(model: Model, history: Array, q: Array, v: Array, s: Array) -> None:
-    """Bring angles and signs of velocities in a history up to coordinates q, v [N, 4, 3] and places s [S]. What a run before left
-    at rest stays there."""
+    """Update angles and signs of velocities in a history to coordinates q, v [N, 4, 3] and places s [S]. Sections that the run
+    before left at rest stay at rest."""
     every = sections(model, s, q)
     fastest = float(np.max(np.abs(v), initial=0.0))
     for own, o in zip(numbers_of(model, history), model.twisting.tolist()):
@@ -114,7 +115,7 @@ def start_twisting(model: Model, history: Array, q: Array, v: Array, s: Array) -
 
 
 def rate_of(model: Model, section: Section, k: int, q: Array, v: Array, s: Array, angle: float) -> float:
-    """Velocity of the angle of a section in the sleeve of slider k, rad/s."""
+    """Return the velocity of the angle of a section in the sleeve of slider k, rad/s."""
     _, tangent, relative = contact(model, k, float(s[k]), q, v)
     along = float(relative @ tangent / (tangent @ tangent))
     d, slope = (np.einsum("a,ajc->jc", shapes, section.d) for shapes in section.shapes[:2])
@@ -125,13 +126,14 @@ def rate_of(model: Model, section: Section, k: int, q: Array, v: Array, s: Array
 
 
 def angles(model: Model, history: Array) -> Array:
-    """Angle by which the section has turned about d_1 in every sleeve since t = 0, rad, [O]; 0 of those that do not rub."""
+    """Return the angle by which the section has turned about d_1 in every sleeve since t = 0, rad, [O]; 0 without friction
+    against twist."""
     out = np.zeros(len(model.sleeve_pairs))
     out[model.twisting] = -numbers_of(model, history)[:, ANGLE]
     return out
 
 
 def push_of_twist(section: Section, angle: float) -> float:
-    """Force along the beam, N, of a moment of 1 N m of friction in its twist, as a beam that is twisted in its reference screws
-    itself out; angle: as of `angles`."""
+    """Return the force along the beam, N, of a moment of friction of 1 N m: a beam with twist in its reference moves like a
+    screw; angle: as in `angles`."""
     return float(section.turned_by(-angle).values(1)[2])

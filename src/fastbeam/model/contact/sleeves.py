@@ -1,4 +1,4 @@
-"""Sleeves of a scene: the triad that every holder has in the direction of its beam, and the conditions as NumPy sees them."""
+"""Sleeves of a scene: the triad of every holder in the direction of its beam, and the conditions for NumPy."""
 from __future__ import annotations
 
 from typing import Any
@@ -23,12 +23,12 @@ from fastbeam.scene import Scene, Sleeve
 
 Array = np.ndarray
 Line = tuple[Array, Array, Array, int]
-# largest angle between the axis that a sleeve is given and its beam, rad
+# largest angle between the axis= of a sleeve and its beam, rad
 ALIGNED = 1e-6
 
 
 def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
-    """The table of all sleeves; joints: number of those with multipliers, whose constraints come before.
+    """Build the table of all sleeves; joints: number of those with multipliers, whose constraints come before.
 
     Raises
     ------
@@ -69,20 +69,20 @@ class SleeveContact(Feature):
         self.sleeves = sleeves
 
     def rubbing(self, asked: Asked) -> list[str]:
-        """Names of the sleeves that friction may hold."""
+        """Return the names of the sleeves that friction may hold."""
         forces = asked.model.slider_forces
         free = np.zeros(asked.held.size, bool) if forces is None else forces.hold_by_friction & ~asked.held
         return [forces.sliders[k].name for k in np.flatnonzero(free) if isinstance(forces.sliders[k], Sleeve)]
 
 
 def twist_friction_of(scene: Scene) -> TwistFriction | None:
-    """Friction of the sleeves whose beams rub where they turn; None where there are none."""
+    """Build the feature of friction against twist in sleeves (radius=); None without any."""
     found = [k for k, sleeve in enumerate(scene.sleeves) if sleeve.radius is not None]
     return TwistFriction(np.array(found, np.int64), [scene.sleeves[k].name for k in found]) if found else None
 
 
 def with_twist(scene: Scene, model: Model) -> Sleeves | None:
-    """The sleeves of a model with their friction of twist."""
+    """Return the sleeves of a model with their friction against twist."""
     table = model.sleeves
     if table is None or not model.twisting.size:
         return table
@@ -96,7 +96,7 @@ def with_twist(scene: Scene, model: Model) -> Sleeves | None:
 
 
 def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line]) -> list[tuple[int, Section]]:
-    """Every sleeve: number of its slider, and the section in it at t = 0."""
+    """Return the number of the slider and the section at t = 0 of every sleeve."""
     out = []
     for k, (slider, (number, values, slopes, point)) in enumerate(zip(scene.sliders, lines)):
         if isinstance(slider, Sleeve):
@@ -108,7 +108,7 @@ def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: lis
 
 
 def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
-    """R [3, 3] with D_i = sum_k R_ik d_k of the holder, so that the conditions of a keyed sleeve hold at t = 0."""
+    """Return R [3, 3] with D_i = sum_k R_ik d_k of the holder, so that the conditions of a keyed sleeve hold at t = 0."""
     d = sleeve.section_at_start
     if d is None:
         first, values, _ = sleeve.contact_curve.evaluate(sleeve.at)
@@ -133,8 +133,8 @@ def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
 
 
 def sleeves_in_plane(model: Model, plane: Plane) -> tuple[Sleeves | None, Array]:
-    """The table for nodes with 3 unknowns, and of every sleeve its three multipliers in space next to the one in the plane,
-    [O, 3]. There D_1 . J u(s) = 0 holds with u = d_1; d_2 = cos J u + sin n and d_3 = - sin J u + cos n of space."""
+    """Return the table for nodes with 3 unknowns, and for every sleeve its three multipliers in space for a unit one in the
+    plane, [O, 3]. There D_1 . J u(s) = 0 holds with u = d_1; d_2 = cos J u + sin n and d_3 = - sin J u + cos n of space."""
     sleeves: Any = model.sleeves
     if sleeves is None:
         return None, np.zeros((0, 3))

@@ -1,4 +1,4 @@
-"""Friction, drives, stops and locks of sliders as tables, what drives are given in every step, and their forces at rows."""
+"""Friction, drives, stops and locks of sliders: tables, inputs of drives in every step, and forces at rows."""
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
@@ -23,14 +23,14 @@ from fastbeam.scene import Drive, Path, Slider, Switch
 from fastbeam.scene.switches import AT_END, Arrival, span_of, stops_on
 
 Array = np.ndarray
-# a prescribed position may be so far from the place of the slider at the start, of the length of the beam
+# largest distance between a prescribed position and its slider in the scene, as a share of the length of the beam
 AT_START = 1e-9
-# the same of the state that a run starts from
+# largest distance between a prescribed position and its slider in the state that a run starts from, as a share of that length
 JUMP = 1e-6
-# series of energies, and what the history has of those that were taken away
+# series of energies, and columns of the history with energies that were dissipated
 ENERGIES = "friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss"
 LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
-# what takes energy away, for messages
+# names of dissipating forces, for messages
 DISSIPATION = "friction, damping, forces of (t, s, rate) and rigid stops of sliders"
 
 
@@ -46,7 +46,7 @@ class AtRow:
 
 
 def _not_at_rest(analyses: tuple[Analysis, ...], what: str, some: Callable[[SliderForces], Array]) -> Lack:
-    """Declare that equilibria do not know some sliders, unless they are held."""
+    """Declare that analyses at rest do not support some sliders, unless these are locked."""
     def names(forces: SliderForces, asked: Asked) -> list[str]:
         return [forces.sliders[k].name for k in np.flatnonzero(some(forces) & ~asked.held)]
     return Lack(analyses, what, "{who}: slider {name!r} has " + what + ", which equilibria do not know",
@@ -54,12 +54,12 @@ def _not_at_rest(analyses: tuple[Analysis, ...], what: str, some: Callable[[Slid
 
 
 def _without_adjoint(what: str, has: Callable[[Slider], bool]) -> Lack:
-    """Declare that steps with what some sliders have are without adjoint."""
+    """Declare that steps have no adjoint for some sliders."""
     return without_adjoint(what, lambda forces, asked: [f"{what} of slider {x.name!r}" for x in forces.sliders if has(x)])
 
 
 class SliderForces(Feature):
-    """Forces along the beam on all sliders of a scene, of which one at least has some.
+    """Forces along the beam on all S sliders of a scene; at least one slider has some.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class SliderForces(Feature):
 
     @property
     def timed(self) -> bool:
-        """Whether a drive has to be told the time of a step."""
+        """True if a drive needs the time of a step."""
         return any(x is not None and x.is_timed for x in self._drives)
 
     @property
@@ -144,77 +144,77 @@ class SliderForces(Feature):
 
     @property
     def acts_on(self) -> Array:
-        """Whether a slider has any, bool [S]."""
+        """True for sliders with friction, a drive, stops, a lock, a release, one-sided contact or a switch, bool [S]."""
         return np.array([not x.slides_freely for x in self.sliders])
 
     @property
     def lets_go_of(self) -> Array:
-        """Whether a slider is locked at some time or may leave its beam, bool [S]."""
+        """True for sliders that are locked at some time or may leave their beam, bool [S]."""
         return np.array([not (x.lock is None and x.release is None and x.one_sided is None) for x in self.sliders])
 
     @property
     def is_rough(self) -> Array:
-        """Whether something may hold a slider, let it go or prescribe its motion, or it is on a switch, so that its place at rest
-        is no smooth function of the loads, bool [S]."""
+        """True for sliders whose place at rest is no smooth function of the loads, bool [S]: friction, rigid stops, a lock, a
+        release or a prescribed motion, or a switch."""
         rough = [isinstance(x.beam, Switch) or x.stops is not None and x.stops.is_rigid for x in self.sliders]
         return self.lets_go_of | self.hold_by_friction | np.array(rough) | self.is_prescribed
 
     @property
     def is_prescribed(self) -> Array:
-        """Whether a drive prescribes the motion of a slider, bool [S]."""
+        """True for sliders whose drive prescribes the motion, bool [S]."""
         return np.isin(self.tables.drive, (POSITION, INCREMENT))
 
     @property
     def hold_by_friction(self) -> Array:
-        """Which sliders Coulomb friction can hold at rest, bool [S]."""
+        """True for sliders that Coulomb friction can hold at rest, bool [S]."""
         t = self.tables
         return (t.friction > 0.0) & (t.smoothing == 0.0) & ~self.is_prescribed
 
     def has_functions(self, of: Array) -> bool:
-        """Whether drives of some sliders, bool [S], are functions of time alone that count when nothing moves."""
+        """Return whether drives of some sliders, bool [S], are functions of time alone that act on sliders at rest."""
         return any(x is not None and not x.takes_state and (callable(x.position) or callable(x.force))
                    for x, mine in zip(self._drives, of) if mine)
 
     @property
     def has_kinks(self) -> bool:
-        """Whether Coulomb friction or rigid stops act, whose forces have kinks in time."""
+        """True if Coulomb friction or rigid stops act, whose forces have kinks in time."""
         return bool(np.any(self.tables.friction > 0.0)) or any(x.stops is not None and x.stops.is_rigid for x in self.sliders)
 
     @property
     def dissipates(self) -> bool:
-        """Whether something takes energy away."""
+        """True if friction, a damping drive, a force law or a rigid stop dissipates energy."""
         t = self.tables
         return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or np.any(t.law)
                     or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
 
     @property
     def exchanges(self) -> bool:
-        """Whether the total energy changes: there is more than elastic stops."""
+        """True if forces along beams change the total energy: there is more than elastic stops."""
         return self.dissipates or bool(np.any(self.tables.drive != NO_DRIVE)) or self.lets_go
 
     @property
     def lets_go(self) -> bool:
-        """Whether sliders are locked or leave their beams."""
+        """True if sliders are locked at some time or may leave their beams."""
         return bool(self.lets_go_of.any())
 
     @property
     def leaves(self) -> bool:
-        """Whether a slider may leave its beam."""
+        """True if a slider may leave its beam."""
         return any(x.release is not None or x.one_sided is not None for x in self.sliders)
 
     @property
     def locked_at_start(self) -> Array:
-        """Whether sliders are locked from the start, bool [S]."""
+        """True for sliders that are locked from the start, bool [S]."""
         return np.array([x.lock is not None and x.lock[0].from_start for x in self.sliders])
 
     @property
     def off_at_start(self) -> Array:
-        """Whether points are away from their beams at the start, bool [S]."""
+        """True for sliders whose points are away from their beams at the start, bool [S]."""
         return np.array([x.starts_off for x in self.sliders])
 
     @property
     def initial_history(self) -> Array:
-        """`State.history` at the start, float64 [11 S]."""
+        """History variables of the sliders at the start, float64 [11 S]."""
         out = np.zeros((len(self.sliders), HISTORY))
         locked = self.locked_at_start
         out[locked, HELD], out[locked, TURNS] = LOCKED, 1.0
@@ -223,7 +223,8 @@ class SliderForces(Feature):
 
     @property
     def plan(self) -> Array:
-        """What locks and releases wait for, as numbers: times and places, NaN where it is something else; float64 [*]."""
+        """Conditions of locks, releases and one-sided contacts as numbers: times, places and constants, NaN for other conditions;
+        float64 [*]."""
         out: list[float] = []
         for slider in self.sliders:
             waits: list[Any] = [x for lock in slider.lock or () for x in (lock.when, lock.at, lock.until)]
@@ -235,7 +236,8 @@ class SliderForces(Feature):
 
     @property
     def choices(self) -> str:
-        """Where sliders on switches go on, their stops and locks, as a text; functions count only by being there."""
+        """Tracks that sliders on switches choose, their stops and locks, as a text that says of functions only that they
+        exist."""
         switches = [x.beam for x in self.sliders if isinstance(x.beam, Switch)]
         chosen = [sorted(x.choose.items()) if isinstance(x.choose, dict) else x.choose for x in switches]
         places = [[x.stops and (x.stops.start, x.stops.end), *(lock.at for lock in x.lock or ())] for x in self.sliders
@@ -246,16 +248,16 @@ class SliderForces(Feature):
     opens = True
 
     def start_history(self, own: Array, q: Array, v: Array) -> None:
-        """What stands in the numbers of the history at the start."""
+        """Put the history variables of the start into `own`."""
         own[:] = self.initial_history
 
     @property
     def history_size(self) -> int:
-        """Numbers of `State.history`."""
+        """Number of history variables of all sliders."""
         return HISTORY * len(self.sliders)
 
     def work(self, model: Any, plane: Any, static: bool) -> Along | None:
-        """The tables with arrays of one run in time."""
+        """Return the tables with the arrays of one run in time."""
         if static:
             return None
         self.tables.clock[2] = model.mass
@@ -266,27 +268,27 @@ class SliderForces(Feature):
 
     @cached_property
     def sides(self) -> list[Array]:
-        """In which direction of the triads of the nodes of their curves sliders may lift off, float64 [n, 3] each; n = 0 where
-        they may not.
+        """Direction in which every slider may lift off, in the triads of the nodes of its curve, float64 [n, 3] each; n = 0 for
+        sliders that may not.
 
         Raises
         ------
         SceneError
-            Of a path, around a corner the direction is along a beam, or around a closed one it becomes another.
+            On a path the direction is along one of the beams, or returns as another one around a closed path.
         """
         return [np.zeros((0, 3)) if slider.one_sided is None else sides_of(slider) for slider in self.sliders]
 
     def free_way(self, limits: Array) -> Array:
-        """Arc lengths between which no stop acts on sliders, from their limits [S, 2]."""
+        """Return the arc lengths between which no stop acts on sliders, from their limits [S, 2]."""
         out = limits.copy()
         for k, slider in enumerate(self.sliders):
             if slider.stops is not None and not isinstance(slider.beam, Switch):
                 out[k] = np.clip(slider.stops.between, *limits[k])
         return out
 
-    # --- stops, where sliders are -------------------------------------------------------------------------------------
+    # --- stops at the places of sliders -------------------------------------------------------------------------------
     def _between(self, k: int, s: float, own: Array) -> tuple[float, float]:
-        """Arc lengths between which the stops of slider k leave it at s, by its history [11]; infinite where there are none."""
+        """Return the arc lengths of the stops around slider k at s, by its history [11]; infinite where there are none."""
         stops, on = self.sliders[k].stops, self.sliders[k].beam
         if stops is None:
             return -np.inf, np.inf
@@ -295,7 +297,7 @@ class SliderForces(Feature):
         return stops_on(on, stops, span_of(on, s), Arrival(float(own[OFFSET]), float(own[CAME_BY])))
 
     def elastic(self, s: Array, history: Array) -> Array:
-        """Arc lengths at which elastic stops begin, float64 [S, 2]; history [S, 11]."""
+        """Return the arc lengths at which elastic stops begin, float64 [S, 2]; history [S, 11]."""
         out = self.tables.stops[:, :2].copy()
         for k, slider in enumerate(self.sliders):
             if isinstance(slider.beam, Switch) and self.tables.stops[k, STIFFNESS] > 0.0:
@@ -303,19 +305,19 @@ class SliderForces(Feature):
         return out
 
     def speed_given(self, k: int, t: float) -> float:
-        """Velocity that a drive prescribes at time t, m/s."""
+        """Evaluate the velocity that a drive prescribes at time t, m/s."""
         return self._value(k, "speed", t)
 
-    # --- what drives are given ----------------------------------------------------------------------------------------
+    # --- inputs of drives ---------------------------------------------------------------------------------------------
     def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
-        """What drives are given."""
+        """Tabulate the inputs of drives for the steps of a span."""
         if not self.timed:
             return []
         return [(Stand.DRIVES, DriveSchedule(span.own[self.key], *self.schedule(span.starts, span.lengths)))]
 
     def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:
-        """What every drive is given in substeps from times `starts` on, of these lengths [n]: (float64 [n, S, 2], times of their
-        middle [n])."""
+        """Tabulate the inputs of all drives for substeps from times `starts` on, of these lengths [n]: (float64 [n, S, 2], times
+        of their middle [n])."""
         out = np.zeros((len(starts), len(self.sliders), 2))
         for k, (drive, kind) in enumerate(zip(self._drives, self.tables.drive.tolist())):
             if kind != NO_DRIVE:
@@ -323,7 +325,7 @@ class SliderForces(Feature):
         return out, starts + 0.5 * lengths
 
     def _given(self, k: int, t: float, h: float) -> tuple[float, float]:
-        """For a step from t to t + h; (0, 0) where a drive does not ask for the time."""
+        """Return the inputs of a drive for a step from t to t + h; (0, 0) where it does not depend on time."""
         drive = self.sliders[k].drive
         assert drive is not None
         return given_to(drive, f"slider {self.sliders[k].name!r}", t, h)
@@ -335,7 +337,8 @@ class SliderForces(Feature):
 
     # --- rigid stops --------------------------------------------------------------------------------------------------
     def limits(self, ends: Array, s: Array, history: Array) -> Array:
-        """Arc lengths between which sliders at s [S] may go: `ends` [S, 2] of their tracks, or rigid stops; history [S, 11]."""
+        """Return the arc lengths between which sliders at s [S] may go: `ends` [S, 2] of their tracks, or rigid stops; history
+        [S, 11]."""
         out = ends.copy()
         for k, slider in enumerate(self.sliders):
             if slider.stops is not None and slider.stops.is_rigid:
@@ -344,29 +347,31 @@ class SliderForces(Feature):
 
     @property
     def restitutions(self) -> Array:
-        """Of the rigid stops of all sliders at both ends, on whatever track, -1 where there is none, float64 [S, 2]."""
+        """Coefficients of restitution of the rigid stops of all sliders at both ends, on whatever track, -1 where there is none,
+        float64 [S, 2]."""
         out = np.full((len(self.sliders), 2), -1.0)
         for k, slider in enumerate(self.sliders):
             stops = slider.stops
             if stops is not None and stops.is_rigid:
                 there = [x is not None for x in (stops.start, stops.end)]
-                # from behind a wall on a track stands at its other side
+                # a slider behind a stop on a track meets the stop from the other side
                 out[k, any(there) if stops.on_tracks else there] = stops.restitution or 0.0
         return out
 
     def restitutions_at(self, s: Array, history: Array) -> Array:
-        """As `restitutions`, of the stops that sliders at s meet on their tracks; history [S, 11]."""
+        """Return the coefficients of restitution of the stops that sliders at s meet on their tracks, as in `restitutions`;
+        history [S, 11]."""
         found = [[self.restitution(k, at_end, float(x), own) for at_end in (False, True)]
                  for k, (x, own) in enumerate(zip(s, history))]
         return np.array([[-1.0 if x is None else x for x in both] for both in found])
 
     def check_start(self, t: float, s: Array, history: Array) -> None:
-        """Prescribed positions at the time t where a run starts are those of its sliders.
+        """Check that sliders stand at their prescribed positions at the time t at which a run starts.
 
         Raises
         ------
         SceneError
-            One would jump.
+            A slider would jump.
         """
         for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
             slider, place = self.sliders[k], self.place_given(k, t, history[k])
@@ -375,7 +380,8 @@ class SliderForces(Feature):
                                  "m; start at the time of the state (t_start=...), or let the position begin there")
 
     def restitution(self, k: int, at_end: bool, s: float, own: Array) -> float | None:
-        """Of the rigid stop of slider k, at s, at its end or start; None where it has none there. own [11]: of its history."""
+        """Return the coefficient of restitution of the rigid stop of slider k, at s, at its end or start; None where there is no
+        stop; own [11]: history of the slider."""
         stops, on = self.sliders[k].stops, self.sliders[k].beam
         if stops is None or not stops.is_rigid:
             return None
@@ -391,13 +397,13 @@ class SliderForces(Feature):
 
     # --- rows ---------------------------------------------------------------------------------------------------------
     def series(self, kinds: Collection[str], model: Any) -> dict[str, tuple[int, ...]]:
-        """Forces along the beam, and energies."""
+        """Return the shapes of forces along the beam, and of energies."""
         along = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force")
         return dict.fromkeys((*(along if "slider" in kinds else ()), *ENERGIES), (len(self.sliders),)) if {
             "slider", "energy"} & set(kinds) else {}
 
     def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
-        """Energies."""
+        """Return the energies of a state."""
         if not {"slider", "energy"} & set(kinds):
             return {}
         history = model.own(state.history, self.key).reshape(-1, HISTORY).copy()
@@ -406,24 +412,25 @@ class SliderForces(Feature):
         return dict(zip(ENERGIES, found))
 
     def stored(self, state: State) -> float:
-        """Energy of elastic stops."""
+        """Return the energy of elastic stops, J."""
         return float(np.sum(self.stop_energy(state.s, state.history)))
 
     def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
-        """What friction, stops and locks took less what drives put in."""
+        """Return the energy that friction, stops and locks dissipated less the work of drives, J, and the sizes of these
+        parts."""
         history = model.own(state.history, self.key).reshape(-1, HISTORY)
         return ([float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))],
                 np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist())
 
     def stop_energy(self, s: Array, history: Array) -> Array:
-        """Energy that elastic stops store, J, [S]; history [S, 11], or flat."""
+        """Return the energy that elastic stops store, J, [S]; history [S, 11], or flat."""
         stiff, (low, high) = self.tables.stops[:, STIFFNESS], self.elastic(s, history[:self.history_size].reshape(-1, HISTORY)).T
         beyond = np.maximum(low - s, 0.0)**2 + np.maximum(s - high, 0.0)**2
         return np.asarray(0.5 * stiff * np.where(stiff > 0.0, beyond, 0.0))
 
     def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array, push: Array,
                edges: Array, share: float | None = None) -> AtRow:
-        """Forces along the beam at time t.
+        """Evaluate the forces along the beam at time t.
 
         Parameters
         ----------
@@ -431,13 +438,13 @@ class SliderForces(Feature):
         s, rate : float64 [S]
             Places, m, and velocities ds/dt, m/s.
         history : float64 [S, 11]
-            Of the state.
+            History variables of the state.
         tangent, force : float64 [S, 3]
             Derivatives of the curves by s; contact forces, N.
         push : float64 [S]
-            Of the moments of sleeves along the beam, N.
+            Force of the moments of sleeves along the beam, N.
         edges : float64 [S]
-            What these moments press on the edges of bores, N.
+            Force of these moments on the edges of bores, N.
         share : float, optional
             The load factor of an equilibrium.
         """
@@ -455,13 +462,13 @@ class SliderForces(Feature):
             drive[k] = self._drive_at(k, t, s[k], rate[k], offset[k]) if share is None else self.at_rest(
                 k, t, s[k], share, offset[k])
         smooth = table.smoothing > 0.0
-        # of a prescribed motion that of the last step: what is left of its velocity where it has come to rest alternates
+        # a prescribed motion takes the sign of the last step: at rest, the rest of its velocity alternates in sign
         direction = np.where(smooth, np.tanh(rate / np.where(smooth, table.smoothing, 1.0)), sign)
         friction = -table.friction * across * direction - table.viscous * rate
         sticks = (table.friction > 0.0) & ~smooth & ~prescribed & (sign == 0.0)
         friction = np.where(sticks, along - stop - drive, friction)
         drive = np.where(prescribed, along - stop - friction, drive)
-        # against a rigid stop friction gives what it can
+        # friction takes as much of the force against a rigid stop as it can
         against = history[:, AGAINST] != 0.0
         friction = np.where(against, np.clip(along - drive, -table.friction * across, table.friction * across), friction)
         stop = np.where(against, along - drive - friction, stop)
@@ -471,13 +478,13 @@ class SliderForces(Feature):
         return AtRow(along, friction, drive, stop, np.where(locked, along - drive - stop, 0.0))
 
     def _drive_at(self, k: int, t: float, s: float, rate: float, offset: float) -> float:
-        # laws know s of a switch, controllers follow the way
+        # on a switch, laws take s and controllers the arc length travelled
         way = s + offset if self.tables.drive[k] == CONTROL else s
         return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, way, rate)
 
     def at_rest(self, k: int, t: float, s: float, share: float, offset: float) -> float:
-        """Force of a drive that does not prescribe the motion on a slider at rest at s, N, at the time t and the load factor
-        `share`, with which it grows like a load; offset: arc length of the way less s."""
+        """Evaluate the force, N, of a drive that does not prescribe the motion on a slider at rest at s, at time t and load
+        factor `share`, in proportion to which it grows; offset: arc length travelled less s."""
         kind, gains = self.tables.drive[k], self.tables.gains[k]
         if kind == LAW:
             return share * law_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, 0.0)
@@ -485,7 +492,7 @@ class SliderForces(Feature):
         return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - offset - s), -gains[2], gains[2])))
 
     def slope_at_rest(self, k: int, t: float, s: float, share: float, offset: float, by_rate: bool) -> float:
-        """Derivative of this force by s, N/m, or by ds/dt, N s/m.
+        """Return the derivative of the force `at_rest` by s, N/m, or by ds/dt, N s/m.
 
         Raises
         ------
@@ -493,17 +500,17 @@ class SliderForces(Feature):
             A law has a kink or jumps there.
         """
         slider = self.sliders[k]
-        # laws know s of a switch, controllers follow the way
+        # on a switch, laws take s and controllers the arc length travelled
         way = s + offset if self.tables.drive[k] == CONTROL else s
         return share * slope_at_rest(slider.drive, f"slider {slider.name!r}", t, way, slider.beam.length, by_rate)
 
     def place_given(self, k: int, t: float, own: Array) -> float:
-        """Where a drive puts slider k at time t, m; own [11]: of its history."""
+        """Return the arc length that a drive prescribes for slider k at time t, m; own [11]: history of the slider."""
         return self._value(k, "position", t) - float(own[OFFSET])
 
 
 def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
-    """None where no slider has any.
+    """Build the forces along the beam of all sliders; None where no slider has any.
 
     Raises
     ------
@@ -513,7 +520,7 @@ def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
     if all(x.slides_freely for x in sliders):
         return None
     found = SliderForces(sliders)
-    # looked at now, for what it has against paths
+    # evaluated now to raise its errors on paths at compile time
     assert len(found.sides) == len(sliders)
     for k in np.flatnonzero(found.tables.drive == POSITION).tolist():
         slider = sliders[k]
@@ -525,13 +532,13 @@ def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
 
 
 def sides_of(slider: Slider) -> Array:
-    """Direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to beam of a
-    path it stays the same in space, in the reference shape.
+    """Return the direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to
+    beam of a path it stays the same in space, in the reference shape.
 
     Raises
     ------
     SceneError
-        As of `SliderForces.sides`.
+        On a path the direction is along one of the beams, or returns as another one around a closed path.
     """
     if not isinstance(slider.beam, Path):
         side = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side
@@ -541,7 +548,7 @@ def sides_of(slider: Slider) -> Array:
     (first,), (at,) = path.places([slider.at])
     sides = np.zeros((n, 3))
     sides[first] = _across(slider, path.beams[first].reference(at)[1][0], slider.one_sided.side)
-    # on from its beam, and back from it; around a closed path only on
+    # forward from its beam, then backward from it; around a closed path only forward
     on = [(k % n, (k + 1) % n) for k in range(first, first + n if path.closed else n - 1)]
     back = [] if path.closed else [(k, k - 1) for k in range(first, 0, -1)]
     for k, other in (*on, *back):
@@ -557,7 +564,7 @@ def sides_of(slider: Slider) -> Array:
 
 
 def _across(slider: Slider, triad: Array, side: Array) -> Array:
-    """Unit direction across a beam, in its triad, from one in space."""
+    """Return the unit direction across a beam, in its triad, from a direction in space."""
     out = triad @ side
     out[0] = 0.0
     size = float(np.linalg.norm(out))

@@ -1,4 +1,4 @@
-"""Sliders of a scene as a feature: what analyses do not know of where they slide."""
+"""Sliders of a scene as a feature: terms, and limits of analyses with the curves of sliders."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -24,14 +24,14 @@ Array = np.ndarray
 
 
 def _works_along(part: Any, beam: Any) -> bool:
-    """Whether a part acts along a beam by a work that is not known by the place of an element end."""
+    """Return whether a part acts along a beam by a work whose derivative by the place of an element end is unknown."""
     return (isinstance(part, UserForce) and part.at is beam
             or isinstance(part, DistributedLoad) and part.beam is beam and (part.moment is not None or part.follower)
             or isinstance(part, Drag) and part.on is beam and part.blows)
 
 
 def _on_beams(instead: str, what: str, why: Callable[[Any, Asked], str]) -> Lack:
-    """Declare that contacts on some beams cannot be element ends; why: of a beam, empty where they can."""
+    """Declare that contacts on some beams cannot be element ends; why: reason for a beam, empty where they can."""
     def names(contact: SlidingContact, asked: Asked) -> Iterator[str]:
         for slider in contact.parts:
             for beam in slider.beams:
@@ -42,7 +42,7 @@ def _on_beams(instead: str, what: str, why: Callable[[Any, Asked], str]) -> Lack
 
 
 def _loads_along(beam: Any, asked: Asked) -> str:
-    """What acts along a beam, for a message."""
+    """Describe the part that acts along a beam, for a message; empty without any."""
     for part in asked.model.uneliminated.scene.parts:
         if _works_along(part, beam):
             return f", along which {part.kind} {part.name!r} acts, whose work by the place of an element end is not known"
@@ -57,15 +57,15 @@ class SlidingContact(Feature):
     ----------
     parts : list of Slider
     curves : Curves or Paths
-        What sliders slide on.
+        Curves of sliders: beams, paths or tracks of switches.
     sliders : Sliders
     sleeves : Sleeves or None
         The sliders that are sleeves.
     slider_lengths : float64 [S]
-        m.
+        Lengths of the curves of sliders, m.
     spans, corners : dict
-        Of sliders on switches where their tracks begin and end, m; by (curve of the switch, track, whether by its end, next
-        track) the number of the curve over a corner, -1 where there is none, and whether it is sharp.
+        For sliders on switches, begins and ends of their tracks, m; for (curve of the switch, track, True if left by its end,
+        next track), number of the curve over the corner, -1 without any, and True for a sharp corner.
     curve_s : tuple of float64 [n]
         Arc lengths of the nodes of every curve, m.
     """
@@ -94,10 +94,10 @@ class SlidingContact(Feature):
     curve_s: tuple[Array, ...]
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
-        """Sliders, sleeves, and what these rub."""
+        """Return the terms of sliders and sleeves, and of friction against twist in sleeves."""
         model = run.model
         sleeves: Any = NoSleeves() if self.sleeves is None else sleeves_of_run(self.sleeves, run.static)
-        # sliders of a run go over corners of switches on curves of their own
+        # a slider changes its curve at corners of switches: every run has its own table
         sliders = self.sliders._replace(curve=self.sliders.curve.copy()) if self.corners else self.sliders
         along = run.own.get("slider_forces")
         sliding = Sliding(self.curves, sliders, NoTies() if model.ties is None else model.ties,
@@ -111,7 +111,7 @@ class SlidingContact(Feature):
         return [(Stand.SLIDING, x) for x in out]
 
     def in_plane(self, plane: Any, model: Any, constraints: int) -> SlidingContact:
-        """With the table of sleeves for nodes with 3 unknowns, whose constraints are the last."""
+        """Return a copy with the table of sleeves for nodes with 3 unknowns, whose constraints are the last."""
         sleeves = sleeves_in_plane(model, plane)[0]
         return replace(self, sleeves=sleeves and sleeves._replace(first=np.array([constraints])))
 

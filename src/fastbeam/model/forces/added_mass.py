@@ -1,4 +1,4 @@
-"""Nodes with added mass (theory.md (4.34)): tables, the momenta that start in `State.history`, energy and momenta of rows."""
+"""Nodes with added mass (theory.md (4.34)): tables, initial momenta in `State.history`, energy and momenta at rows."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -25,15 +25,15 @@ class Added(Feature):
     Attributes
     ----------
     labels : tuple of str
-        Of the added masses.
+        Labels of the added masses.
     node, part : int64 [A]
-        Nodes, and to which added mass they belong.
+        Nodes, and number of the added mass of each.
     normal, along : float64 [A]
-        Of whole nodes, kg: mass across d1, and what that along d1 is more.
+        Masses of whole nodes, kg: across d1, and the excess of that along d1.
     table : AddedMass or None
         The term.
     in_space : bool
-        False of the tables of a plane.
+        False for the tables of a plane.
     """
 
     key: ClassVar[str] = "added"
@@ -63,45 +63,45 @@ class Added(Feature):
 
     @property
     def history_size(self) -> int:
-        """Numbers in `State.history`."""
+        """Number of history variables, a momentum of every node."""
         return self.node.size
 
     @property
     def turns(self) -> bool:
-        """Whether the masses turn with the sections."""
+        """True if the mass along d1 differs from that across, so that it turns with the section."""
         return bool(np.any(self.along != 0.0))
 
     def with_table(self, row_of: Array, block: Array, first: int) -> Added:
-        """With its table; block: diagonal blocks [A]; first: place of the first momentum in the history."""
+        """Return a copy with its table; block: diagonal blocks [A]; first: offset of the first momentum in the history."""
         return replace(self, table=AddedMass(self.node, row_of[self.node], block, self.normal, self.along,
                                              first + np.arange(self.history_size)))
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
-        """Its inertia."""
+        """Return the inertia term; none in statics."""
         return [] if run.static else [(Stand.WATER, self.table)]
 
     def momenta(self, q: Array, v: Array) -> Array:
-        """Along d1, of velocities: float64 [A]; q, v [N, 12], in a plane [N, 4]."""
+        """Return the momenta along d1 of velocities, float64 [A]; q, v [N, 12], in a plane [N, 4]."""
         d = 3 if q.shape[1] == 12 else 2
         return np.asarray(self.along * np.einsum("ac,ac->a", q[self.node, d:2 * d], v[self.node, :d]))
 
     def in_plane(self, plane: Any, model: Any, constraints: int) -> Added:
-        """The same table, of coordinates [4 N]."""
+        """Return a copy for coordinates [4 N]."""
         return replace(self, in_space=False)
 
     def start_momenta(self, own: Array, q: Array, v: Array) -> None:
-        """Momenta along d1 at coordinates and rates [12 N], in a plane [4 N]."""
+        """Set the momenta along d1 at coordinates and rates [12 N], in a plane [4 N]."""
         size = 12 if self.in_space else 4
         own[:] = self.momenta(q.reshape(-1, size), v.reshape(-1, size))
 
     def misfit(self, own: Array, q: Array, v: Array) -> float:
-        """The largest difference between velocities along d1 and those of momenta own [A], m/s; q, v [12 N]."""
+        """Return the largest difference between velocities along d1 and those of momenta own [A], m/s; q, v [12 N]."""
         there = self.along != 0.0
         off = (own - self.momenta(q.reshape(-1, 12), v.reshape(-1, 12)))[there] / self.along[there]
         return float(np.max(np.abs(off), initial=0.0))
 
     def add_motion(self, model: Any, state: State, out: Array) -> None:
-        """Kinetic energy and momenta of the fluid."""
+        """Add the kinetic energy and the momenta of the fluid."""
         own = model.own(state.history, self.key)
         q, v = (x.reshape(-1, 4, 3)[self.node] for x in (state.q, state.v))
         p = self.normal[:, None] * v[:, 0] + own[:, None] * q[:, 1]
@@ -112,7 +112,7 @@ class Added(Feature):
         out[4:7] += np.cross(q[:, 0], p).sum(axis=0)
 
     def mass_map(self, q: Array) -> Any:
-        """Masses on the coordinates of all nodes at q [12 N], sparse [12 N, 12 N]."""
+        """Assemble the masses on the coordinates of all nodes at q [12 N], sparse [12 N, 12 N]."""
         from scipy import sparse
         d1 = q.reshape(-1, 4, 3)[self.node, 1]
         blocks = self.normal[:, None, None] * np.eye(3) + self.along[:, None, None] * d1[:, :, None] * d1[:, None, :]
@@ -122,7 +122,7 @@ class Added(Feature):
 
 
 def added_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Added | None:
-    """None where there is no added mass. elements: of every beam, then of every net."""
+    """Build the feature of added mass; None without any. elements: of every beam, then of every net."""
     given = added_masses(scene)
     if not given:
         return None

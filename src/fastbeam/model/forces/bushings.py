@@ -1,4 +1,4 @@
-"""Bushings as tables in space and in a plane, and what they have at rows (forces/bushing.py)."""
+"""Bushings as tables in space and in a plane, and their series at rows (forces/bushing.py)."""
 from __future__ import annotations
 
 from typing import Any
@@ -13,12 +13,13 @@ Array = np.ndarray
 
 
 def _of_rotations(m: Array) -> Array:
-    """G = 1/2 tr(M) I - M of matrices [L, 3, 3]: sum_ij G_ij (delta_ij - R_ij) is theta.M theta/2 of a small rotation theta."""
+    """Return G = 1/2 tr(M) I - M of matrices [L, 3, 3]: sum_ij G_ij (delta_ij - R_ij) is theta.M theta/2 for a small rotation
+    theta."""
     return 0.5 * np.trace(m, axis1=1, axis2=2)[:, None, None] * np.eye(3) - m
 
 
 def bushings(ends: Any) -> Bushings:
-    """The table in space; ends: `links.Ends`."""
+    """Build the table in space; ends: `links.Ends`."""
     parts, node = ends.parts, ends.node
     axes = np.array([part.directors for part in parts])
     # D_i = sum_k R_ik d_k of both nodes
@@ -33,7 +34,7 @@ def bushings(ends: Any) -> Bushings:
 
 
 def check_plane(parts: list[Any], normal: Array) -> None:
-    """Whether bushings let their parts stay in the plane with this normal.
+    """Check that bushings do not couple motions in the plane with this normal with others.
 
     Raises
     ------
@@ -51,20 +52,20 @@ def check_plane(parts: list[Any], normal: Array) -> None:
             m = both @ matrix @ both.T
             within, beyond = [0, 1, 5], [2, 3, 4]
             size = np.sqrt(np.maximum(np.diag(m), 0.0))
-            # round-off of the turn is measured by the largest of the same kind
+            # the largest entry of the same kind is the scale of round-off
             size = np.concatenate((np.full(3, size[:3].max()), np.full(3, size[3:].max())))
             if np.any(np.abs(m[np.ix_(within, beyond)]) > TOLERANCE * np.outer(size[within], size[beyond])):
                 raise NotPlanar(f"{part.label} couples motions in the plane with others")
 
 
 def bushings_in_plane(table: Bushings, plane: Plane) -> Bushings:
-    """The table for nodes with 3 unknowns: axes as they lie in the plane."""
+    """Return the table for nodes with 3 unknowns: axes as they lie in the plane."""
     turn = table.axes.reshape(-1, 2, 3, 3)
     return table._replace(axes=numbers_of(np.einsum("lsik,lsk->lsi", turn, plane.factor[table.node])))
 
 
 class BushingRows:
-    """What bushings have at rows, L of them.
+    """Displacements, rotations, forces and energies of L bushings at rows.
 
     Parameters
     ----------
@@ -79,13 +80,13 @@ class BushingRows:
         self.names, self._table = [str(part.name) for part in parts], table
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shapes of their series."""
+        """Return the shapes of their series."""
         n = len(self.names)
         vectors = ("bushing_displacement", "bushing_rotation", "bushing_force", "bushing_moment")
         return {**dict.fromkeys(vectors, (n, 3)), "bushing_energy": (n,)}
 
     def row(self, state: State) -> dict[str, Array]:
-        """Series of one row: displacement, rotation vector, force and moment in the axes of a, and energy."""
+        """Evaluate the series of one row: displacement, rotation vector, force and moment in the axes of a, and energy."""
         from scipy.spatial.transform import Rotation
         table = self._table
         n, (a, b) = len(self.names), table.node.T

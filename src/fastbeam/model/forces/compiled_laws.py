@@ -1,8 +1,8 @@
-"""Functions of the user's own as machine code that kernels call by its address.
+"""User functions as machine code that kernels call by its address.
 
 Compiled code cannot be left by an exception. A law that raises, reads beyond an array, returns nothing where a number is due or
-finds no finite numbers therefore gives NaN, with which a step fails, and leaves at `failed` what it was asked
-(kernels/user_force.FAILED), so that a message can tell (user_forces.py).
+finds no finite numbers therefore gives NaN, with which a step fails, and records its arguments in `failed`
+(kernels/forces/user_force.FAILED) for a message (user_forces.py).
 """
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.jit.decorators import around_user, of_user, with_address
 
 NUMBER, ARRAY, MATRIX = types.float64, types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
-# what a law of a node is given: position, directors, velocity and spin
+# number of arguments of a law of a node: position, directors, velocity and spin
 GIVEN = 18
 
 
 class WrongForm(TypeError):
-    """What a function returns is not what it has to: the rest of a sentence about it."""
+    """Wrong return value of a function: the rest of a sentence about it."""
 
 
 def _writing(law: Callable[..., None], arguments: tuple[Any, ...], into: str) -> Any:
-    """A compiled function that writes into arrays.
+    """Compile a function that writes into arrays.
 
     Raises
     ------
     WrongForm
-        It returns something, which nobody would look at.
+        The function returns a value, which would be ignored.
     """
     compiled = of_user(law)
     compiled.compile(arguments)
@@ -41,12 +41,12 @@ def _writing(law: Callable[..., None], arguments: tuple[Any, ...], into: str) ->
 
 
 def _returning(law: Callable[..., Any], arguments: tuple[Any, ...], what: str) -> Any:
-    """A compiled function that returns numbers.
+    """Compile a function that returns numbers.
 
     Raises
     ------
     WrongForm
-        It returns nothing.
+        The function returns nothing.
     """
     compiled = of_user(law)
     compiled.compile(arguments)
@@ -56,8 +56,8 @@ def _returning(law: Callable[..., Any], arguments: tuple[Any, ...], what: str) -
 
 
 def _guarded(ask: Any, given: int, n: int, found: int, at: int = 0) -> Any:
-    """Machine code around a compiled function (t, given, parameters, found) of arrays of these sizes; where it fails, what stands
-    from `at` on in `given` is left behind, GIVEN numbers at most."""
+    """Compile a guard around a compiled function (t, given, parameters, found) of arrays of these sizes; on failure it records
+    the numbers from `at` on in `given`, GIVEN at most."""
     count = min(given - at, GIVEN)
 
     def entry(t: Any, given_at: Any, parameters_at: Any, found_at: Any, failed_at: Any) -> None:
@@ -82,7 +82,7 @@ def _guarded(ask: Any, given: int, n: int, found: int, at: int = 0) -> Any:
 
 
 def _factor(time: Callable[[float], float]) -> Any:
-    """A compiled function of time; NaN where it returns nothing."""
+    """Compile a function of time; NaN where it returns nothing."""
     factor = _returning(time, (NUMBER,), "a number")
 
     def known(t: Any) -> Any:
@@ -94,7 +94,7 @@ def _factor(time: Callable[[float], float]) -> Any:
 
 
 def _timed(law: Callable[..., None], time: Callable[[float], float] | None) -> Any:
-    """A law of a user force, times a function of time where there is one."""
+    """Compile a law of a user force, times a function of time where there is one."""
     steady = _writing(law, (NUMBER, ARRAY, MATRIX, *[ARRAY] * 5), "force and moment")
     if time is None:
         return steady
@@ -110,13 +110,13 @@ def _timed(law: Callable[..., None], time: Callable[[float], float] | None) -> A
 
 
 def compiled_force(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> tuple[Any, Any]:
-    """A law of a user force with n parameters, times a function of time, as machine code that kernels call by its `.address`, and
-    for Python; the code lives as long as these objects.
+    """Compile a law of a user force with n parameters, times a function of time: machine code that kernels call by its
+    `.address`, and the law for Python; the code lives as long as these objects.
 
     Raises
     ------
     WrongForm
-        The law returns something, or the function of time nothing; so do the others.
+        The law returns a value, or the function of time none; the functions below raise it, too.
     """
     inner = _timed(law, time)
 
@@ -126,9 +126,9 @@ def compiled_force(law: Callable[..., None], n: int, time: Callable[[float], flo
 
 
 def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> Any:
-    """The derivative of a law of a user force by the six unknowns of its node, by differences, central ones at rest: machine code
-    as of `compiled_force`, the law within its loop. What it is given stands behind `DIFFERENCE` in forces/user_force.py; found
-    are 6 x 6 numbers."""
+    """Compile the derivative of a law of a user force by the six unknowns of its node, by differences, central ones at rest:
+    machine code as in `compiled_force`, with the law within its loop. Its arguments stand behind `DIFFERENCE` in
+    forces/user_force.py; it writes 6 x 6 numbers."""
     inner = _timed(law, time)
 
     def ask(t: Any, w: Any, p: Any, found: Any) -> None:
@@ -138,7 +138,7 @@ def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float
             x[i] = w[i]
         for c in range(6):
             size = w[19] if c < 3 else w[20]
-            # one-sided ones from what stands in y[6:]
+            # one-sided differences from the force in y[6:]
             for o in range(0, 12 if is_central else 6, 6):
                 by = size if o == 0 else -size
                 if c < 3:
@@ -161,7 +161,7 @@ def compiled_differences(law: Callable[..., None], n: int, time: Callable[[float
 
 
 def compiled_tension(law: Callable[..., float], n: int) -> tuple[Any, Any]:
-    """A law of a force along a line with n parameters, as `compiled_force`."""
+    """Compile a law of a force along a line with n parameters, as `compiled_force`."""
     inner = _returning(law, (NUMBER, NUMBER, NUMBER, ARRAY), "the tension, N")
 
     def ask(t: Any, x: Any, p: Any, y: Any) -> None:
@@ -173,7 +173,7 @@ def compiled_tension(law: Callable[..., float], n: int) -> tuple[Any, Any]:
 
 
 def compiled_drive(law: Callable[..., float]) -> tuple[Any, Any]:
-    """A force of (t, s, rate) of a drive, as `compiled_force`."""
+    """Compile a force of (t, s, rate) of a drive, as `compiled_force`."""
     inner = _returning(law, (NUMBER, NUMBER, NUMBER), "the force")
 
     def ask(t: Any, x: Any, p: Any, y: Any) -> None:
@@ -185,7 +185,7 @@ def compiled_drive(law: Callable[..., float]) -> tuple[Any, Any]:
 
 
 def compiled_slopes(derivative: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> tuple[Any, Any]:
-    """The derivative of a law of a user force, as `compiled_force`."""
+    """Compile the derivative of a law of a user force, as `compiled_force`."""
     inner = steady = _writing(derivative, (NUMBER, ARRAY, MATRIX, *[ARRAY] * 3, MATRIX), "out")
     if time is not None:
         factor = _factor(time)
@@ -201,7 +201,7 @@ def compiled_slopes(derivative: Callable[..., None], n: int, time: Callable[[flo
 
 
 def compiled_tension_slopes(derivative: Callable[..., tuple[float, float]], n: int) -> tuple[Any, Any]:
-    """The derivative of a law of a force along a line, as `compiled_force`."""
+    """Compile the derivative of a law of a force along a line, as `compiled_force`."""
     inner = _returning(derivative, (NUMBER, NUMBER, NUMBER, ARRAY), "two numbers")
 
     def ask(t: Any, x: Any, p: Any, y: Any) -> None:
@@ -213,7 +213,7 @@ def compiled_tension_slopes(derivative: Callable[..., tuple[float, float]], n: i
 
 
 def compiled_wind(law: Callable[..., None], n: int) -> tuple[Any, Any]:
-    """A velocity of the air with n parameters, as `compiled_force`."""
+    """Compile a velocity of the air with n parameters, as `compiled_force`."""
     inner = _writing(law, (NUMBER, ARRAY, ARRAY, ARRAY), "velocity")
 
     def ask(t: Any, x: Any, p: Any, y: Any) -> None:
@@ -222,12 +222,13 @@ def compiled_wind(law: Callable[..., None], n: int) -> tuple[Any, Any]:
 
 
 def machine_code(who: str, what: str, make: Callable[[], tuple[Any, Any]]) -> tuple[int, Any]:
-    """Address of a function of the user's own, and the function for Python; make: one of the above; who, what: in messages.
+    """Return the address of a user function, and the function for Python; make: one of the compiling functions above; who, what:
+    names in messages.
 
     Raises
     ------
     SceneError
-        numba cannot compile it, or it does not return what it has to.
+        numba cannot compile the function, or its return value is wrong.
     """
     try:
         entry, compiled = make()

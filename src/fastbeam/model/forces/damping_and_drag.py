@@ -1,4 +1,4 @@
-"""What takes energy out of a scene besides its sliders, or puts it in: names, and places of their energies in `State.history`."""
+"""Damping of sections and drag: tables, names of their energies, and offsets of these in `State.history`."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ COEFFICIENTS = "normal", "tangential", "linear"
 
 
 def _air_moves(what: str, text: str, instead: str, moves: Callable[[Dragged], Array]) -> Lack:
-    """Declare that what drags with moving air, bool [D], add to the damping of small motions is not known."""
+    """Declare that the damping of small motions by drag in moving air is not known; moves: bool [D]."""
     return Lack((Analysis.DAMPED,), what, text, instead,
                 lambda dragged, asked: [dragged.labels[k] for k in np.unique(dragged.part[moves(dragged)])])
 
@@ -40,9 +40,9 @@ class Damped(Feature):
     ----------
     labels : tuple of str
     strains : tuple of str
-        Their strain sets.
+        Strain sets of the beams and nets.
     part : int64 [N]
-        Of every node which of them it belongs to, -1: none.
+        Number of the beam or net of every node, -1: none.
     """
 
     key: ClassVar[str] = "damped"
@@ -60,11 +60,11 @@ class Damped(Feature):
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """Names in the balance."""
+        """Names of the dissipated energies in the balance."""
         return tuple(f"damping of {label}" for label in self.labels)
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
-        """What books the energies, where elements dissipate."""
+        """Return the terms that account the energies of damped elements."""
         model = run.model
         sets: tuple[Any, ...] = strain_sets(model, run.static)
         return [(Stand.LOSSES, self._account(strains, tables, model.losses_for(Damped)))
@@ -81,14 +81,14 @@ class Damped(Feature):
 
 
 def strain_sets(model: Any, static: bool = False) -> tuple[SimoReissner, GreenLagrange]:
-    """The strain sets with the laws of the sections of a model; at rest all are elastic."""
+    """Return the strain sets with the section laws of a model; in statics all laws are elastic."""
     damped = () if static or model.damped is None else model.damped.strains
     simo, green = (KELVIN_VOIGT if name in damped else ELASTIC for name in ("simo_reissner", "green_lagrange"))
     return SimoReissner(simo), GreenLagrange(green)
 
 
 def damped_of(scene: Scene, nodes: NodeList) -> Damped | None:
-    """None where no section has damping."""
+    """Build the feature of damped sections; None where no section has damping."""
     parts: list[Beam | Net] = [beam for beam in scene.beams if np.any(beam.section.damping)]
     parts += [net for net in scene.nets if any(np.any(section.damping) for section in net.sections)]
     if not parts:
@@ -106,23 +106,23 @@ class Dragged(Feature):
     Attributes
     ----------
     labels : tuple of str
-        Of the drags.
+        Labels of the drags.
     node, part : int64 [D]
-        Nodes, and to which drag they belong.
+        Nodes, and number of the drag of each.
     coefficient : float64 [D, 3]
-        Normal, tangential and linear ones of whole nodes.
+        Normal, tangential and linear coefficients of whole nodes.
     slender : int64 [D]
-        1 where d1 counts.
+        1 where drag depends on d1.
     air : float64 [D, 3]
         Velocity of the air, m/s.
     times : tuple of callable or None
-        Of every drag the factor of that as a function of time.
+        Factor of the air velocity of every drag as a function of time.
     wind : Wind or NoWind
-        Velocities of the air by functions of the user's own.
+        Velocities of the air by user functions.
     table : Drag or None
         The term.
     called_laws : dict of type -> failed_laws.Lawful
-        Those of wind.
+        Laws of wind.
     """
 
     key: ClassVar[str] = "dragged"
@@ -160,61 +160,61 @@ class Dragged(Feature):
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """Names in the balance."""
+        """Names of the dissipated energies in the balance."""
         return self.labels
 
     @property
     def asks_wind(self) -> Array:
-        """Nodes whose air is given by a function, bool [D]."""
+        """True for nodes whose air velocity a function gives, bool [D]."""
         return self.wind.laws.address != 0 if isinstance(self.wind, Wind) else np.zeros(self.node.size, bool)
 
     @property
     def timed(self) -> bool:
-        """Whether the velocity of the air changes."""
+        """True if the velocity of the air has a time factor."""
         return any(time is not None for time in self.times)
 
     @property
     def blows(self) -> bool:
-        """Whether the air moves, so that there is a force at rest."""
+        """True if the air moves: it exerts forces at rest."""
         return self.windy or bool(np.any(self.air))
 
     @property
     def turns(self) -> bool:
-        """Whether that force depends on the shape."""
+        """True if the forces of moving air at rest depend on the shape."""
         return self.blows and (self.windy or bool(np.any(self.slender)))
 
     @property
     def windy(self) -> bool:
-        """Whether functions of place and time give the velocity of the air."""
+        """True if functions of place and time give the velocity of the air."""
         return isinstance(self.wind, Wind)
 
     def in_plane(self, plane: Any, model: Any, constraints: int) -> Dragged:
-        """The same table, but for the velocity of the air."""
+        """Return a copy whose table has the velocity of the air in a plane."""
         assert self.table is not None
         return replace(self, table=self.table._replace(air=(self.table.air.reshape(-1, 3) @ plane.axes[:2].T).reshape(-1)))
 
     def factors_at(self, t: float) -> Array:
-        """Of the air at a time, s, of every node, [D]."""
+        """Return the time factor of the air at time t, s, for every node, [D]."""
         return np.array([1.0 if time is None else factor_at(time, t, f"of {label}")
                          for time, label in zip(self.times, self.labels)])[self.part]
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
-        """Drag; at rest that of moving air."""
+        """Return the term of drag; in statics that of moving air."""
         if self.table is None or run.static and not self.blows:
             return []
         term = self.table
         if run.static:
-            # these and the air are those of a load factor and a time
+            # coefficients and air velocity depend on load factor and time
             term = term._replace(**{name: getattr(term, name).copy() for name in (*COEFFICIENTS, "air")})
         elif self.timed:
-            # its air is that of a run
+            # every run has its own air velocity
             term = term._replace(air=term.air.copy())
         if isinstance(term.wind, Wind) and run.law_work is not None:
             term = term._replace(wind=term.wind._replace(work=run.law_work))
         return [(Stand.AIR, term)]
 
     def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
-        """The air, where it changes."""
+        """Tabulate the velocity of air that changes in time."""
         if not self.timed:
             return []
         assert self.table is not None
@@ -226,13 +226,13 @@ class Dragged(Feature):
         return [(Stand.AIR, AirSchedule(own.air, self.table.air, self.part, factors))]
 
     def with_table(self, row_of: Array, block: Array, first: int) -> Dragged:
-        """With its table; block: diagonal blocks [D]; first: place of the first drag in the history."""
+        """Return a copy with its table; block: diagonal blocks [D]; first: offset of the first drag in the history."""
         return replace(self, table=Drag(self.node, row_of[self.node], block, *np.ascontiguousarray(self.coefficient.T),
                                         self.slender, self.air.reshape(-1), first + self.part, self.wind))
 
 
 def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragged | None:
-    """None where there is no drag. elements: of every beam, then of every net."""
+    """Build the feature of drag; None without drag. elements: of every beam, then of every net."""
     if not scene.drags:
         return None
     length = np.zeros(len(nodes))

@@ -1,6 +1,5 @@
-"""What resists velocities about a state of rest, as a sparse matrix (theory.md 14): damped sections, linear drag, dampers in
-joints, springs and bushings, forces by laws of the user's own. And the stiffness of the material alone, whose share loses energy
-by a loss factor."""
+"""Damping matrix about a state of rest (theory.md 14): damped sections, linear drag, dampers in joints, springs and bushings,
+user laws. Also the material stiffness, a share of which dissipates energy by a loss factor."""
 from __future__ import annotations
 
 from typing import Any
@@ -21,20 +20,20 @@ from fastbeam.model.model import Model
 from fastbeam.model.tables import strain_gradient
 
 Array = np.ndarray
-# rates with which laws are tried, in sizes of the scene a second, and rad/s
+# rates of the differences of laws, in sizes of the scene a second, and rad/s
 RATE = 1e-6
 
 
 def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
-    """Forces against the rates of all coordinates at a state of rest, sparse [12 N, 12 N].
+    """Assemble the damping matrix for the rates of all coordinates at a state of rest, sparse [12 N, 12 N].
 
     Parameters
     ----------
     model : Model
-        In space.
+        Model in space.
     q : float64 [N, 4, 3]
     t, factor : float
-        Time, s, with which laws are evaluated, and load factor, which scales those that grow.
+        Time, s, of the laws, and load factor of those that grow with it.
 
     Raises
     ------
@@ -48,13 +47,12 @@ def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
 
 
 def material_map(model: Model, q: Array) -> Any:
-    """Stiffness of the stresses of all beams against changes of their strains, sparse [12 N, 12 N]: that of the tangent without
-    the part of the stresses that there are."""
+    """Assemble the material stiffness of all beams, sparse [12 N, 12 N]: the tangent without the part of the present stresses."""
     return _of_sections(model, q, ("simo_reissner", "green_lagrange"), 0)
 
 
 def _of_sections(model: Model, q: Array, sets: tuple[str, ...], first: int) -> Any:
-    """int E_q^T X E_q ds with the 6 x 6 matrix X that stands at `first` from C in the tables of these strain sets."""
+    """Assemble int E_q^T X E_q ds, the 6 x 6 matrix X at offset `first` from C in the tables of these strain sets."""
     from scipy import sparse
     n = 12 * model.n_nodes
     parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
@@ -79,7 +77,7 @@ def _of_sections(model: Model, q: Array, sets: tuple[str, ...], first: int) -> A
 
 
 def _by_coordinates(name: str, x: Array, phi_s: Array, shape: Array, slope: Array) -> Array:
-    """Derivative of the strains at g points by the coordinates of nn nodes, [l, g, 6, 12 nn]; x [l, nn, 4, 3], shapes
+    """Return the derivative of the strains at g points by the coordinates of nn nodes, [l, g, 6, 12 nn]; x [l, nn, 4, 3], shapes
     [l, g, nn]."""
     f = np.einsum("lga,lac->lgc", phi_s, x[:, :, 0])
     d, k = (np.einsum("lga,laic->lgic", y, x[:, :, 1:]) for y in (shape, slope))
@@ -92,7 +90,7 @@ def _by_coordinates(name: str, x: Array, phi_s: Array, shape: Array, slope: Arra
 
 
 def _of_drag(model: Model) -> Any:
-    """Linear drag; that of the square of a velocity has no linear part at rest."""
+    """Assemble linear drag; drag by the square of a velocity has no linear part at rest."""
     from scipy import sparse
     diagonal = np.zeros((model.n_nodes, 4, 3))
     drag = model.dragged
@@ -103,14 +101,14 @@ def _of_drag(model: Model) -> Any:
 
 
 def _of_joints(model: Model, q: Array) -> Any:
-    """Dampers and controllers on the distances and angles that joints leave free."""
+    """Assemble the dampers and controllers on the distances and angles that joints leave free."""
     from scipy import sparse
     n = 12 * model.n_nodes
     motions = model.motions
     if motions is None:
         return sparse.csr_matrix((n, n))
     damping = motions.every.damping.copy()
-    # those of controllers below their largest force
+    # damping of controllers below their largest force
     kind, _, by_rate, _ = motions.holds.gains.T
     damping[motions.holds.driven] += np.where(kind == CONTROL, by_rate, 0.0)
     damped = np.flatnonzero(damping)
@@ -123,7 +121,7 @@ def _of_joints(model: Model, q: Array) -> Any:
 
 
 def _of_springs(model: Model, q: Array) -> Any:
-    """Dampers along the line of two points, those of one side where they act."""
+    """Assemble the dampers along the line of two points, one-sided dampers where they act."""
     from scipy import sparse
     n = 12 * model.n_nodes
     total = sparse.csr_matrix((n, n))
@@ -145,7 +143,7 @@ def _of_springs(model: Model, q: Array) -> Any:
 
 
 def _of_lines(model: Model, q: Array, t: float) -> Any:
-    """Of forces along lines the derivative of the tension by the rate of the length: central differences."""
+    """Assemble the derivative of line forces by the rate of the length: central differences."""
     from scipy import sparse
     total = sparse.csr_matrix((12 * model.n_nodes, 12 * model.n_nodes))
     for table in model.links:
@@ -164,7 +162,8 @@ def _of_lines(model: Model, q: Array, t: float) -> Any:
 
 
 def _of_bushings(model: Model, q: Array) -> Any:
-    """Dampers of displacements along the axes of the first node and of products of the axes of both, theory.md (4.21)."""
+    """Assemble the dampers of displacements along the axes of the first node and of products of the axes of both, theory.md
+    (4.21)."""
     from scipy import sparse
     n = 12 * model.n_nodes
     total = sparse.csr_matrix((n, n))
@@ -190,7 +189,7 @@ def _of_bushings(model: Model, q: Array) -> Any:
 
 
 def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
-    """Minus the derivative of forces and moments by laws of the user's own, by velocity and spin: central differences."""
+    """Assemble minus the derivative of forces and moments by user laws, by velocity and spin: central differences."""
     from scipy import sparse
     n = 12 * model.n_nodes
     total = sparse.csr_matrix((n, n))
@@ -220,7 +219,8 @@ def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
 
 
 def _of_elements(model: Model, q: Array, t: float) -> Any:
-    """The same of force elements, whose forces do work on the rates of position and rotation in the axes of the first node."""
+    """Assemble minus the derivative of force elements by the rates of position and rotation in the axes of the first node:
+    central differences."""
     from scipy import sparse
     n = 12 * model.n_nodes
     total = sparse.csr_matrix((n, n))

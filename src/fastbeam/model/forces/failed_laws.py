@@ -1,4 +1,4 @@
-"""What a law of the user's own did where it failed in compiled code, which gives NaN there and leaves what it was asked."""
+"""Failures of user laws in compiled code, which returns NaN and records the arguments of the law that failed."""
 from __future__ import annotations
 
 import ctypes
@@ -22,7 +22,7 @@ LAW = ctypes.CFUNCTYPE(None, ctypes.c_double, *[NUMBERS] * 4)
 
 
 class Asked(NamedTuple):
-    """What a part is called, what its functions are given, and their calls: what each is, and the array that it writes into."""
+    """Label of a part, arguments of its functions, and their calls: (name, call, array that it writes into, or None)."""
 
     label: str
     arguments: dict[str, Any]
@@ -30,8 +30,8 @@ class Asked(NamedTuple):
 
 
 class Lawful(NamedTuple):
-    """The parts of a scene whose laws one table calls, which of them each of its rows is, a text for the place of a row, and
-    the functions of a part at a time, of what it is given and its parameters."""
+    """Parts of a scene whose laws one table calls: the part of every row, text for the place of a row, and the functions of a
+    part with a time, its arguments and its parameters."""
 
     parts: list[Any]
     of: Array
@@ -40,31 +40,31 @@ class Lawful(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """What failed, as the rest of a sentence, and what it raised in Python; empty where nothing has failed."""
+    """Text of a failure, the rest of a sentence, and the exception in Python; empty without a failure."""
 
     text: str
     error: Exception | None = None
 
 
 NOTHING = Failure("")
-# what to do, behind the text of a failure
+# advice behind the text of a failure
 LET_IT = ". Let it give finite numbers there."
-# of what a function finds
+# names of the results of functions
 WORDS = {"law": "force", "wind": "velocity"}
-# names of laws that act at a node
+# number of laws at a node that a message names
 SHOWN = 2
 UNSEEN = "fails where it is compiled, though not in Python, as by a division by zero,"
 
 
 def forget(terms: Iterable[Any], work: Array) -> None:
-    """Forget failures before an attempt."""
+    """Clear failures before an attempt."""
     work[FAILED] = 0.0
     for asked in _drives(terms):
         asked[:, ASKED_FAILED] = 0.0
 
 
 def has_failed(terms: Iterable[Any], work: Array) -> bool:
-    """Whether a law has failed since then."""
+    """Return whether a law has failed since failures were cleared."""
     return work[FAILED] != 0.0 or any(asked[:, ASKED_FAILED].any() for asked in _drives(terms))
 
 
@@ -74,7 +74,7 @@ def _drives(terms: Iterable[Any]) -> list[Array]:
 
 
 def failure_in(model: Any, terms: Iterable[Any], work: Array) -> Failure:
-    """Which law has failed first, and how; model: that of the terms; work: of laws."""
+    """Describe the first failure of a law; model: that of the terms; work: work array of laws."""
     address = int(work[FAILED])
     for term in terms:
         if isinstance(term, Sliding) and isinstance(term.along, Along):
@@ -95,17 +95,17 @@ def failure_in(model: Any, terms: Iterable[Any], work: Array) -> Failure:
 
 
 def _table(term: Any) -> tuple[type, Any]:
-    """The table of laws of a term, and under which kind a model knows its parts."""
+    """Return the kind under which a model finds the parts of a term, and its table of laws."""
     table = term.wind if isinstance(term, Drag) and isinstance(term.wind, Wind) else term
     return UserForces if isinstance(table, PlanarFollowers) else type(table), table
 
 
 def acting_at(model: Any, terms: Iterable[Any], node: int) -> str:
-    """Whose laws act on the equations of a node, for a message that names it; empty where there are none."""
+    """Return the names of laws that act on the equations of a node, for a message that names it; empty where there are none."""
     row, ties = model.pattern.row_of[node], model.ties
     there = model.pattern.row_of == row
     if ties is not None:
-        # what acts on a tied node stands in the equations of those that it follows
+        # forces on a slave node stand in the equations of its master nodes
         there[np.repeat(np.arange(there.size), np.diff(ties.start))[ties.target_row == row]] = True
     names = {}
     for term in terms:
@@ -115,7 +115,7 @@ def acting_at(model: Any, terms: Iterable[Any], node: int) -> str:
             continue
         for k in np.flatnonzero(there[term.node].reshape(len(term.node), -1).any(axis=1)).tolist():
             asked = laws.asked(laws.parts[laws.of[k]], 0.0, np.zeros(18), table.parameters[table.first[k]:])
-            # time functions of loads that follow are no laws
+            # time functions of follower loads are no laws
             if asked.calls[0][0] in WORDS:
                 names[asked.label] = None
     if not names:
@@ -131,7 +131,7 @@ def _of_drive(who: str, drive: Any, asked: Array) -> Failure:
 
 
 def failure_of(laws: Lawful, table: Any, rows: Array, t: float, given: Array) -> Failure:
-    """How a law failed at time t; rows: those of the table that it may be; given: what it was given."""
+    """Describe the failure of a law at time t; rows: rows of the table that it may be; given: its arguments."""
     label, arguments, calls = laws.asked(laws.parts[laws.of[rows[0]]], t, given, table.parameters[table.first[rows[0]]:])
     for noun, call, out in calls:
         how, error = _again(call, out, WORDS.get(noun, "number"))
@@ -143,8 +143,8 @@ def failure_of(laws: Lawful, table: Any, rows: Array, t: float, given: Array) ->
 
 
 def _again(call: Callable[[], Any], out: Array | None, word: str) -> tuple[str, Exception | None]:
-    """How a function fails in Python, and what it raises; out: what it writes into, None where it returns numbers; word: for
-    these."""
+    """Call a function again in Python, and describe its failure, with the exception; out: array that it writes into, None where
+    it returns numbers; word: name of these numbers."""
     try:
         with np.errstate(all="ignore"):
             returned = call()
@@ -157,12 +157,12 @@ def _again(call: Callable[[], Any], out: Array | None, word: str) -> tuple[str, 
 
 
 def ask(model: Any, table: Any, k: int, t: float, given: Array, found: int) -> Array:
-    """What the law of row k of a table gives at time t, float64 [found]; given: what it is given.
+    """Evaluate the law of row k of a table at time t, float64 [found]; given: its arguments.
 
     Raises
     ------
     SceneError
-        It fails.
+        The law fails.
     """
     given, out, failed = np.append(given, np.zeros(18 - len(given))), np.zeros(found), np.zeros(SIZE - FAILED)
     parameters = table.parameters[table.first[k]:]

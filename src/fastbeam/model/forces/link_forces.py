@@ -12,16 +12,17 @@ from fastbeam.model.forces.bushings import bushings_in_plane
 
 
 class LinkForces(Feature):
-    """Springs, dampers, bushings, line forces and winches: what they take, what they have at rows, and where ends may pass.
+    """Springs, dampers, bushings, line forces and winches: dissipated energies, series at rows, and ends that may pass each
+    other.
 
     Parameters
     ----------
     losses : tuple of str
-        Names in the balance of those that take energy away.
+        Names of the dissipated energies in the balance.
     find_rows : callable
-        Makes what they have at rows from the tables of the links of a model.
+        Makes the evaluators of rows from the tables of the links of a model.
     lines : links.Lines or None
-        Those whose ends may pass each other.
+        Links whose ends may pass each other.
     """
 
     key, title, order = "link_forces", "springs, dampers", 40
@@ -33,12 +34,12 @@ class LinkForces(Feature):
         self.losses, self.find_rows, self.lines = losses, find_rows, lines
 
     def series(self, kinds: Collection[str], model: Any) -> dict[str, tuple[int, ...]]:
-        """Elongations, forces and the like."""
+        """Return the shapes of elongations, forces and energies."""
         rows = model.spring_rows if "spring" in kinds else []
         return {name: shape for one in rows for name, shape in one.series().items()}
 
     def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
-        """The same."""
+        """Return elongations, forces and energies of a state."""
         rows = model.spring_rows if "spring" in kinds else []
         return {name: x for one in rows for name, x in one.row(state).items()}
 
@@ -50,7 +51,7 @@ class BushingForces(Feature):
     lacks = (unknown_to_methods("bushings"),)
 
     def link_in_plane(self, table: Any, plane: Any) -> Any:
-        """Axes as they lie in the plane."""
+        """Return the table of bushings with axes as they lie in the plane; other tables unchanged."""
         return bushings_in_plane(table, plane) if isinstance(table, Bushings) else table
 
 
@@ -62,7 +63,7 @@ class Crossings(Feature):
 
 
 class CarriedSliders(Feature):
-    """Sliders that are eliminated with their condensed beams."""
+    """Sliders that are condensed with their beams."""
 
     key, title, order = "carried", "sliders on condensed beams", 170
     lacks = (without_adjoint("sliders on nets of condensed beams"),)

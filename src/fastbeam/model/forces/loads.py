@@ -1,4 +1,4 @@
-"""Factors of loads at their time."""
+"""Time factors of loads."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -14,13 +14,13 @@ from fastbeam.model.feature import Feature, OfRun, Stand
 from fastbeam.model.model import Model
 
 Array = np.ndarray
-# three Gauss points: what is smooth is exact to order 6, and a step stays symmetric in time
+# three Gauss points: exact to order 6 for smooth functions, and symmetric in time
 POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 def load_factors(model: Model, times: Array, steps: Array) -> Array:
-    """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads
-    are exact to order 6 and a step stays symmetric."""
+    """Return the mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth
+    loads are exact to order 6 and a step stays symmetric."""
     out = np.ones((len(times), len(model.load_times)))
     for k, time in enumerate(model.load_times):
         if time is not None:
@@ -29,7 +29,7 @@ def load_factors(model: Model, times: Array, steps: Array) -> Array:
 
 
 class LoadAccount(Feature):
-    """Loads that have no potential, whose work is booked: they change in time, are moments, or follow laws."""
+    """Account of the work of loads without potential: they change in time, are moments, or follow laws."""
 
     key, title, order, opens = "load_account", "loads that change in time, moments", 20, True
     lacks = (timed_loads(lambda account, asked: [
@@ -37,11 +37,11 @@ class LoadAccount(Feature):
 
     @property
     def history_size(self) -> int:
-        """Their work."""
+        """Number of history variables: the work of the loads."""
         return 1
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
-        """What books the work."""
+        """Return the term that accounts the work of loads; none in statics."""
         if run.static:
             return []
         model = run.model
@@ -51,7 +51,7 @@ class LoadAccount(Feature):
 
 
 def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
-    """Factor of every load vector at a time, [K]; who: the function that was called.
+    """Return the factor of every load vector at a time, [K]; who: the function that was called.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
         There are time functions and no time.
     """
     for one in model.controllers:
-        # what a run has left does not count at rest
+        # an equilibrium uses the start value, not the last value of a run
         one.held[0] = one.start
     if at_time is None:
         require(Analysis.TIMELESS_LOADS, model, who)
@@ -68,7 +68,7 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
 
 
 def which_times(value: Any) -> float | tuple[float, float]:
-    """A time, or two.
+    """Check the argument `at_time`: one time, s, or two.
 
     Raises
     ------
@@ -82,8 +82,8 @@ def which_times(value: Any) -> float | tuple[float, float]:
 
 def load_path(who: str, model: Model, at_time: float | tuple[float, float] | None,
               others_change: bool = False) -> tuple[Array, Array]:
-    """Factors [K] of all load vectors at load factor 0, and their change until load factor 1; who: the function that was called;
-    others_change: whether what is no load vector changes.
+    """Return the factors [K] of all load vectors at load factor 0, and their change until load factor 1; who: the function that
+    was called; others_change: True if other forces than load vectors change.
 
     Raises
     ------
@@ -102,13 +102,13 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
 
 
 def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of gravity") -> Array:
-    """Means of a time function over steps [t, t + h], [n]."""
+    """Return the means of a time function over steps [t, t + h], [n]."""
     return means(lambda t: factor_at(time, t, who), getattr(time, "_rows", None), times, steps)
 
 
 def means(value: Callable[[float], float], rows: Array | None, times: Array, steps: Array) -> Array:
-    """Means of a function over steps [t, t + h], [n]: of what is smooth by three Gauss points, of a table from row to row (rows:
-    their times) that lie within a step."""
+    """Return the means of a function over steps [t, t + h], [n]: a smooth function by three Gauss points, a table from row to row
+    within a step (rows: their times)."""
     def smooth(begins: Array, sizes: Array) -> Array:
         points = (begins[:, None] + POINTS * sizes[:, None]).reshape(-1)
         values = np.array([value(float(t)) for t in points]).reshape(-1, 3)
@@ -129,12 +129,12 @@ def means(value: Callable[[float], float], rows: Array | None, times: Array, ste
 
 
 def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity") -> float:
-    """A time function at t as a number; who: whose it is.
+    """Evaluate a time function at t as a number; who: its owner.
 
     Raises
     ------
     SceneError
-        It failed, or returned something else, or nothing finite.
+        The function fails, or returns no finite number.
     """
     try:
         value = time(t)

@@ -1,4 +1,4 @@
-"""Springs with laws: pieces of polynomials from slack and tables, and what springs have at rows (forces/spring_laws.py)."""
+"""Springs with laws: piecewise polynomials from one-sided springs and tables, and series at rows (forces/spring_laws.py)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -11,12 +11,12 @@ from fastbeam.kernels.forces.spring_laws import SpringLaws
 from fastbeam.kernels.state import State
 
 Array = np.ndarray
-# jumps of slopes of a law that are no round-off, as a share of the largest slope
+# smallest jump of the slope of a law that is no round-off, as a share of the largest slope
 JUMP = 1e-9
 
 
 class Pieces(NamedTuple):
-    """The law of one spring: where its pieces begin and count from, m, energies there, J, and polynomials of the force."""
+    """Law of one spring: begins and origins of its pieces, m, energies at the origins, J, and polynomials of the force."""
 
     begin: Array    # float64 [P], -inf first
     origin: Array   # float64 [P]
@@ -25,11 +25,11 @@ class Pieces(NamedTuple):
 
 
 def pieces_of(part: Any) -> Pieces:
-    """Of a spring or damper; its energy is 0 at the elongation 0."""
+    """Return the law of a spring or damper; its energy is 0 at the elongation 0."""
     if part.table is not None:
         return _of_table(*part.table, part.interpolation)
     k = part.stiffness
-    # one that pulls alone has no force below 0, one that pushes alone none above
+    # a spring that only pulls has no force below 0, one that only pushes none above
     slopes = {0: [k], 1: [0.0, k], -1: [k, 0.0]}[part.side]
     force = np.zeros((len(slopes), 4))
     force[:, 1] = slopes
@@ -38,7 +38,7 @@ def pieces_of(part: Any) -> Pieces:
 
 
 def _of_table(x: Array, y: Array, interpolation: str) -> Pieces:
-    """Polynomials between the points, and straight on outside."""
+    """Return polynomials between the points of a table, with straight lines outside."""
     inside = np.zeros((x.size - 1, 4))
     inside[:, 0], inside[:, 1] = y[:-1], np.diff(y) / np.diff(x)
     ends = inside[0, 1], inside[-1, 1]
@@ -58,13 +58,14 @@ def _of_table(x: Array, y: Array, interpolation: str) -> Pieces:
 
 
 def spring_laws(ends: Any) -> SpringLaws:
-    """The table of all springs with laws; ends: `links.Ends`."""
+    """Build the table of all springs with laws; ends: `links.Ends`."""
     parts = ends.parts
     return laws_of(parts, ends.node, ends.row, ends.block, ends.distance, ends.place)
 
 
 def laws_of(parts: Sequence[Any], node: Array, row: Array, block: Array, distance: Array, place: Array) -> SpringLaws:
-    """Of springs and dampers, plain ones too; distance [L]: of their ends at t = 0; place [L]: of their losses in the history."""
+    """Build the table of springs and dampers, linear ones too; distance [L]: of their ends at t = 0; place [L]: of their losses
+    in the history."""
     length = np.array([d if part.length is None else part.length for part, d in zip(parts, distance)])
     pieces = [pieces_of(part) for part in parts]
     first = np.concatenate(([0], np.cumsum([len(p.begin) for p in pieces]))).astype(np.int64)
@@ -74,8 +75,9 @@ def laws_of(parts: Sequence[Any], node: Array, row: Array, block: Array, distanc
 
 
 def kinks_of(part: Any) -> tuple[tuple[float, int], ...]:
-    """Elongations, m, at which the slope of the force of a spring or damper jumps, or its damper begins, and the order that steps
-    of order 4 have behind them. Where the curvature alone jumps, at the ends of a spline, they keep theirs."""
+    """Return the elongations, m, at which the slope of the force of a spring or damper jumps, or its damper begins, with the
+    order to which steps of order 4 drop there. Jumps of the curvature alone, at the ends of a spline, leave the order as it
+    is."""
     law, out = pieces_of(part), []
     for k in range(1, len(law.begin)):
         x = law.begin[k] - law.origin[k - 1:k + 1]
@@ -87,14 +89,14 @@ def kinks_of(part: Any) -> tuple[tuple[float, int], ...]:
 
 
 class SpringRows:
-    """What springs and dampers have at rows: lengths, forces and energies of S of them.
+    """Lengths, forces and energies of S springs and dampers at rows.
 
     Parameters
     ----------
     parts : list of Spring and Damper
     node : int64 [S, 2]
     distance : float64 [S]
-        Of their ends at t = 0, m.
+        Distances of their ends at t = 0, m.
     """
 
     kind = "springs"
@@ -109,7 +111,7 @@ class SpringRows:
         return laws_of(self._parts, self._node, none, none, self._distance, none)
 
     def _pieces(self, e: Array) -> Array:
-        """The piece of every spring that its elongation lies in."""
+        """Find the piece of every spring at its elongation."""
         laws = self._laws
         lo, hi = laws.first[:-1].copy(), laws.first[1:] - 1
         while np.any(lo < hi):
@@ -119,22 +121,22 @@ class SpringRows:
         return lo
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shapes of their series."""
+        """Return the shapes of their series."""
         return dict.fromkeys(("spring_length", "spring_force", "spring_energy"), (len(self.names),))
 
     def slack(self, state: State) -> list[str]:
-        """Names of those that only pull or only push, and do neither."""
+        """Return the names of one-sided springs without force."""
         laws, (a, b) = self._laws, self._node.T
         x = state.q.reshape(-1, 12)[:, :3]
         e = np.linalg.norm(x[b] - x[a], axis=1) - laws.length
         return [self.names[k] for k in np.flatnonzero((laws.side != 0) & (laws.side * e <= 0.0))]
 
     def kinks(self) -> list[tuple[tuple[float, int], ...]]:
-        """Of all of them, as `kinks_of`."""
+        """Return `kinks_of` each spring and damper."""
         return [kinks_of(part) for part in self._parts]
 
     def motion(self, state: State) -> tuple[Array, Array]:
-        """Elongations, m, and their rates, m/s, [S]."""
+        """Return elongations, m, and their rates, m/s, [S]."""
         a, b = self._node.T
         x, v = (y.reshape(-1, 12)[:, :3] for y in (state.q, state.v))
         r = x[b] - x[a]
@@ -142,7 +144,7 @@ class SpringRows:
         return length - self._laws.length, np.sum(r * (v[b] - v[a]), axis=1) / np.where(length > 0.0, length, 1.0)
 
     def row(self, state: State) -> dict[str, Array]:
-        """Series of one row."""
+        """Evaluate the series of one row."""
         laws = self._laws
         e, rate = self.motion(state)
         length = e + laws.length

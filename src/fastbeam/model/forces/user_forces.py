@@ -1,4 +1,4 @@
-"""Forces by functions of the user's own: compiled functions with an address, and their table."""
+"""Forces by user functions: compiled functions with an address, and their tables."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -33,16 +33,16 @@ ON_NODES = UserForces, PlanarFollowers
 
 
 class UserLaws(Feature):
-    """Forces by laws of the user's own, and loads that follow.
+    """Forces by user laws, and follower loads.
 
     Parameters
     ----------
     forces : list of UserForce
-        On nodes.
+        Forces on nodes.
     between : list of LineForce or ForceElement
-        Between two points.
+        Forces between two points.
     laws : dict of type -> failed_laws.Lawful
-        By the kinds of tables that call them, those of wind included.
+        Laws by the kinds of tables that call them, those of wind included.
     """
 
     key, title, order = "user_laws", "user forces, loads that follow, line forces and force elements", 120
@@ -66,16 +66,16 @@ class UserLaws(Feature):
         self.forces, self.called_laws = forces, laws
         self.labels = tuple(label_of(force) for force in (*forces, *between))
         own = [label_of(x) for x in forces if not isinstance(x, FollowerForce)]
-        # whose laws may lead out of a plane, and of which two times tell no path
+        # laws that may lead out of a plane, and laws without a path between two times
         self.leading_out = own + [label_of(x) for x in between if isinstance(x, ForceElement)]
         self.pathless = own + [label_of(x) for x in between]
 
     def describe(self) -> list[tuple[str, str, tuple[str, ...]]]:
-        """All laws."""
+        """Return the line of `print(model)`: all laws."""
         return [("user forces", f"{len(self.labels)} law{'s' * (len(self.labels) > 1)}: ", self.labels)]
 
     def link_in_plane(self, table: Any, plane: Any) -> Any:
-        """Loads that turn with nodes, along u and J u of each."""
+        """Return the table of follower loads in a plane, along u and J u of each node; other tables unchanged."""
         if not isinstance(table, UserForces):
             return table
         own = table.parameters[table.first[:, None] + np.arange(6)]
@@ -86,25 +86,25 @@ class UserLaws(Feature):
         return PlanarFollowers(*table[:6], 6 * np.arange(len(own)), parameters.reshape(-1), table.place, table.laws, table.work)
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
-        """Tables of laws with the work array of the run; shares are those of a run, because paths change them."""
+        """Return tables of laws with the work array of the run; shares are copied, because paths change them."""
         if isinstance(table, ON_NODES):
             return table._replace(work=run.law_work, share=table.share.copy())
         return table._replace(work=run.law_work) if isinstance(table, (ForceElements, LineForces)) else table
 
 
 class Loaded:
-    """The nodes of all forces by laws in a scene.
+    """Nodes of all forces by laws in a scene.
 
     Attributes
     ----------
     forces : list of UserForce
     node : int64 [K]
     share : float64 [K]
-        1, along beams the length that belongs to the node, m.
+        1; along beams the tributary length of the node, m.
     of : int64 [K]
-        Which force.
+        Number of the force.
     nodes : list of int64 [*]
-        Those of every force.
+        Nodes of every force.
     """
 
     def __init__(self, scene: Scene, nodes: NodeList) -> None:
@@ -123,7 +123,7 @@ class Loaded:
         self.of = np.repeat(np.arange(len(self.forces)), [len(x) for x in node[1:]]).astype(np.int64)
 
     def table(self, row_of: Array, blocks: Any, q: Array, place: int) -> UserForces:
-        """The term; q [N, 4, 3]: where laws are tried; place: of their work in the history.
+        """Build the term; q [N, 4, 3]: coordinates at which laws are tried; place: offset of their work in the history.
 
         Raises
         ------
@@ -131,7 +131,7 @@ class Loaded:
             A law that cannot be compiled, fails, or gives numbers that are not finite.
         """
         starts, parameters = parameters_of(self.forces)
-        # rows of every node, or one for all
+        # parameters of every node, or one row for all
         first = [start + (x.shape[1] * np.arange(len(x)) if len(x) > 1 else np.zeros(nodes.size, np.int64))
                  for start, x, nodes in zip(starts, map(rows_of, self.forces), self.nodes)]
         addresses, differences = [], []
@@ -149,7 +149,7 @@ class Loaded:
 
 
 def line_forces(ends: Any) -> LineForces:
-    """The table of all forces along lines; ends: `links.Ends`.
+    """Build the table of all forces along lines; ends: `links.Ends`.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def line_forces(ends: Any) -> LineForces:
 
 
 def force_elements(ends: Any) -> ForceElements:
-    """The table of all force elements; ends: `links.Ends`.
+    """Build the table of all force elements; ends: `links.Ends`.
 
     Raises
     ------
@@ -191,15 +191,15 @@ def force_elements(ends: Any) -> ForceElements:
 
 
 def _laws(addresses: list[tuple[int, int]], of: Array | None = None) -> Laws:
-    """Of laws and their derivatives; of: which of them, one after the other without it."""
+    """Return the addresses of laws and of their derivatives; of: number of the law of every row, default: one row each."""
     both = np.array(addresses, np.int64).reshape(-1, 2)
     both = both if of is None else both[of]
     return Laws(both[:, 0].copy(), both[:, 1].copy())
 
 
 def parameters_of(parts: Sequence[Any]) -> tuple[Array, Array]:
-    """Places of the parameters of every part, int64 [L], and the parameters of all; a part without has a place of its own too, by
-    which a law that failed is known."""
+    """Return the offset of the parameters of every part, int64 [L], and the parameters of all; a part without parameters has its
+    own offset, too, which identifies a law that failed."""
     numbers = [rows_of(part).reshape(-1) for part in parts]
     ends = np.cumsum([max(1, x.size) for x in numbers], dtype=np.int64)
     all_of = np.zeros(int(ends[-1]) if len(parts) else 0)
@@ -210,17 +210,17 @@ def parameters_of(parts: Sequence[Any]) -> tuple[Array, Array]:
 
 
 def _given(q: Array) -> Array:
-    """What a law is given, [18], of a node with coordinates [4, 3] at rest."""
+    """Return the arguments of a law, [18], for a node with coordinates [4, 3] at rest."""
     return np.concatenate((q.reshape(-1), np.zeros(6)))
 
 
 def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Array) -> int:
-    """Address of the derivative of a law, 0 where it has none; law: compiled, as in Python.
+    """Return the address of the derivative of a law, 0 without one; law: the compiled law for Python.
 
     Raises
     ------
     SceneError
-        numba cannot compile it, it fails, or it is not the derivative of the law.
+        numba cannot compile the derivative, it fails, or it is not that of the law.
     """
     if force.derivative is None:
         return 0
@@ -228,15 +228,15 @@ def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Arra
     on_line = isinstance(force, LineForce)
     make = _tension_slopes if on_line else _slopes
     address, compiled = machine_code(who, "derivative", lambda: make(force.derivative, n, *_time_of(force)))
-    # that of loads that follow is the package's own: tests/kernels/test_law_slopes.py
+    # tests/kernels/test_law_slopes.py checks the derivative of follower loads
     if force.derivative is not turning_slopes:
         check_slopes(who, law, compiled, given, rows_of(force)[0], on_line)
     return address
 
 
 def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: Array, on_line: bool) -> None:
-    """Refuse a derivative that is not finite at the start, or not that of the law there with some velocity. At a kink of the law
-    it may be what it is on either side, or between.
+    """Check that a derivative is finite at the start, and agrees with differences of the law there at some velocity. At a kink of
+    the law it may be the slope of either side, or between.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: 
                 moved = at.copy()
                 moved[j] += step
                 sides.append((_law(law, moved, parameters, on_line) - base) / step)
-            # of differences on one side: their curvature and round-off
+            # tolerance of one-sided differences: curvature and round-off
             slack = 1e-3 * np.max(np.abs(sides)) + (1e-13 * np.max(np.abs(base)) + ROUND_OFF * largest * far) / size
             low, high = np.minimum(*sides) - slack, np.maximum(*sides) + slack
             # slopes of speeds vanish at rest
@@ -274,13 +274,13 @@ def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: 
                                  f"of its law give {0.5 * (sides[0][i] + sides[1][i]):.6g}; correct it, or leave derivative= out")
 
 
-# of what a law computes of numbers that it is given
+# relative round-off of a law in its arguments
 ROUND_OFF = 1e-15
 GIVEN_NAMES, FOUND_NAMES = ("position", "directors", "velocity", "spin"), ("force", "moment")
 
 
 def _name(at: int, names: tuple[str, ...]) -> str:
-    """Of a number among three of each, nine of directors."""
+    """Return the name of component `at` of the vectors `names`, of three numbers each, nine for directors."""
     for name in names:
         size = 9 if name == "directors" else 3
         if at < size:
@@ -290,7 +290,7 @@ def _name(at: int, names: tuple[str, ...]) -> str:
 
 
 def _law(law: Any, given: Array, parameters: Array, on_line: bool) -> Array:
-    """What it gives, [6] or [1]."""
+    """Evaluate a law, [6], or on a line [1]."""
     if on_line:
         return np.array([law(0.0, given[0], given[1], parameters)])
     out = np.zeros(6)
@@ -299,7 +299,7 @@ def _law(law: Any, given: Array, parameters: Array, on_line: bool) -> Array:
 
 
 def _derivative(derivative: Any, given: Array, parameters: Array, on_line: bool) -> Array:
-    """What it gives, [6, 18] or [1, 2]."""
+    """Evaluate the derivative of a law, [6, 18], or on a line [1, 2]."""
     if on_line:
         return np.array([derivative(0.0, given[0], given[1], parameters)], dtype=float)
     out = np.zeros((6, 18))
@@ -308,7 +308,7 @@ def _derivative(derivative: Any, given: Array, parameters: Array, on_line: bool)
 
 
 def _parts_of(given: Array) -> tuple[Array, ...]:
-    """Position, directors, velocity and spin."""
+    """Split arguments [18] into position, directors, velocity and spin."""
     return given[:3].copy(), given[3:12].reshape(3, 3).copy(), given[12:15].copy(), given[15:].copy()
 
 
@@ -326,29 +326,29 @@ def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
 
 
 def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]:
-    """Address of a law, and the law for Python; kept as long as the process.
+    """Return the address of a law, and the law for Python; kept as long as the process.
 
     Raises
     ------
     SceneError
-        numba cannot compile it.
+        numba cannot compile the law.
     """
     make = _tension if isinstance(force, LineForce) else _compiled
     return machine_code(label_of(force), "law", lambda: make(force.law, rows_of(force).shape[1], *_time_of(force)))
 
 
 def differences_of(force: UserForce) -> int:
-    """Address of code that takes the derivative of a law by differences; kept as long as the process."""
+    """Return the address of code that takes the derivative of a law by differences; kept as long as the process."""
     return int(_differences(force.law, rows_of(force).shape[1], *_time_of(force)).address)
 
 
 def rows_of(force: UserForce | LineForce | ForceElement | Drag) -> Array:
-    """Parameters of its nodes, [n, m]; one row where they are equal."""
+    """Return the parameters of the nodes of a part, [n, m]; one row where all nodes have the same."""
     return numbers_of_nodes(force) if isinstance(force, UserForce) else np.array(force.parameters)[None]
 
 
 def _time_of(force: UserForce | LineForce | ForceElement) -> tuple[Any, ...]:
-    """The function of time that is a factor of the force, where there is one."""
+    """Return the function of time that is a factor of the force, as a tuple; empty without any."""
     time = getattr(force, "time", None)
     return () if time is None else (time.compilable if isinstance(time, Signal) else time,)
 
@@ -358,7 +358,8 @@ _slopes, _tension_slopes, _differences = cache(compiled_slopes), cache(compiled_
 
 
 def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
-    """The table of all winds; part: int64 [D], to which drag a node belongs; place: float64 [D, 3], where the air is asked for.
+    """Build the table of all winds; part: int64 [D], number of the drag of a node; place: float64 [D, 3], where the air is
+    evaluated.
 
     Raises
     ------
@@ -389,7 +390,7 @@ def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
 
 
 def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
-    """Call a law once in Python and once compiled, at the start."""
+    """Check a law at the start by one call in Python and one compiled."""
     who = label_of(force)
     time = getattr(force, "time", None)
     factor = 1.0 if time is None else float(time(0.0))
@@ -413,7 +414,7 @@ def _check_finite(who: str, found: Array, what: str, law: str = "law") -> None:
 
 
 def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
-    """Refuse a law that gives no finite numbers, or others in Python than compiled."""
+    """Check that a law gives finite numbers, equal in Python and compiled."""
     for one in found:
         _check_finite(who, one, what, law)
     if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
@@ -422,11 +423,11 @@ def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
 
 
 def asked_of(part: Any, t: float, given: Array, parameters: Array) -> Asked:
-    """The functions of a part, to be called in Python at time t; given, parameters: what compiled code gave them."""
+    """Return the calls of the functions of a part in Python at time t; given, parameters: arguments in compiled code."""
     parameters, derivative, out = parameters[:rows_of(part).shape[1]].copy(), getattr(part, "derivative", None), np.zeros(6)
     position = given[:3].copy()
     if isinstance(part, FollowerForce):
-        # its law is the package's own
+        # the law is part of the package: only the function of time can fail
         time: Any = part.time
         return Asked(label_of(part), {}, [("time function", lambda: time(t), None)])
     if isinstance(part, LineForce):

@@ -1,4 +1,4 @@
-"""Winches: tables of their ropes, what they have at rows, and how ropes move at the start (forces/winch.py)."""
+"""Winches: tables of their ropes, series at rows, and limits of paying out (forces/winch.py)."""
 from __future__ import annotations
 
 from typing import Any
@@ -23,7 +23,7 @@ class Ropes:
     node : int64 [G, 3]
         Upper and lower end of every segment, and the drum.
     of : int64 [G]
-        Which winch.
+        Number of the winch.
     """
 
     def __init__(self, scene: Any, nodes: Any) -> None:
@@ -38,12 +38,12 @@ class Ropes:
         self.node, self.of = np.concatenate(found), np.concatenate(of)
 
     def pairs(self, root: Array) -> list[Array]:
-        """Coupled nodes as i N + j; root: the node whose row a node shares."""
+        """Return the pairs of coupled nodes as i N + j; root: the node whose row a node shares."""
         nodes = root[self.node].T
         return [a * root.size + b for a in nodes for b in nodes]
 
     def table(self, row_of: Array, blocks: Any, q: Array) -> Winches:
-        """The term; q [N, 3]: positions at the start."""
+        """Build the term; q [N, 3]: positions at the start."""
         of, node = self.of, self.node
         first = np.flatnonzero(np.diff(of, prepend=-1))
 
@@ -93,28 +93,28 @@ class Hoists(Feature):
         self.winches = winches
 
     def describe(self) -> list[tuple[str, str, list[str]]]:
-        """Ropes and their segments."""
+        """Return the line of `print(model)`: ropes and their segments."""
         ropes, segments = len(self.winches), sum(x.segments for x in self.winches)
         return [("winches", f"{ropes} rope{'s' * (ropes > 1)} of {segments} segments: ", [x.name for x in self.winches])]
 
     def link_of_run(self, table: Any, run: OfRun) -> Any:
-        """The table of ropes with the work array of the run."""
+        """Return the table of ropes with the work array of the run; other tables unchanged."""
         return table._replace(work=run.law_work) if isinstance(table, Winches) else table
 
     def add_motion(self, model: Any, state: State, out: Array) -> None:
-        """Kinetic energy and momenta of all ropes."""
+        """Add the kinetic energy and the momenta of all ropes."""
         motion_of_ropes(ropes_of(model), state.q, state.v, out)
 
     def weight(self, model: Any, q: Array) -> float:
-        """Energy of all ropes in the gravity of the scene, J."""
+        """Return the energy of all ropes in the gravity of the scene, J."""
         out = np.zeros(1)
         weight_of_ropes(ropes_of(model), q, out)
         return float(out[0])
 
 
 class WinchRows:
-    """What winches have at rows: free length, m, its rate, m/s, and the tension at the drum and at the load, N: at the ends of
-    the rope, by a straight line through the forces of the last two segments; of a single one less its weight, not its inertia.
+    """Free length, m, its rate, m/s, and tension at the drum and at the load, N, of winches at rows. The tension at both ends of
+    the rope is extrapolated linearly from the last two segments; a single segment counts with its weight, without its inertia.
 
     Parameters
     ----------
@@ -129,17 +129,17 @@ class WinchRows:
         self._last = np.append(table.first[1:], table.below.size) - 1
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shapes of their series."""
+        """Return the shapes of their series."""
         n = len(self.names)
         return {"winch_length": (n,), "winch_speed": (n,), "winch_tension": (n, 2)}
 
     def slack(self, state: State) -> list[str]:
-        """Names of those without tension."""
+        """Return the names of winches without tension."""
         tension = self.row(state)["winch_tension"]
         return [name for name, both in zip(self.names, tension) if not np.any(both > 0.0)]
 
     def row(self, state: State) -> dict[str, Array]:
-        """Series of one row."""
+        """Evaluate the series of one row."""
         t = self._table
         x, v = (y.reshape(-1, 12)[:, :3] for y in (state.q, state.v))
         drum = t.node[t.first, 2]
@@ -147,7 +147,7 @@ class WinchRows:
         rest = length / t.segments[t.first]
 
         def force(k: Array) -> Array:
-            """Of segments k [W], on their upper ends, [W, 3]: that of their middles."""
+            """Return the force of segments k [W], at their middles, on their upper ends, [W, 3]."""
             along = x[t.node[k, 1]] - x[t.node[k, 0]]
             chord = np.linalg.norm(along, axis=1)
             pull = t.stiffness[k] * np.maximum(chord - rest, 0.0) / rest
@@ -157,7 +157,7 @@ class WinchRows:
         tension = []
         for end, side in ((t.first, 1), (self._last, -1)):
             own, other = force(end), force(end + side * (t.first < self._last))
-            # what carries and moves a segment changes the force from middle to middle, and half as much up to the end
+            # weight and inertia change the force by a full step from middle to middle, and by half a step to the end
             change = np.where((t.first < self._last)[:, None], own - other, side * weight)
             pulls = own.any(axis=1) & other.any(axis=1)
             at_end = own + 0.5 * np.where(pulls[:, None], change, 0.0)
@@ -166,13 +166,13 @@ class WinchRows:
 
 
 def ropes_of(model: Any) -> Winches | None:
-    """The table of the ropes of a model."""
+    """Return the table of the ropes of a model; None without any."""
     return next((table for table in model.links if isinstance(table, Winches)), None)
 
 
 def rope_masses(table: Winches, q: Array) -> Any:
-    """Masses of ropes and drums at q [12 N] on the coordinates of all nodes, sparse [12 N, 12 N]: those of T in (4.24), with w by
-    the velocities of both ends of a segment and the rate of the length."""
+    """Assemble the masses of ropes and drums at q [12 N] on the coordinates of all nodes, sparse [12 N, 12 N]: those of T in
+    (4.24), with w by the velocities of both ends of a segment and the rate of the length."""
     from scipy import sparse
     x = q.reshape(-1, 12)[:, :3]
     a, b, drum = table.node.T
@@ -186,7 +186,7 @@ def rope_masses(table: Winches, q: Array) -> Any:
         w[:, :, 6] = (table.below - place)[:, None] * along
         blocks.append((0.5 * table.mass * length / table.segments)[:, None, None] * np.swapaxes(w, 1, 2) @ w)
         places.append(at)
-    # what is on the drum moves with it and around it
+    # rope on the drum moves with the drum and around it
     k = table.first
     store = np.where(table.stored > 0.0, table.stored * (np.where(table.stored > 0.0, table.total, 0.0) - length[k]), 0.0)
     on = np.zeros((k.size, 7, 7))
@@ -198,7 +198,7 @@ def rope_masses(table: Winches, q: Array) -> Any:
 
 
 def used_up(model: Any, state: State, h: float) -> str:
-    """What to say where a rope is all on its drum, or all of it is paid out, one step of size h on; empty where none is."""
+    """Describe a rope that is all on its drum, or all paid out, one step of size h ahead; empty without any."""
     table = ropes_of(model)
     if table is None:
         return ""

@@ -1,5 +1,5 @@
-"""Joints that multipliers hold: how many forces they have, and how their gaps, functions of the coordinates of both nodes, change
-with the motions of these: for reactions, and for velocities of a scene that is not compiled. The gaps themselves are compiled.
+"""Joints with multipliers: number of forces, and derivatives of their gaps by the motions of both nodes, for reactions and for
+velocities of a scene that is not compiled. The gaps themselves are compiled.
 
 Coordinates x [2, 4, 3] are position and directors of nodes a and b.
 """
@@ -14,66 +14,66 @@ Array = np.ndarray
 
 
 class Law(Protocol):
-    """What a joint keeps."""
+    """Constraint of a joint with multipliers."""
 
-    is_vector: bool  # whether its gap is a vector in space
-    is_angle: bool   # whether its gap is one of directions, not of points
-    holds: bool      # whether it always holds: friction does not
-    rate: float      # of its gap at t = 0, m/s or rad/s
+    is_vector: bool  # True if its gap is a vector in space
+    is_angle: bool   # True if its gap is one of directions, not of points
+    holds: bool      # True if it always holds: False for friction
+    rate: float      # rate of its gap at t = 0, m/s or rad/s
 
     def forces(self, dim: int) -> int:
-        """Number of multipliers where positions have so many components."""
+        """Return the number of multipliers; dim: components of a position."""
 
     def lead(self, x: Array) -> Array:
-        """Derivative [m, 2, 4, 3] of the gap by the coordinates."""
+        """Return the derivative [m, 2, 4, 3] of the gap by the coordinates."""
 
     def within(self, axes: Array) -> Array:
-        """The conditions that are left in a plane of these axes [3, 3] from those in space, [m in the plane, m]."""
+        """Select the conditions that are left in a plane of these axes [3, 3] from those in space, [m in the plane, m]."""
 
 
 class Together:
-    """Of a ball joint: both points stay together. The gap is r = x_b - x_a, the force a vector."""
+    """Constraint of a ball joint: both points coincide. The gap is r = x_b - x_a, the force a vector."""
 
     is_vector, is_angle, holds, rate = True, False, True, 0.0
 
     def forces(self, dim: int) -> int:
-        """As of `Law`."""
+        """Return `dim`: one multiplier for each component of r."""
         return dim
 
     def lead(self, x: Array) -> Array:
-        """As of `Law`."""
+        """Return the derivative [3, 2, 4, 3] of r by the coordinates."""
         out = np.zeros((3, 2, 4, 3))
         out[:, 1, 0], out[:, 0, 0] = np.eye(3), -np.eye(3)
         return out
 
     def within(self, axes: Array) -> Array:
-        """As of `Law`."""
+        """Return the two axes in the plane, which select two components of r, [2, 3]."""
         return axes[:2]
 
 
 class Distance:
-    """Of a distance joint: the length of r stays. One gap, and one force, which pushes along r."""
+    """Constraint of a distance joint: the length of r is constant. One gap, and one force, which pushes along r."""
 
     is_vector, is_angle, holds, rate = False, False, True, 0.0
 
     def forces(self, dim: int) -> int:
-        """As of `Law`."""
+        """Return 1, the number of multipliers."""
         return 1
 
     def lead(self, x: Array) -> Array:
-        """As of `Law`."""
+        """Return the derivative [1, 2, 4, 3] of the length of r by the coordinates."""
         out, r = np.zeros((1, 2, 4, 3)), x[1, 0] - x[0, 0]
         out[0, 1, 0] = r / np.linalg.norm(r)
         out[0, 0, 0] = -out[0, 1, 0]
         return out
 
     def within(self, axes: Array) -> Array:
-        """As of `Law`."""
+        """Return the identity [1, 1]: the condition is left in a plane."""
         return np.eye(1)
 
 
 class KeptLink(NamedTuple):
-    """A joint, or a part of the conditions of one, between two nodes that is held by multipliers.
+    """Joint with multipliers, or a part of its conditions, between two nodes.
 
     Attributes
     ----------
@@ -89,20 +89,20 @@ class KeptLink(NamedTuple):
 
     @property
     def joint(self) -> str:
-        """Name of the joint, without its kind and what of it this is."""
+        """Name of the joint, without its kind and the part of its conditions."""
         quoted = re.fullmatch(r"[a-z ]+ '(.+)'(?: \([a-z ]+\))?", self.name)
         return self.name if quoted is None else quoted[1]
 
     def forces(self, dim: int) -> int:
-        """Number of its multipliers where positions have so many components."""
+        """Return the number of its multipliers; dim: components of a position."""
         return self.law.forces(dim)
 
     def rates(self) -> Array:
-        """Of its gaps in space at t = 0, as they would be without what is given as a function of time, [m]."""
+        """Return the rates [m] of its gaps in space at t = 0 that its functions of time prescribe."""
         return np.full(self.forces(3), self.law.rate)
 
     def by_motion(self, x: Array) -> list[tuple[int, Array, Array]]:
-        """Of both nodes the number, and the derivatives of the gaps by velocity and spin [m, 3]; x [2, 4, 3]."""
+        """Return the number of each node, and the derivatives of the gaps by its velocity and spin [m, 3]; x [2, 4, 3]."""
         lead = self.law.lead(x)
         out = []
         for k in (0, 1):

@@ -1,4 +1,4 @@
-"""Coordinates that joints leave free, as NumPy sees them: functions of products of directions and distances (theory.md 4)."""
+"""Coordinates that joints leave free, for NumPy: functions of products of directions and distances (theory.md 4)."""
 from __future__ import annotations
 
 from typing import Any
@@ -13,25 +13,25 @@ KINDS = {"distance": LINE, "place": LINE, "cosine": LINE, "angle": ANGLE, "twist
 
 
 def kind_of(shape: Any) -> int:
-    """LINE, ANGLE or SWING."""
+    """Return the kind of a coordinate: LINE, ANGLE or SWING."""
     return KINDS[shape.what]
 
 
 class Coordinate:
-    """What a joint leaves free, as a function x of the coordinates of both nodes; a `Law` where a force of its own holds it:
-    given as a function of time, or by friction and rigid stops.
+    """Coordinate x that a joint leaves free, a function of the coordinates of both nodes; a `Law` where a multiplier holds it:
+    prescribed as a function of time, or by friction and rigid stops.
 
-    It is y less that at t = 0 of a LINE (y itself of a place), atan2(y, z) of an ANGLE, acos(z) of a SWING; y and z are sums of
+    x is y less y at t = 0 for a LINE (y itself for a place), atan2(y, z) for an ANGLE, acos(z) for a SWING; y and z are sums of
     products.
 
     Parameters
     ----------
-    shape : scene.freedoms.Shape
+    shape : scene.joint_freedoms.Shape
     frame : tables.Frame
     rate : float
-        At t = 0, m/s or rad/s.
+        Rate of x at t = 0, m/s or rad/s.
     holds : bool
-        False: friction, which holds up to a limit.
+        False for friction, which holds up to a limit.
     """
 
     is_vector = False
@@ -40,7 +40,7 @@ class Coordinate:
         self.shape, self.kind, self.is_angle, self.rate, self.holds = shape, kind_of(shape), shape.is_angle, rate, holds
         self.directions = np.array([frame.axes[side, i] for one in shape.products for side, i in ((0, one.i), (1, one.j))
                                     if i >= 0])
-        # products of two combinations of the eight vectors of both nodes; of y and of z
+        # products of two linear combinations of the eight vectors of both nodes, for y and for z
         self._pairs: tuple[list[tuple[Array, Array]], ...] = ([], [])
         for of_z, i, j, sign in shape.products:
             a, b = np.zeros(8), np.zeros(8)
@@ -53,11 +53,11 @@ class Coordinate:
         self.at_start = float(self._sums(frame.reference)[0]) if self.kind == LINE and shape.what != "place" else 0.0
 
     def forces(self, dim: int) -> int:
-        """As of `Law`."""
+        """Return 1, the number of multipliers."""
         return 1
 
     def _sums(self, x: Array) -> Array:
-        """y and z; the y of a SWING is the sine."""
+        """Return y and z; the y of a SWING is the sine."""
         v = x.reshape(8, 3)
         out = np.array([sum(float((a @ v) @ (b @ v)) for a, b in pairs) for pairs in self._pairs])
         if self.kind == SWING:
@@ -66,13 +66,13 @@ class Coordinate:
         return out
 
     def _leads(self, x: Array) -> Array:
-        """Derivatives of y and z, [2, 24]."""
+        """Return the derivatives of y and z, [2, 24]."""
         v = x.reshape(8, 3)
         return np.array([sum(((np.outer(a, b @ v) + np.outer(b, a @ v)).reshape(-1) for a, b in pairs), np.zeros(24))
                          for pairs in self._pairs])
 
     def lead(self, x: Array) -> Array:
-        """As of `Law`."""
+        """Return the derivative [1, 2, 4, 3] of x by the coordinates of both nodes."""
         y, z = self._sums(x)
         of_y, of_z = self._leads(x)
         if self.kind == SWING:
@@ -82,7 +82,7 @@ class Coordinate:
         return np.asarray(out).reshape(1, 2, 4, 3)
 
     def is_left_in_plane(self, normal: Array) -> bool:
-        """Whether the plane with this normal leaves it free.
+        """Return whether the coordinate is free in the plane with this normal.
 
         Raises
         ------
@@ -95,5 +95,5 @@ class Coordinate:
         return bool(np.all(up < 0.5))
 
     def within(self, axes: Array) -> Array:
-        """As of `Law`."""
+        """Return [[1]] where the plane with these axes [3, 3] leaves the coordinate free, else an empty matrix [0, 1]."""
         return np.eye(1)[:int(self.is_left_in_plane(axes[2]))]

@@ -1,5 +1,5 @@
-"""Forces that hold and drive what joints with axes leave free: given angles and distances, friction, stops, drives. Tables, what
-is given in every step, and what a run may start from."""
+"""Joint coordinates that are prescribed, driven, or have friction or stops: tables, inputs of every step, admissible states at
+the start of a run."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -23,12 +23,12 @@ from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.mapping import HALF_TURN
 
 Array = np.ndarray
-# a given value may be so far from where the joint stands at the start, m or rad, of a distance times the size of the scene: the
+# largest difference between a prescribed value and that of the joint at the start, rad or a share of the size of the scene; the
 # first step closes it
 JUMP = 1e-9
-# a rate below this share of the fastest motion is none
+# rates below this share of the fastest motion count as zero
 AT_REST = 1e-12
-# a coordinate may be so far beyond a rigid stop at the start, rad or a share of the size of the scene
+# largest distance beyond a rigid stop at the start, rad or a share of the size of the scene
 AT_STOP = 1e-9
 
 
@@ -44,12 +44,12 @@ class JointsOfRun(NamedTuple):
 
     @property
     def pushing(self) -> tuple[Any, ...]:
-        """Springs, motors, elastic stops and drives that push."""
+        """Terms with explicit forces: springs, motors, elastic stops and drives that push."""
         return tuple(x for x in (self.forces, self.stops, self.control) if x is not None)
 
     @property
     def static_terms(self) -> tuple[Any, ...]:
-        """What has a part in statics: friction and rigid stops hold coordinates like what is given."""
+        """Terms of equilibria: friction and rigid stops fix coordinates as prescribed values do."""
         held = [x for x in (self.drives, self.friction) if x is not None]
         if not held:
             return self.pushing
@@ -59,19 +59,19 @@ class JointsOfRun(NamedTuple):
 
     @property
     def terms(self) -> tuple[Any, ...]:
-        """All, in the order in which they keep account: values that are held come after those that are found."""
+        """Terms of a run in time, in the order of their accounts: those that hold or control coordinates follow `motion`."""
         pushing = tuple(x for x in (self.forces, self.stops) if x is not None)
         held = tuple(x for x in (self.drives, self.friction, self.control) if x is not None)
         return (*pushing, self.motion, *held)
 
     @property
     def known(self) -> tuple[Any, ...]:
-        """With the forces of the state instead of equations for them."""
+        """Terms with constraint forces taken from the state instead of equations for them."""
         held = tuple(KnownForces(self.motion, x.which, x.first) for x in (self.drives, self.friction) if x is not None)
         return (*self.pushing, *held)
 
     def follow(self, other: JointsOfRun) -> None:
-        """Take what motors and drives were given in the last step of another run of the same model."""
+        """Copy the inputs of motors and drives from the last step of another run of the same model."""
         self.motion.given[:] = other.motion.given
         if self.control is not None and other.control is not None:
             self.control.given[:], self.control.clock[:] = other.control.given, other.control.clock
@@ -80,24 +80,24 @@ class JointsOfRun(NamedTuple):
 
 @dataclass(frozen=True)
 class Holds:
-    """What holds and stops coordinates, of C that the joints of a scene leave free.
+    """Prescribed coordinates, friction, stops and drives, for the C coordinates that the joints of a scene leave free.
 
     Attributes
     ----------
-    parts : list of scene.freedoms.Freedom
+    parts : list of scene.joint_freedoms.Freedom
         All coordinates.
     given, rubs, stopped, driven : int64 [*]
-        Coordinates that are given, that have friction or rigid stops, that have elastic stops, and that have drives.
+        Coordinates that are prescribed, that have friction or rigid stops (R of them), elastic stops, and drives.
     rows : int64 [*]
-        Which of all coordinates the tables of this model have.
+        Coordinates in the tables of this model.
     first : int
-        Number of the first of these constraints among all.
+        Number of the first constraint of these coordinates among all constraints.
     place : int
-        Where the numbers of friction stand in the history.
+        Offset of the history variables of friction.
     length : float
         Size of the scene, m.
     laws : dict
-        Addresses of forces of drives that are laws, by their coordinates.
+        Addresses of compiled force laws of drives, by coordinate.
     """
 
     parts: list[Any]
@@ -113,33 +113,33 @@ class Holds:
 
     @property
     def is_angle(self) -> Array:
-        """Which of all coordinates are angles, bool [C]."""
+        """True for coordinates that are angles, bool [C]."""
         return np.array([x.shape.is_angle for x in self.parts], bool)
 
     @property
     def held(self) -> Array:
-        """Coordinates with a force of their own, in the order of these."""
+        """Coordinates with a multiplier, in the order of the multipliers."""
         return np.concatenate((self.given, self.rubs))
 
     @property
     def stops(self) -> Array:
-        """Where stops begin, and their stiffness, float64 [*, 3]."""
+        """Values at which elastic stops begin, and their stiffness, float64 [*, 3]."""
         every = [self.parts[k].stops for k in self.stopped]
         return np.array([(*x.between, x.stiffness) for x in every]).reshape(-1, 3)
 
     @property
     def limits(self) -> Array:
-        """Of the largest forces of friction what does not depend on the load, N or N m."""
+        """Load-independent part of the largest friction forces, N or N m, [R]."""
         return np.array([float(self.parts[k].friction) for k in self.rubs])
 
     @property
     def shares(self) -> Array:
-        """Largest forces of friction for each N, and each N m, that joints carry across their axes, float64 [R, 2]."""
+        """Largest friction force for each N and each N m that joints carry across their axes, float64 [R, 2]."""
         return np.array([self.parts[k].shares for k in self.rubs]).reshape(-1, 2)
 
     @property
     def gains(self) -> Array:
-        """Of drives their kind, and of controllers their gains and largest force, float64 [*, 4]."""
+        """Kind of every drive, then stiffness, damping and largest force of controllers, float64 [*, 4]."""
         every = [self.parts[k].drive for k in self.driven]
         return np.array([(kind_of(x), *gains_of(x)) for x in every]).reshape(-1, 4)
 
@@ -152,54 +152,55 @@ class Holds:
 
     @property
     def scales(self) -> Array:
-        """What counts as a large value of `rubs`, rad or m, [R]."""
+        """Reference size of every coordinate of `rubs`, 1 rad or the size of the scene in m, [R]."""
         return np.where(self.is_angle[self.rubs], 1.0, self.length)
 
     def restitution(self, i: int, at_end: bool) -> float | None:
-        """Of the last or first rigid stop of coordinate `rubs[i]`; None where it has none there."""
+        """Return the coefficient of restitution of the last or first rigid stop of coordinate `rubs[i]`; None without a stop."""
         return None if np.isinf(self.ends[i, int(at_end)]) else self.parts[self.rubs[i]].stops.restitution or 0.0
 
     @property
     def has_rigid_stops(self) -> bool:
-        """Whether there are any."""
+        """True if a coordinate has rigid stops."""
         return bool(np.any(np.isfinite(self.ends)))
 
     @property
     def restitutions(self) -> Array:
-        """Of all of them, -1 where there is none, float64 [R, 2]."""
+        """Coefficients of restitution of all rigid stops, -1 where there is no stop, float64 [R, 2]."""
         found = [[self.restitution(i, at_end) for at_end in (False, True)] for i in range(self.rubs.size)]
         return np.array([[-1.0 if x is None else x for x in both] for both in found]).reshape(-1, 2)
 
     def named(self, i: int) -> tuple[str, str]:
-        """'slider' or 'joint', and the name of that, to which coordinate `rubs[i]` belongs."""
+        """Return 'slider' or 'joint', and the name of the part to which coordinate `rubs[i]` belongs."""
         part = self.parts[self.rubs[i]]
         return ("slider", part.joint.slider.name) if part.shape.what == "place" else ("joint", part.name)
 
     def loose(self, history: Array) -> Array:
-        """Which of `rubs` are free for small motions about a state at rest: without friction and off stops; bool [R]."""
+        """Return a mask, bool [R], of the coordinates `rubs` that are free in small motions about a state at rest: no friction,
+        off stops."""
         rubs = np.array([self.parts[k].has_friction for k in self.rubs], bool)
         return np.asarray(~rubs & (self.numbers(history)[:, AGAINST] == 0.0))
 
     def numbers(self, history: Array) -> Array:
-        """Of friction and rigid stops in a history, float64 [R, 5]."""
+        """Return a view of the history variables of friction and rigid stops, float64 [R, 5]."""
         return history[self.place:self.place + RUB * self.rubs.size].reshape(-1, RUB)
 
     def in_plane(self, rows: Array, first: int) -> Holds:
-        """With the coordinates that are left in a plane."""
+        """Return a copy for the coordinates `rows` that are left in a plane; first: number of their first constraint."""
         return replace(self, rows=rows, first=first)
 
     def _left(self, which: Array) -> tuple[Array, Array]:
-        """Of some coordinates those that the model has: their places in its table, and in `which`."""
+        """Select the coordinates in `which` that the tables have: their rows in the tables, and their places in `which`."""
         mine = np.flatnonzero(np.isin(which, self.rows))
         return np.searchsorted(self.rows, which[mine]), mine
 
     def pushed(self, i: int) -> Any:
-        """The coordinate of drive i among those that push."""
+        """Return the coordinate of drive i among those that push."""
         return self.parts[int(self.driven[self._left(self.driven)[1]][i])]
 
     # --- tables -------------------------------------------------------------------------------------------------------
     def tables(self, motion: JointMotion, acts: bool, model: Any) -> JointsOfRun:
-        """Of one run of a model; acts: whether there are springs, dampers or motors."""
+        """Build the tables of one run of a model; acts: true if there are springs, dampers or motors."""
         ties, kept, n_sliders = NoTies() if model.ties is None else model.ties, model.kept, model.n_sliders
         every = self.given, self.rubs, self.stopped, self.driven
         (at_drive, mine), (at_rub, rubs), (at_stop, stopped), (at_control, driven) = (self._left(x) for x in every)
@@ -210,7 +211,7 @@ class Holds:
             drives = JointDrives(motion, at_drive, kind, np.array([self.first]), empty(m), empty(m), ties)
         if n:
             press = np.array([self._press(k, kept, n_sliders) for k in self.rubs[rubs]])
-            # a point that runs along a line is held by the force of another joint, across an axis of its own
+            # the force of another joint fixes a point that runs along a line, across an axis of that joint
             across = np.array([kept[j - n_sliders].node[0] if j >= 0 and kept[j - n_sliders].law.is_vector
                                and not self.is_angle[k] else -1 for k, (j, _) in zip(self.rubs[rubs], press.tolist())])
             friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, across,
@@ -229,52 +230,52 @@ class Holds:
         return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction, control)
 
     def _press(self, k: int, kept: list[KeptLink], n_sliders: int) -> tuple[int, int]:
-        """Numbers of the constraints with the forces and the moments of the joint of coordinate k, -1: none."""
+        """Return the numbers of the constraints with the forces and the moments of the joint of coordinate k, -1: none."""
         mine = KeptLink(self.parts[k].joint.label, (0, 0), kept[0].law).joint
         of_joint = [(j, link) for j, link in enumerate(kept) if link.joint == mine and not isinstance(link.law, Coordinate)]
         found = [next((n_sliders + j for j, link in of_joint if link.law.is_angle == turns), -1) for turns in (False, True)]
         return found[0], found[1]
 
     def left_of_rubs(self) -> Array:
-        """Which of `rubs` the tables of this model have."""
+        """Return the places in `rubs` of the coordinates that the tables of this model have."""
         return self._left(self.rubs)[1]
 
     def left_of_held(self) -> Array:
-        """The same of `held`."""
+        """Return the places in `held` of the coordinates that the tables of this model have."""
         return np.concatenate((self._left(self.given)[1], self.given.size + self._left(self.rubs)[1]))
 
     @property
     def has_functions(self) -> bool:
-        """Whether an equilibrium depends on the time of a given value, a motor or a drive."""
+        """True if an equilibrium depends on the time of a prescribed value, a motor or a drive."""
         return self.pushes_in_time or any(callable(x.place) for x in self.parts)
 
     @property
     def pushes_in_time(self) -> bool:
-        """Whether forces in an equilibrium depend on the time of a motor or a drive."""
+        """True if forces in an equilibrium depend on the time of a motor or a drive."""
         return any(callable(x.motor) or x.drive is not None and any(callable(f) for f in (x.drive.position, x.drive.force))
                    for x in self.parts)
 
     def at_rest(self, control: JointControl, t: float, share: float) -> None:
-        """What drives that push give in an equilibrium, at time t and with this share of it: rates are none."""
+        """Set the inputs of drives that push for an equilibrium at time t, with load factor `share`; rates are zero."""
         control.clock[:], control.share[0] = (np.inf, t), share
         for i, k in enumerate(self.driven[self._left(self.driven)[1]].tolist()):
             control.given[i] = given_to(self.parts[k].drive, self.parts[k].label, t, 0.0)[0], 0.0
 
-    # --- what is given ------------------------------------------------------------------------------------------------
+    # --- prescribed values and inputs of drives -----------------------------------------------------------------------
     def value(self, k: int, t: float) -> float:
-        """Given value of coordinate k at a time, m or rad; not of a given speed."""
+        """Evaluate the prescribed value of coordinate k at a time, m or rad; not for a prescribed speed."""
         place = self.parts[k].place
         return factor_at(place, t, f"({self.parts[k].words[0]}) of {self.parts[k].label}") if callable(place) else float(place)
 
     def _mean(self, k: int, starts: Array, lengths: Array) -> Array:
-        """Mean of a given speed over substeps."""
+        """Average a prescribed speed over substeps."""
         speed = self.parts[k].speed
         if not callable(speed):
             return np.full(len(starts), float(speed))
         return mean_factors(speed, starts, lengths, f"(speed) of {self.parts[k].label}")
 
     def schedule(self, drives: JointDrives, starts: Array, lengths: Array, end: float) -> DriveTimes:
-        """What is given in substeps that begin at `starts` and have these lengths [n]; the last ends at `end`.
+        """Tabulate prescribed values for substeps that begin at `starts` and have these lengths [n]; the last ends at `end`.
 
         Raises
         ------
@@ -283,7 +284,7 @@ class Holds:
         """
         mine = self.given[self._left(self.given)[1]]
         out = np.zeros((len(starts), mine.size))
-        # a substep ends, to the last bit, where the next begins
+        # a substep ends, to the last bit, at the time at which the next begins
         times = np.append(starts, end)
         for column, k in enumerate(mine.tolist()):
             if self.parts[k].speed is not None:
@@ -297,7 +298,7 @@ class Holds:
         return DriveTimes(drives, out)
 
     def controls(self, control: JointControl, starts: Array, lengths: Array) -> ControlTimes:
-        """What drives that push are given in these substeps."""
+        """Tabulate the inputs of drives that push for these substeps."""
         mine = self.driven[self._left(self.driven)[1]].tolist()
         out = np.zeros((len(starts), len(mine), 2))
         for column, k in enumerate(mine):
@@ -306,14 +307,14 @@ class Holds:
             out[:, column] = given_over(part.drive, kind, part.label, starts, lengths)
         return ControlTimes(control, out, starts + 0.5 * lengths)
 
-    # --- where a run starts -------------------------------------------------------------------------------------------
+    # --- start of a run -----------------------------------------------------------------------------------------------
     def start(self, t: float, own: Array, found: Array) -> None:
-        """Counted values in a history `own` [C] become those that are given at time t; found: those of the coordinates [C].
+        """Set prescribed coordinates in a history `own` [C] to their values at time t; found: values of the coordinates [C].
 
         Raises
         ------
         SceneError
-            One stands elsewhere.
+            A coordinate differs from its prescribed value.
         """
         for k in self.given.tolist():
             part = self.parts[k]
@@ -332,12 +333,12 @@ class Holds:
             own[k] = value
 
     def check_stays(self, who: str, t: float, found: Array) -> None:
-        """Joints stay at their values `found` [C] where these are given at time t; who: the function that was called.
+        """Check that joints at `found` [C] stand at their prescribed values at time t; who: the function that was called.
 
         Raises
         ------
         SceneError
-            One would have to move.
+            A coordinate would have to move.
         """
         try:
             self.start(t, found.copy(), found)
@@ -345,19 +346,19 @@ class Holds:
             raise SceneError(f"{who}: joints stay where they stand; {error}") from None
 
     def start_rubbing(self, own: Array, rates: Array, fastest: float) -> None:
-        """Signs of the velocities of coordinates with friction into a history `own` [R, 5]; rates [C]; fastest: rate of the
-        fastest motion. What a run before left at rest stays there."""
+        """Set the signs of the velocities of coordinates with friction in a history `own` [R, 5]; rates [C]; fastest: rate of the
+        fastest motion. Coordinates that the run before left at rest stay at rest."""
         for i, k in enumerate(self.rubs.tolist()):
             moves = abs(rates[k]) > AT_REST * fastest and own[i, STICKS] == 0.0 and own[i, AGAINST] == 0.0
             own[i, SIGN] = np.sign(rates[k]) if moves else 0.0
 
     def check_within(self, found: Array) -> None:
-        """Coordinates at their values `found` [C] are between rigid stops.
+        """Check that coordinates at their values `found` [C] are between rigid stops.
 
         Raises
         ------
         SceneError
-            One is beyond.
+            A coordinate is beyond its stops.
         """
         for (low, high), scale, k in zip(self.ends, self.scales, self.rubs.tolist()):
             if not low - AT_STOP * scale <= found[k] <= high + AT_STOP * scale:
@@ -367,7 +368,7 @@ class Holds:
 
     # --- at rows ------------------------------------------------------------------------------------------------------
     def stop_energy(self, values: Array) -> Array:
-        """Energy that stops store, J, [C], at values [C]."""
+        """Return the energy that elastic stops store, J, [C], at values [C]."""
         out = np.zeros(values.size)
         low, high, stiffness = self.stops.T
         x = values[self.stopped]
@@ -375,7 +376,7 @@ class Holds:
         return out
 
     def stop_forces(self, values: Array) -> Array:
-        """Forces of elastic stops, N or N m, [C], at values [C]."""
+        """Return the forces of elastic stops, N or N m, [C], at values [C]."""
         out = np.zeros(values.size)
         low, high, stiffness = self.stops.T
         x = values[self.stopped]
@@ -383,7 +384,7 @@ class Holds:
         return out
 
     def exchanged(self, history: Array) -> dict[str, Array]:
-        """Energies that friction and impacts took, J, [C], as series."""
+        """Return the energies that friction and impacts dissipated, J, [C], as series."""
         out = {}
         for name, column, is_there in (("joint_friction", RUBBED, True), ("joint_stop_loss", STOP_LOSS, self.has_rigid_stops)):
             if self.rubs.size and is_there:
@@ -392,7 +393,7 @@ class Holds:
         return out
 
     def drive_forces(self, t: float, values: Array, rates: Array) -> Array:
-        """Of drives that push at time t, N or N m, on all coordinates [C], at values and rates [C]."""
+        """Evaluate the forces of drives that push at time t, N or N m, on all coordinates [C], at values and rates [C]."""
         out = np.zeros(len(self.parts))
         for k in self.driven.tolist():
             out[k] = force_at(self.parts[k].drive, self.parts[k].label, t, float(values[k]), float(rates[k]))
@@ -400,7 +401,7 @@ class Holds:
 
     @property
     def kinks(self) -> list[str]:
-        """What has kinks in time, for messages."""
+        """Friction and impacts, whose forces have kinks in time, for messages."""
         return [f"{'friction' if self.parts[k].has_friction else 'impacts on rigid stops'} of {self.parts[k].label}"
                 for k in self.rubs.tolist()]
 
@@ -411,25 +412,26 @@ class Holds:
 
     @property
     def heeds_rates(self) -> Array:
-        """Which drives may depend on the rates of their coordinates, bool [*]."""
+        """True for drives that may depend on the rates of their coordinates, bool [*]."""
         kind, _, damping, _ = self.gains.T
         return np.asarray((kind == LAW) | (kind == CONTROL) & (damping > 0.0))
 
     @property
     def is_bounded(self) -> bool:
-        """Whether a drive has a largest force: a kink in time where that is reached."""
+        """True if a controller has a largest force: the force has a kink in time where it is reached."""
         kind, limit = self.gains[:, 0], self.gains[:, 3]
         return bool(np.any((kind == CONTROL) & np.isfinite(limit)))
 
     def forces(self, force: Array) -> Array:
-        """Forces on all coordinates [C], N or N m, zero where there is none of its own; force: of all of these."""
+        """Expand multipliers of the coordinates `held` to forces on all coordinates [C], N or N m, zero for those without one."""
         out = np.zeros(len(self.parts))
         np.add.at(out, self.held, force)
         return out
 
 
 def holds_of(parts: list[Any], constraints: int, place: int, length: float) -> Holds:
-    """parts: all coordinates; constraints: all of the scene but moments of sleeves; place: as of `Holds`.
+    """Collect the coordinates that are prescribed, driven, or have friction or stops; parts: all coordinates; constraints: number
+    in the scene but moments of sleeves; place: as in `Holds`.
 
     Raises
     ------

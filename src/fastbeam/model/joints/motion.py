@@ -1,5 +1,5 @@
-"""Coordinates that joints with axes leave free: tables of their springs, dampers and motors, what motors give in every step, and
-values and energies at rows. What holds, stops and drives them: joints/drives.py."""
+"""Coordinates that joints with axes leave free: tables of their springs, dampers and motors, motor forces in every step, values
+and energies at rows. Prescribed values, stops and drives: joints/drives.py."""
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
@@ -22,12 +22,12 @@ from fastbeam.model.joints.tables import bearing_nodes
 from fastbeam.model.plane import Plane, numbers_of
 
 Array = np.ndarray
-# a value in the history that differs more from that of the coordinates belongs to another state
+# largest difference, relative to 1 + value, between a value in the history and that of the coordinates of the same state
 STALE = 1e-11
 
 
 def _unknown(analyses: tuple[Analysis, ...], what: str, text: str, instead: str, some: Callable[[Motions], list[int]]) -> Lack:
-    """Declare that analyses do not know some coordinates, which are named by their labels."""
+    """Declare that analyses do not support some coordinates, which messages name by their labels."""
     return Lack(analyses, what, text, instead, lambda motions, asked: [motions.labels[k] for k in some(motions)])
 
 
@@ -42,9 +42,9 @@ class Motions(Feature):
     Attributes
     ----------
     table : JointMotion
-        Of those that are left in a plane, in its model.
+        Table of the coordinates `rows`.
     rows : int64 [*]
-        Which of all coordinates the table has.
+        Coordinates in the table: all, in the model of a plane those that are left there.
     names : list of str
         The joint of every coordinate.
     labels : list of str
@@ -59,11 +59,11 @@ class Motions(Feature):
     spring : float64 [C, 2]
         Stiffness and rest value.
     every : JointMotion
-        Of all of them in space.
+        Table of all coordinates in space.
     laws : list of Coordinate
     damped : bool
     holds : Holds
-        What holds and stops them.
+        Prescribed values, friction, stops and drives.
     """
 
     key: ClassVar[str] = "motions"
@@ -116,12 +116,12 @@ class Motions(Feature):
 
     @property
     def history_size(self) -> int:
-        """Numbers of `State.history`."""
+        """Number of history variables of all coordinates."""
         return MOTION * len(self.names) + RUB * self.holds.rubs.size
 
     @property
     def driven(self) -> bool:
-        """Whether there are motors or drives."""
+        """True if there are motors or drives."""
         return any(motor is not None for motor in self.motors) or self.holds.driven.size > 0
 
     @property
@@ -131,40 +131,40 @@ class Motions(Feature):
 
     @property
     def has_forces(self) -> bool:
-        """Whether anything acts on the coordinates."""
+        """True if any force or prescribed value acts on the coordinates."""
         return bool(self.acts or self.driven or self.holds.held.size or self.holds.stopped.size)
 
     @property
     def timed(self) -> bool:
-        """Whether a motor has to be told the time."""
+        """True if a motor force is a function of time."""
         return any(callable(motor) for motor in self.motors)
 
     @property
     def exchanges(self) -> bool:
-        """Whether the total energy changes: there is more than springs."""
+        """True if joints change the total energy: there is more than springs."""
         return self.damped or self.driven or self.holds.held.size > 0
 
     @property
     def acts(self) -> bool:
-        """Whether there are springs, dampers or motors."""
+        """True if there are springs, dampers or motors."""
         return self.damped or any(motor is not None for motor in self.motors) or bool(np.any(self.spring[:, 0]))
 
     def work(self, model: Any, plane: Any, static: bool) -> JointsOfRun | None:
-        """The tables with arrays of one run of a model; None where no coordinate is left in its plane."""
+        """Return the tables with arrays of one run of a model; None where no coordinate is left in its plane."""
         if not self.rows.size:
             return None
         table = self.table._replace(given=self.table.given.copy(), hold=empty(64))
         return self.holds.tables(table, self.acts, model)
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
-        """What acts on coordinates, and holds them."""
+        """Return the terms of forces on coordinates and of their constraints."""
         own: JointsOfRun | None = run.own.get(self.key)
         if own is None:
             return []
         return [(Stand.JOINTS, x) for x in (own.known if run.known else own.static_terms if run.static else own.terms)]
 
     def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
-        """What motors, given coordinates and drives have."""
+        """Tabulate motor forces, prescribed values and inputs of drives for the steps of a span."""
         own: JointsOfRun | None = span.own.get(self.key)
         if own is None:
             return []
@@ -178,7 +178,7 @@ class Motions(Feature):
         return [(Stand.MOTORS, x) for x in out]
 
     def schedule(self, starts: Array, lengths: Array) -> Array:
-        """Mean forces of the motors in the table over substeps from times `starts` on, of these lengths [n]: [n, *]."""
+        """Average the forces of the motors in the table over substeps from times `starts` on, of these lengths [n]: [n, *]."""
         out = np.zeros((len(starts), len(self.rows)))
         for column, k in enumerate(self.rows.tolist()):
             motor = self.motors[k]
@@ -187,7 +187,7 @@ class Motions(Feature):
         return out
 
     def at_rest(self, tables: JointsOfRun, t: float, share: float) -> None:
-        """Motors and drives of the tables of an equilibrium, at time t, with this share of what they give."""
+        """Set motor forces and inputs of drives in the tables of an equilibrium at time t, with load factor `share`."""
         for column, k in enumerate(self.rows.tolist()):
             motor = self.motors[k]
             if motor is not None:
@@ -197,7 +197,7 @@ class Motions(Feature):
             self.holds.at_rest(tables.control, t, share)
 
     def in_plane(self, plane: Plane, model: Any, constraints: int) -> Motions:
-        """With the table of what is left in a plane."""
+        """Return a copy with the table of the coordinates that are left in a plane."""
         table = self.table
         d = np.einsum("csik,cskx->csix", self.turn, model.q0.reshape(-1, 4, 3)[self.node, 1:])
         up = np.abs(d @ plane.axes[2]) > 0.5
@@ -218,28 +218,28 @@ class Motions(Feature):
 
     # --- at rows ------------------------------------------------------------------------------------------------------
     def _vectors(self, q: Array) -> tuple[Array, Array]:
-        """x_b - x_a [C, 3] and D of both nodes [C, 2, 3, 3]."""
+        """Return x_b - x_a [C, 3] and D of both nodes [C, 2, 3, 3]."""
         return q[self.node[:, 1], 0] - q[self.node[:, 0], 0], np.einsum("csik,cskx->csix", self.turn, q[self.node, 1:])
 
     def _factors(self, q: Array) -> tuple[Array, Array]:
-        """Both vectors of every product, [P, 3] each."""
+        """Return both vectors of every product, [P, 3] each."""
         r, d = self._vectors(q)
         (i, j), of = self.every.pair[:, 1:].T, self._of
         return d[of, 0, i], np.where(j[:, None] < 0, r[of], d[of, 1, j])
 
     @property
     def _of(self) -> Array:
-        """The coordinate of every product, [P]."""
+        """Coordinate of every product, [P]."""
         return np.repeat(np.arange(len(self.names)), np.diff(self.every.start))
 
     def _summed(self, products: Array) -> tuple[Array, Array]:
-        """Sums y and z of all coordinates, [C] each, from products [P]."""
+        """Sum products [P] into y and z of all coordinates, [C] each."""
         out = np.zeros((2, len(self.names)))
         np.add.at(out, (self.every.pair[:, 0], self._of), self.every.sign * products)
         return out[0], out[1]
 
     def _sums(self, q: Array) -> tuple[Array, Array]:
-        """y and z [C] at q [N, 4, 3]; y of a swing is the sine."""
+        """Return y and z [C] at q [N, 4, 3]; y of a swing is the sine."""
         a, b = self._factors(q)
         y, z = self._summed(np.sum(a * b, axis=1))
         swings = np.flatnonzero(self.every.kind == SWING)
@@ -249,14 +249,14 @@ class Motions(Feature):
         return y, z
 
     def values(self, q: Array, before: Array) -> Array:
-        """Coordinates [C] at q [N, 4, 3], of angles those next to `before` [C]."""
+        """Return the coordinates [C] at q [N, 4, 3]; angles are counted over turns, next to `before` [C]."""
         y, z = self._sums(q)
         angle = np.arctan2(y, z)
         turns = np.where(self.every.kind == ANGLE, np.round((before - angle) / (2.0 * np.pi)), 0.0)
         return np.where(self.every.kind == LINE, y - self.every.value, angle + 2.0 * np.pi * turns)
 
     def rates(self, q: Array, v: Array) -> Array:
-        """Rates [C] of the coordinates at q and rates v [N, 4, 3]."""
+        """Return the rates [C] of the coordinates at q and rates v [N, 4, 3]."""
         (a, b), (da, db), (y, z) = self._factors(q), self._factors(v), self._sums(q)
         dy, dz = self._summed(np.sum(da * b + a * db, axis=1))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -264,18 +264,18 @@ class Motions(Feature):
         return np.choose(self.every.kind, (dy, turning, -dz / np.maximum(y, NO_SWING)))
 
     def energy(self, history: Array) -> Array:
-        """Energy [C] that springs store, J; history [C, 3]."""
+        """Return the energy [C] that springs and elastic stops store, J; history [C, 3]."""
         stiffness, rest = self.spring.T
         energy = 0.5 * stiffness * (history[:, VALUE] - rest)**2
         return energy + self.holds.stop_energy(history[:, VALUE]) if self.holds.stopped.size else energy
 
     def own(self, history: Array, place: int) -> Array:
-        """Numbers [C, 3] of all coordinates in a history, from `place` on."""
+        """Return the history variables [C, 3] of all coordinates, which begin at `place`: a view."""
         return history[place:place + MOTION * len(self.names)].reshape(-1, MOTION)
 
     def settle(self, state: State, space: State, place: int, t: float | None) -> None:
-        """Bring the values in the history of a state, from `place` on, up to its coordinates, those of `space`; t: when a run
-        starts from there, None in an equilibrium."""
+        """Update the values in the history of a state, from `place` on, to its coordinates, those of `space`; t: time at which a
+        run starts from there, None in an equilibrium."""
         own = self.own(state.history, place)
         q, v = (x.reshape(-1, 4, 3) for x in (space.q, space.v))
         found = self.values(q, own[:, VALUE])
@@ -290,20 +290,20 @@ class Motions(Feature):
                                      float(np.max(np.abs(v), initial=0.0)))
 
     def given_between(self, history: Array, place: int, t: float) -> tuple[Array, Array]:
-        """Of coordinates that are given the values in a history and those at time t; one whose speed is given stays."""
+        """Return the prescribed coordinates in a history and at time t; a coordinate with a prescribed speed keeps its value."""
         before = self.own(history, place)[self.holds.given, VALUE].copy()
         after = [x if self.holds.parts[k].speed is not None else self.holds.value(k, t)
                  for k, x in zip(self.holds.given.tolist(), before)]
         return before, np.array(after)
 
     def check_stays(self, who: str, state: State, place: int, t: float) -> None:
-        """As of `Holds`, in a state in space."""
+        """Check that joints in a state in space stand at their prescribed values at time t, see `Holds.check_stays`."""
         if self.holds.given.size:
             before = self.own(state.history, place)[:, VALUE]
             self.holds.check_stays(who, t, self.values(state.q.reshape(-1, 4, 3), before))
 
     def series(self, kinds: Collection[str], model: Any) -> dict[str, tuple[int, ...]]:
-        """Coordinates with their forces, and what they exchange."""
+        """Return the shapes of coordinates with their forces, and of the energies that they exchange."""
         holds, names = self.holds, []
         if "joint" in kinds:
             names += ["joint_value", "joint_rate"]
@@ -314,7 +314,7 @@ class Motions(Feature):
         return dict.fromkeys(names, (len(self.names),))
 
     def read(self, kinds: Collection[str], model: Any, t: float, state: State) -> dict[str, Array]:
-        """Coordinates and what drives give, and energies."""
+        """Return coordinates, drive forces and energies of a state at time t."""
         own, out = self.own(state.history, model.place(self.key)), {}
         if "energy" in kinds:
             out = {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(),
@@ -327,19 +327,21 @@ class Motions(Feature):
         return out
 
     def booked(self, model: Any, state: State, row: Mapping[str, Any]) -> tuple[list[float], list[float]]:
-        """What dampers took less what motors put in, then friction and impacts."""
+        """Return the energy that dampers dissipated less the work of motors, then that of friction and of impacts, J, and sizes
+        of these parts."""
         more = [name for name in ("joint_friction", "joint_stop_loss") if name in row]
         parts = [float(np.sum(row["joint_loss"]) - np.sum(row["joint_work"])), *(float(np.sum(row[name])) for name in more)]
         return parts, [float(np.sum(np.abs(row[name]))) for name in ("joint_loss", "joint_work", *more)]
 
 
 def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: Any) -> Motions | None:
-    """Of the joints of a scene; links: `links.Links`; model: the scene's, without them. None where there are none."""
+    """Build the feature of the joint coordinates of a scene; links: `links.Links`; model: that of the scene without them. None
+    without coordinates."""
     parts, place = [x[0] for x in links.freedoms], model.place_for(Motions)
     if not parts:
         return None
     node = np.array([x[1] for x in links.freedoms], np.int64).reshape(-1, 2)
-    # what nothing acts on has no blocks
+    # coordinates without forces have no blocks
     acts = np.array([x.acts for x in parts], bool)
     bearing = bearing_nodes(node, np.array([x.shape.is_angle for x in parts], bool), spin_root)
     a, b = bearing[acts].T

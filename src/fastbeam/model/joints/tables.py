@@ -15,7 +15,7 @@ Pairs = tuple[tuple[int, int], ...]
 
 
 class Frame:
-    """Directions that both nodes of a joint carry, and where these stand at t = 0.
+    """Directions that both nodes of a joint carry, and coordinates of the nodes at t = 0.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Frame:
 
 
 class Conditions:
-    """Products that a joint keeps, theory.md (4.13): D_i . D_j of directions of a and b, or r . D_i with r = x_b - x_a.
+    """Constraints of a joint by products, theory.md (4.13): D_i . D_j of directions of a and b, or r . D_i with r = x_b - x_a.
 
     Parameters
     ----------
@@ -54,15 +54,15 @@ class Conditions:
         self.value = np.array([(x[1, 0] - x[0, 0]) @ self.axes[0, i] if j < 0 else 0.0 for i, j in pairs])
 
     def restricted(self, keep: Array) -> Conditions:
-        """With some of the conditions; keep: their numbers."""
+        """Return a subset of the conditions; keep: their numbers."""
         return Conditions(tuple(self.pairs[k] for k in keep), self.turn, self.reference)
 
     def forces(self, dim: int) -> int:
-        """As of `Law`."""
+        """Return the number of conditions, one multiplier each."""
         return len(self.pairs)
 
     def lead(self, x: Array) -> Array:
-        """As of `Law`."""
+        """Return the derivative [m, 2, 4, 3] of the products by the coordinates x [2, 4, 3]."""
         (a, b), r = np.einsum("sik,skc->sic", self.turn, x[:, 1:]), x[1, 0] - x[0, 0]
         out = np.zeros((len(self.pairs), 2, 4, 3))
         for p, (i, j) in enumerate(self.pairs):
@@ -74,7 +74,7 @@ class Conditions:
         return out
 
     def left_in_plane(self, normal: Array) -> Array:
-        """Numbers of the conditions that do not hold by themselves in the plane with this normal.
+        """Return the numbers of the conditions that do not hold by themselves in the plane with this normal.
 
         Raises
         ------
@@ -92,12 +92,12 @@ class Conditions:
         return np.array(keep, np.int64)
 
     def within(self, axes: Array) -> Array:
-        """As of `Law`."""
+        """Select the conditions that are left in a plane of these axes [3, 3]: [m in the plane, m]."""
         return np.eye(len(self.pairs))[self.left_in_plane(axes[2])]
 
 
 def frames_of(parts: list[Any], nodes: Array, phi: Array, directors: Array) -> list[Frame]:
-    """The directions of joints: D_1 is the axis, the others are at a right angle to it; nodes int64 [L, 2]."""
+    """Return the directions of joints: D_1 is the axis, the others are at a right angle to it; nodes int64 [L, 2]."""
     if not parts:
         return []
     triads = directors[nodes]
@@ -113,13 +113,13 @@ def frames_of(parts: list[Any], nodes: Array, phi: Array, directors: Array) -> l
 
 
 def conditions_of(part: Any, frame: Frame) -> list[tuple[str, Conditions]]:
-    """The sets of conditions of a joint, each with what it holds in words."""
+    """Return the sets of conditions of a joint, each with a word for its kind."""
     return [(" (directions)" if pairs[0][1] >= 0 else " (place)", Conditions(pairs, frame.turn, frame.reference))
             for pairs in part.conditions]
 
 
 def _across(axis: Array, hints: Array) -> Array:
-    """A direction at a right angle to the axis, the first of hints that is one."""
+    """Return a direction at a right angle to the axis, the first of the hints that is one."""
     off = np.abs(hints @ axis)
     k = int(np.argmax(off < 1e-9)) if np.any(off < 1e-9) else int(np.argmin(off))
     across = hints[k] - off[k] * np.sign(hints[k] @ axis) * axis
@@ -127,13 +127,13 @@ def _across(axis: Array, hints: Array) -> Array:
 
 
 def bearing_nodes(node: Array, turns: Array, spin_root: Array) -> Array:
-    """Nodes [L, 2] whose rows and blocks have what acts between nodes [L, 2]: those that the spins belong to where it is about
-    directions alone, turns bool [L]; spin_root int [N]."""
+    """Return the nodes [L, 2] whose rows and blocks take forces between nodes [L, 2]: spin roots where only directions matter,
+    turns bool [L]; spin_root int [N]."""
     return np.where(turns[:, None], spin_root[node], node)
 
 
 def joint_conditions(ends: Any) -> JointConditions:
-    """The table in space; ends: `links.Ends` with the laws."""
+    """Build the table in space; ends: `links.Ends` with the laws."""
     laws = ends.laws
     pairs = np.array([pair for law in laws for pair in law.pairs], np.int64).reshape(-1, 2)
     start = np.concatenate(([0], np.cumsum([len(law.pairs) for law in laws]))).astype(np.int64)
@@ -143,7 +143,7 @@ def joint_conditions(ends: Any) -> JointConditions:
 
 
 def left_in_plane(name: str, law: Any, normal: Array) -> Any:
-    """What a law is left with in the plane with this normal.
+    """Return the conditions of a law that are left in the plane with this normal.
 
     Raises
     ------
@@ -157,7 +157,8 @@ def left_in_plane(name: str, law: Any, normal: Array) -> Any:
 
 
 def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], Array]:
-    """The joints with the conditions that are left in a plane, and among all single forces the numbers of those that are.
+    """Return the joints with the conditions that are left in a plane, and the numbers of the remaining multipliers among all
+    scalar ones.
 
     Raises
     ------
@@ -169,7 +170,7 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
         if isinstance(link.law, Coordinate) and not left_in_plane(link.name, link.law, normal):
             if link.law.holds:
                 raise NotPlanar(f"{link.name} leads out of the plane")
-            # what does not move does not rub
+            # a coordinate that cannot move has no friction
             at += 1
             continue
         if not isinstance(link.law, Conditions):
@@ -187,7 +188,7 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
 
 
 def conditions_in_plane(table: JointConditions, kept: list[KeptLink], plane: Plane) -> JointConditions | None:
-    """The table for nodes with 3 unknowns; kept: joints of the scene in space. None where nothing is left."""
+    """Build the table for nodes with 3 unknowns; kept: joints of the scene in space. None where nothing is left."""
     mine = [link.law for link in kept if isinstance(link.law, Conditions)]
     keep = [law.left_in_plane(plane.axes[2]) for law in mine]
     rows = np.array([k for k, left in enumerate(keep) if left.size], np.int64)
