@@ -46,19 +46,19 @@ class Increment(NamedTuple):
 
 
 class SaddleSolver(StaticSolver):
-    """As `StaticSolver`, around one sparse matrix without elimination of inner nodes: PARDISO, SuperLU where that finds nothing
-    that is certain.
+    """Newton solver for equilibria with constraints: `StaticSolver` around one sparse matrix without elimination of inner nodes,
+    factored by PARDISO, or by SuperLU where PARDISO finds no reliable solution.
 
     Parameters
     ----------
     model : Model
     start : State or None
     max_iterations : int
-        Of each Newton iteration.
+        Largest number of increments of each Newton iteration.
     held : bool [S]
         Sliders that stay at their s.
     at_time : float
-        When drives that are functions of time are evaluated, s.
+        Time at which drives are evaluated, s.
     flat : bool, optional
         Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
     backend : {'auto', 'pardiso', 'superlu'}
@@ -83,11 +83,11 @@ class SaddleSolver(StaticSolver):
         self.along = None
         if uneliminated.slider_forces is not None:
             self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held, self.stepper.core_state.history)
-        # what joints are given at the start and at the end of the load
+        # prescribed joint coordinates at the start and at the end of the load
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.place("motions"), at_time)
-        # how much of that way they had gone at the last equilibrium
+        # part of that increment that was applied at the last equilibrium
         self._reached = 0.0
         # those that friction or rigid stops may hold, and where those of joints are
         self.joints, self.resting = static_joints(self), np.zeros(0)
@@ -122,14 +122,15 @@ class SaddleSolver(StaticSolver):
 
     @property
     def turns_too_far(self) -> bool:
-        """Whether a joint is given half a turn or more beyond the last equilibrium, which may as well be the other way."""
+        """True where a prescribed joint angle lies half a turn or more beyond the last equilibrium, so that its direction is
+        ambiguous."""
         if self.given is None:
             return False
         holds, way = self.core.motions.holds, (self.share - self._reached) * (self.given[1] - self.given[0])
         return bool(np.any(np.abs(way[holds.is_angle[holds.given]]) > HALF_TURN))
 
     def hold_joints(self) -> None:
-        """Where coordinates of joints stand that are given, or that friction and rigid stops hold."""
+        """Prescribe the joint coordinates that are given, and fix those that friction and rigid stops hold."""
         given = [] if self.given is None else [(1.0 - self.share) * self.given[0] + self.share * self.given[1]]
         if self.joints is not None:
             self.joints.hold()
@@ -139,7 +140,7 @@ class SaddleSolver(StaticSolver):
 
     @property
     def name(self) -> str:
-        """What was used, for the result."""
+        """Linear solver and its number of factorisations, for the result."""
         f = self._factoriser
         if f is None or not f.count:
             return "SuperLU on nodes and sliders"
@@ -147,7 +148,7 @@ class SaddleSolver(StaticSolver):
 
     @property
     def sliding(self) -> Array:
-        """Which sliders are free to move, bool [S]."""
+        """Sliders that are free to move, bool [S]."""
         return ~self.held if self.along is None else self.along.free
 
     # --- states -------------------------------------------------------------------------------------------------------
@@ -235,19 +236,21 @@ class SaddleSolver(StaticSolver):
         return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0, size)
 
     def _with_spins_held(self, saddle: Saddle, right: Array) -> Saddle:
-        """The same with an unknown held of every beam that may spin about its axis; right: of the nodes [n]."""
+        """Fix one unknown of every beam that may spin about its axis; right: residual of the nodes [n]. Return the fixed
+        system."""
         unknowns = self.free_motions.spins(saddle.matrix, self.state.q.reshape(-1, 4, 3), right, lambda: self._round_off(saddle))
         return saddle.holding(unknowns) if unknowns.size else saddle
 
     def _round_off(self, saddle: Saddle) -> Array:
-        """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""
+        """Return the possible round-off in the residuals of the nodes [n]: from loads and contact forces, and from forces in the
+        beams."""
         size, n = len(self.core.dofs), self.core.pattern.n
         loads = np.abs(self._all_loads[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
         stiff = np.abs(saddle.matrix.diagonal()[:size * n])
         return UNBALANCED * loads + EPSILON * self.core.length * stiff
 
     def _size(self, nodes: Array) -> float:
-        """Of an increment of the nodes, in sizes of the scene and rad."""
+        """Return the size of a nodal increment, in sizes of the scene and rad."""
         x = np.maximum.reduce(np.abs(nodes.reshape(-1, len(self.core.dofs))))
         dim = self.core.dim
         return float(np.maximum.reduce(x[:dim])) / self.core.length + float(np.maximum.reduce(x[dim:], initial=0.0))
@@ -301,20 +304,20 @@ class SaddleSolver(StaticSolver):
 
     @property
     def _follows(self) -> bool:
-        """Whether supports or joints are taken along, and nothing finds a place of its own."""
+        """True where supports or joints are moved as prescribed, and no slider or joint finds its own place."""
         moves = self.motion is not None or self.given is not None
         return moves and self.joints is None and not self.sliding.any()
 
     def interrupted(self, _: list[float]) -> int:
-        """Between iterations, where nothing else ends them."""
+        """Serve interrupts between iterations; return OK, nothing else ends them."""
         self.interrupts.serve()
         return OK
 
     @property
     def no_increment(self) -> int:
-        """Why Newton's method has found no increment."""
+        """Why Newton's method has found no increment, as a status."""
         return SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE
 
     def beyond_ends(self, s: Array) -> bool:
-        """Whether some slider would run off its beam."""
+        """Return whether some slider would run off its beam at s [S]."""
         return bool(np.logical_or.reduce((s < self.ends[:, 0]) | (s > self.ends[:, 1])))

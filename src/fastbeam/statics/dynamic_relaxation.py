@@ -1,5 +1,5 @@
-"""Equilibria by motion: conserving steps whose velocities are taken away where the kinetic energy has a peak, then Newton's
-method (theory.md 15)."""
+"""Dynamic relaxation: conserving steps whose velocities are set to zero at peaks of the kinetic energy, then Newton's method
+(theory.md 15)."""
 from __future__ import annotations
 
 import time
@@ -48,7 +48,7 @@ FIRST = 0.02
 SMALLEST = 1e-9
 # swings after which Newton's method is tried for the first time; tries come at ever longer distances
 FIRST_TRY, LATER = 2, 1.5
-# an equilibrium may lie so far above the energy that was reached, next to what motion has taken
+# an equilibrium may lie higher than the energy reached by this share of the energy lost in the motion
 HIGHER = 1e-9
 # supports that move go so far in a step, in sizes of the scene and rad, and by such a share of their way
 LONGEST_WAY, LARGEST_SHARE = 0.01, 0.05
@@ -62,14 +62,13 @@ STILL = 1e-7
 def relax(model: Model, *, start: State | None = None, step: float | None = None, most_steps: int = 20_000,
           at_time: float | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None,
           finish: bool = True, max_iterations: int = 25, backend: str = "auto", mend_start: bool = False) -> Result:
-    """An equilibrium of a scene that Newton's method does not reach from its start: mechanisms, slack cables and nets, sliders
-    far from their place.
+    """Find an equilibrium by dynamic relaxation where Newton's method does not reach it from the start: mechanisms, slack cables
+    and nets, sliders far from their place.
 
-    The scene moves from rest, by conserving steps under all of its loads. Wherever its kinetic energy has a peak the velocities
-    are taken away (kinetic damping), so that the potential energy falls from swing to swing, into a valley. After some swings
-    Newton's
-    method finishes, and goes on being tried until it finds an equilibrium that lies no higher and is not unstable. Steps adapt to
-    the swings; masses decide the way, not the equilibrium.
+    The scene moves from rest, by conserving steps under all of its loads. At every peak of its kinetic energy the velocities are
+    set to zero (kinetic damping), so that the potential energy falls from swing to swing, into a valley. After some swings
+    Newton's method finishes; it is tried again until it finds an equilibrium that lies no higher and is not unstable. Steps
+    adapt to the swings; masses influence the path, not the equilibrium.
 
     Parameters
     ----------
@@ -97,9 +96,8 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     Returns
     -------
     Result
-        With the equilibrium in `.state`. `info["finished"]`: whether Newton's method did, `info["residual"]` its last increment,
-        in
-        sizes of the scene and rad (without it the motion of the last swing); `info["energy_loss"]` what the motion has lost, J;
+        With the equilibrium in `.state`. `info["finished"]`: whether Newton's method finished, `info["residual"]` its last
+        increment, in sizes of the scene and rad (else the motion of the last swing); `info["energy_loss"]` the energy lost, J;
         `info["swings"]`, `info["steps"]`; `info["unstable_directions"]` and `info["free_directions"]` as in `solve_static`.
 
     Raises
@@ -148,12 +146,12 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
 
 
 def _way(model: Model, start: State | None, at_time: float | None) -> _Way | None:
-    """Of supports that move; None where they stand where they are at the time of the loads.
+    """Return the path of supports that move; None where they stand at their places at the time of the loads.
 
     Raises
     ------
     SceneError
-        In the start they stand elsewhere, neither where they are then nor where they are at t = 0.
+        A support of the start stands neither at its place at that time nor at its place at t = 0.
     """
     if model.prescribed is None or at_time is None:
         return None
@@ -182,12 +180,12 @@ def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
 
 
 class _Way:
-    """How far supports that move have gone on their way from t = 0 to where they are at one time, s.
+    """Progress of supports on their path from t = 0 to their places at one time, s.
 
     Attributes
     ----------
     share, size : float
-        Of the way: gone, and of the next step.
+        Part of the path that is done, and that of the next step.
     """
 
     def __init__(self, of: PrescribedMotions, at_time: float, length: float) -> None:
@@ -200,11 +198,11 @@ class _Way:
         self.most = self.size = min(LONGEST_WAY / far, LARGEST_SHARE) if far > 0.0 else LARGEST_SHARE
 
     def times(self) -> Array:
-        """Of the functions, at both ends of the next step."""
+        """Return times of the functions of supports, at both ends of the next step, s."""
         return self.at_time * np.array([self.share, min(self.share + self.size, 1.0)])
 
     def took(self) -> None:
-        """The step is done."""
+        """Advance by the step that was taken."""
         self.share = 1.0 if self.share + self.size > 1.0 - 1e-9 else self.share + self.size
         self.size = min(GROWTH * self.size, self.most, 1.0 - self.share)
 
@@ -232,7 +230,7 @@ class _Still(PrescribedMotions):
 
 
 class _Motion:
-    """From the start to rest."""
+    """Damped motion from the start to rest."""
 
     def __init__(self, model: Model, at_rest: Model, start: State | None, factors: Array, t: float, max_iterations: int,
                  backend: str, observe: Sequence[str], points: Mapping[str, Place] | None, way: _Way | None) -> None:
@@ -382,7 +380,7 @@ class _Motion:
         return FIRST * float(np.sqrt(model.length * mass / push))
 
     def _way(self, before: Array) -> float:
-        """How far nodes are from coordinates before, in sizes of the scene."""
+        """Return the largest displacement of a node from the coordinates `before`, in sizes of the scene."""
         change = (self.stepper.state.q - before).reshape(-1, 4, 3)[:, 0]
         return float(np.max(np.linalg.norm(change, axis=1))) / self.model.length
 
@@ -394,8 +392,8 @@ class _Motion:
 
     # --- the end ------------------------------------------------------------------------------------------------------
     def _finished(self) -> bool:
-        """Whether Newton's method finds an equilibrium from here that lies no higher and is not unstable; then it is the
-        state."""
+        """Apply Newton's method from here; return whether it finds an equilibrium that lies no higher and is not unstable, which
+        becomes the state then."""
         state = self.state()
         at_rest = self.stepper.model
         reached = self.energies()[2]

@@ -29,7 +29,7 @@ from fastbeam.stepping.assembled import Equations
 Array = np.ndarray
 # Newton's method on the places ends with increments below this share of a beam; the next one would be its square
 CLOSE = 1e-7
-# and gives up after so many, or where an increment has to be shortened to less than this share
+# most increments, and smallest share to which an increment is shortened, before the method gives up
 MOST, LEAST_SHARE = 60, 1e-6
 # a contact moves by this share of its beam at once
 REACH = 0.1
@@ -42,7 +42,7 @@ NOISE = 1e-13
 
 
 class Observed(NamedTuple):
-    """What rows hold."""
+    """Quantities and points that rows hold."""
 
     kinds: tuple[str, ...]
     points: Mapping[str, Any]
@@ -60,13 +60,13 @@ class Found(NamedTuple):
 
 
 class ExactSolver(SlidingSolver):
-    """As `SlidingSolver`, with beams cut at their contacts. `state` is the equilibrium on the given mesh with all sliders held
-    where they are exactly, from which a run can start; `found` has the exact one.
+    """Solver for equilibria with beams cut at their contacts. `state` is the equilibrium on the given mesh with all sliders held
+    exactly where they are, from which a run can start; `found` has the exact one.
 
     Raises
     ------
     SceneError
-        A slider of a kind that this does not know.
+        A slider has a type that is not supported.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, backend: str = "auto",
@@ -129,7 +129,8 @@ class ExactSolver(SlidingSolver):
         return status, sizes
 
     def _slid(self, found: Found, factors: Array) -> tuple[int, Found]:
-        """From an equilibrium to one in which the contacts that are free neither push nor rub less than they can."""
+        """Move free contacts by Newton's method until nothing pushes them along their beams beyond their full friction; return a
+        status and the equilibrium."""
         free, cut, share = np.flatnonzero(self.sliding), found.cut, 1.0
         for _ in range(MOST):
             if not free.size:
@@ -170,15 +171,15 @@ class ExactSolver(SlidingSolver):
 
     # --- friction -----------------------------------------------------------------------------------------------------
     def _normal(self, found: Found) -> tuple[Array, Array]:
-        """What presses contacts on their beams times the length of the derivative of the axis, N, and the contact forces, [S, d].
-        The part along the beam is what drives the contact there: the axis has a kink, and no tangent."""
+        """Return the normal forces of contacts times the length of the derivative of the axis, N [S], and the contact forces, [S,
+        d]. The part along the beam drives the contact: the axis has a kink there, and no tangent."""
         core = found.solver.core
         force = found.solver.stepper.core_state.force[:core.dim * self.held.size].reshape(-1, core.dim)
         size = found.stretch * np.linalg.norm(force, axis=1)
         return np.sqrt(np.maximum(size**2 - found.slope**2, (ALONG_ONLY * size)**2)), force
 
     def _exact_equations(self, found: Found) -> Equations:
-        """What friction and stops are compared with; that of the elements where a contact has no slope of its own."""
+        """Return the equations that friction and stops are compared with; those of the elements where a contact has no slope."""
         assert self.along is not None
         own, normal = found.solver._of_constraints(rubs=False), self._normal(found)[0]
         known, has = self.along.known(found.cut.s)[0], np.isfinite(found.slope)
@@ -201,7 +202,8 @@ class ExactSolver(SlidingSolver):
         return SLIDER_END
 
     def _push(self, found: Found, free: Array) -> Array:
-        """What moves contacts back along their beams, N: slopes of the energy less drives, elastic stops and friction."""
+        """Return the forces that move contacts back along their beams, N: slopes of the energy less drives, elastic stops and
+        friction."""
         push = found.slope[free]
         if self.along is None:
             return push
@@ -222,7 +224,7 @@ class ExactSolver(SlidingSolver):
         bend = found.bend if self.along is None else found.bend - np.diag(self.along.known(found.cut.s)[1][free])
         size, axes = np.linalg.eigh(bend)
         along = axes.T @ push
-        # where round-off pushes they stay; on a ridge they go down from it
+        # contacts stay where only round-off pushes; on a ridge they go downhill
         force = float(np.max(np.abs(found.solver.state.force), initial=0.0))
         least = max(FLAT * float(np.max(np.abs(size))), NOISE * force / float(np.max(self.lengths)), 1e-300)
         way = -axes @ np.where(np.abs(along) <= NOISE * force, 0.0, along / np.maximum(np.abs(size), least))
@@ -291,7 +293,7 @@ class ExactSolver(SlidingSolver):
         return cut.model
 
     def _looked_at(self, cut: Cut, solver: SlidingSolver, factors: Array, free: Array) -> Found | None:
-        """Slopes at an equilibrium, and what the free contacts' second derivatives need; None where its tangent is singular."""
+        """Evaluate slopes at an equilibrium, and second derivatives by the free contacts; None where its tangent is singular."""
         model, q = solver.stepper.model, solver.state.q
         acting = self._acting(cut, factors)
         along = energy_along(cut, model.numbers, acting, q.reshape(-1, 4, 3))
@@ -343,7 +345,7 @@ class ExactSolver(SlidingSolver):
         return (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
 
     def _acting(self, cut: Cut, factors: Array) -> dict[Any, Acting]:
-        """What acts along the beams with contacts at load factors [K]."""
+        """Return weights and distributed loads of the beams with contacts at load factors [K]."""
         model, scene = self.stepper.model, self.scene
 
         def factor(time: Any) -> float:
@@ -464,6 +466,6 @@ class ExactSolver(SlidingSolver):
         return ends[0], ends[1]
 
     def forces_along(self) -> dict[str, float]:
-        """What holds every slider where it is along its beam, N."""
+        """Return the forces that hold sliders in their places along their beams, N, by name."""
         assert self.found is not None
         return {name: float(x) for name, x in zip(self.stepper.model.names["sliders"], self.found.slope)}

@@ -1,5 +1,5 @@
-"""How an equilibrium answers to small changes: what is unbalanced in scenes around it, and solutions with its tangent and with
-the transposed one (theory.md 13)."""
+"""Linear response of an equilibrium: residuals of scenes around it, and solutions with its tangent and the transposed one
+(theory.md 13)."""
 from __future__ import annotations
 
 from typing import Any
@@ -18,7 +18,7 @@ from fastbeam.statics.sliding import SlidingSolver
 Array = np.ndarray
 
 
-# of round-off of coordinates and sums, relative
+# relative round-off of coordinates and sums
 NOISE = 1e-13
 
 
@@ -32,11 +32,11 @@ class Response(SlidingSolver):
     Parameters
     ----------
     model, start, held, flat, backend, at_time
-        As `SlidingSolver`.
+        See `SlidingSolver`.
     factors : float64 [K]
-        Of the loads.
+        Load factors.
     load_factor : float
-        That `factors` have been multiplied by.
+        Common factor that `factors` contain.
     """
 
     def __init__(self, model: Model, start: State, held: Array, flat: bool, backend: str, at_time: float, factors: Array,
@@ -53,7 +53,7 @@ class Response(SlidingSolver):
 
     @property
     def unknowns(self) -> int:
-        """Of nodes, held ones too, sliding coordinates and multipliers."""
+        """Number of unknowns: nodal ones, also fixed, sliding coordinates and multipliers."""
         return self.nodes + self.sliding.size + self.core.n_forces
 
     def weighed(self, x: Array) -> Array:
@@ -64,23 +64,23 @@ class Response(SlidingSolver):
 
     @property
     def weights(self) -> Array:
-        """Of squares of the unknowns [n] in the metric of theory.md (12.1); multipliers have none."""
+        """Weights of squares of the unknowns [n] in the metric of theory.md (12.1); zero for multipliers."""
         place = np.arange(len(self.core.dofs)) < self.core.dim
         rows, length = self.core.pattern.n, self.core.length
         nodes = np.tile(np.where(place, length**-2.0, 1.0) / rows, rows)
         return np.concatenate((nodes, np.full(self.sliding.size, length**-2.0), np.zeros(self.core.n_forces)))
 
     def size_of(self, x: Array) -> float:
-        """The largest of them."""
+        """Return the largest motion of nodes and sliders among unknowns [n], in sizes of the scene and rad."""
         return float(np.max(np.abs(self.weighed(x)), initial=0.0))
 
     def label(self, unknown: int) -> str:
-        """The node of an unknown."""
+        """Return the label of the node of an unknown."""
         row = unknown // len(self.core.dofs)
         return str(self.stepper.model.labels[int(np.flatnonzero(self.core.pattern.row_of == row)[0])])
 
     def noise(self) -> Array:
-        """What round-off may make of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
+        """Return the possible round-off of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
         length, n = self.core.length, self.core.pattern.n
         out = np.full(self.unknowns, NOISE * length)
         loads = self._all_loads[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
@@ -106,7 +106,7 @@ class Response(SlidingSolver):
         return found
 
     def inner_forces(self) -> Array:
-        """Of beams, springs and joints on the unknowns of the nodes [m], without loads and contact forces."""
+        """Return the forces of beams, springs and joints on the unknowns of the nodes [m], without loads and contact forces."""
         loads, force = self._loads.copy(), self.stepper.core_state.force.copy()
         self._loads[:] = self.stepper.core_state.force[:] = 0.0
         found = -self.unbalanced()[:self.nodes]
@@ -129,17 +129,17 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
     Parameters
     ----------
     like : Response
-        At the equilibrium.
+        Response at the equilibrium.
     model : Model
-        Of the other scene.
+        The other scene.
     factors : float64 [K]
-        Of its loads.
+        Factors of its loads.
     way : float64 [n]
         Derivatives of the unknowns beside the motion with the reference.
     length : float
-        How far along.
+        Distance along that way.
     load_factor : float, optional
-        Of what pushes sliders; default: that of the first.
+        Factor of slider forces; default: that of the first.
     """
     state, own = like.state, like.stepper.model
     before, after = (x.q0.reshape(-1, 4, 3) for x in (own, model))

@@ -34,7 +34,8 @@ class Wanted(NamedTuple):
 
 
 def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None, who: str = "solve_path, stop") -> list[Wanted]:
-    """What `stop=` of `solve_path`, or another argument of that kind, asks for; who: the function and the argument.
+    """Return the quantities and values that `stop=` of `solve_path`, or a similar argument, asks for; who: the function and the
+    argument.
 
     Raises
     ------

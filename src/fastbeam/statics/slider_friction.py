@@ -37,7 +37,7 @@ MOST_CHANGES = 6
 
 
 class Modes(NamedTuple):
-    """What sliders do in a load step."""
+    """States of sliders in a load step: sticking, slipping, at a stop."""
 
     sign: Array     # int64 [S]: -1 or 1, direction in which one slips that rubs; 0: it sticks
     at_stop: Array  # int64 [S]: -1 or 1 at a rigid stop at the start or the end, else 0
@@ -51,13 +51,13 @@ class StaticAlong:
     ----------
     model : Model
     at_time : float
-        When functions of time are evaluated, s.
+        Time of functions of time, s.
     s : float64 [S]
-        Where sliders are at the load factor 0, m.
+        Places of sliders at load factor 0, m.
     held : bool [S]
         Sliders that stay at their s, with whatever force that takes.
     history : float64
-        Of the state.
+        History of the state.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class StaticAlong:
 
     @property
     def free(self) -> Array:
-        """Which sliders move, bool [S]."""
+        """Sliders that move, bool [S]."""
         return ~self.held & (self.modes.at_stop == 0) & (~self.rubs | (self.modes.sign != 0))
 
     @property
@@ -156,13 +156,14 @@ class StaticAlong:
         return changed, np.where(returned, self.before, s)
 
     def to_stop(self, s: Array, way: Array) -> Array:
-        """How far sliders on their ways [S] from s may go at once: until they touch an elastic stop that they do not yet."""
+        """Return the increments after which sliders with increments `way` [S] from s touch an elastic stop that they do not touch
+        yet."""
         stiff = self.forces.tables.stops[:, STIFFNESS] > 0.0
         gap = np.where(way > 0.0, self.elastic[:, 1] - s, s - self.elastic[:, 0])
         return np.where(stiff & (gap >= 0.0), gap + TOUCH * self.lengths, np.inf)
 
     def is_rigid(self, way: Array) -> Array:
-        """Whether sliders on their ways [S] have a rigid stop ahead, bool [S]."""
+        """Return whether sliders with increments `way` [S] have a rigid stop ahead, bool [S]."""
         return np.isfinite(np.where(way > 0.0, self.stops[:, 1], self.stops[:, 0]))
 
     def meets(self, s: Array, steps: Array, way: Array) -> Array:
@@ -179,15 +180,15 @@ class StaticAlong:
 
     # --- results ------------------------------------------------------------------------------------------------------
     def remember(self, history: Array) -> None:
-        """Into the history of a state: all sliders rest, at stops or by friction."""
+        """Write into the history of a state that all sliders rest, at stops or by friction."""
         own = history[:HISTORY * self.held.size].reshape(-1, HISTORY)
         own[:, SIGN] = 0.0
         own[:, AGAINST] = self.modes.at_stop
         own[:, STICKS] = self.rubs & (self.modes.at_stop == 0)
 
     def report(self, names: list[str], equations: Equations) -> dict[str, dict[str, Any]]:
-        """Of every slider that rubs: friction force, N, the most that it could be, and whether the slider sticks;
-        equations: without friction."""
+        """Report for every slider with friction: friction force, N, its largest value, and whether the slider sticks; equations:
+        without friction."""
         most, needed = self.friction * equations.normal, equations.sliding
         force = np.where(self.modes.at_stop == 0, needed, np.clip(needed, -most, most))
         return {names[k]: {"force": float(force[k]), "cone": float(most[k]), "sticks": bool(self.modes.sign[k] == 0)}

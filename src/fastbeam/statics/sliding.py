@@ -26,7 +26,7 @@ AT_END, CLOSE = 1e-6, 1e-9
 # increments up to this share of the beam are accepted as those of Newton's method, whose size it squares
 NEWTON_FROM = 0.02
 MOST_SLIDES = 100
-# how often it is looked which sliders stick, slip and rest against stops, for every slider
+# rounds of deciding which sliders stick, slip and rest against stops, for every slider
 ROUNDS = 8
 # share of a step below which nothing is found; a slope that jumps from one sign to the other within this share of a beam has no
 # place between
@@ -36,7 +36,7 @@ JUMPS = 1e-6
 
 
 class SlidingSolver(SaddleSolver):
-    """As `SaddleSolver`, which slides to where nothing pushes along beams."""
+    """Solver for equilibria whose sliders move to where no force pushes them along their beams."""
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before = self._saved()
@@ -94,7 +94,8 @@ class SlidingSolver(SaddleSolver):
         return NOT_CONVERGED, sizes
 
     def _directly(self) -> tuple[int, list[float]]:
-        """From an equilibrium to the next with Newton's method on everything, where sliders do not go far."""
+        """Try Newton's method on all unknowns from the last equilibrium; reject its result where sliders go far. Return a status
+        and sizes."""
         free = self.sliding
         if not self.history or not free.any():
             return NOT_CONVERGED, []
@@ -107,8 +108,8 @@ class SlidingSolver(SaddleSolver):
         return NOT_CONVERGED, sizes
 
     def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
-        """For the result, at the last equilibrium, that of load factors [K]: friction of all sliders, and the intervals of rest
-        of those that are asked for."""
+        """Report, at the last equilibrium, that of load factors [K], friction of all sliders, and the intervals of rest of those
+        that are asked for."""
         of_joints = {} if self.joints is None else self.joints.report()
         if self.along is None or not self.along.rubs.any():
             return {"friction": of_joints} if of_joints else {}
@@ -174,7 +175,7 @@ class SlidingSolver(SaddleSolver):
 
     @property
     def _unhindered(self) -> Array:
-        """Which sliders move without friction and away from stops, bool [S]."""
+        """Sliders that move without friction and away from stops, bool [S]."""
         return self.sliding if self.along is None else self.along.free & ~self.along.rubs
 
     # --- sliding ------------------------------------------------------------------------------------------------------
@@ -261,7 +262,8 @@ class SlidingSolver(SaddleSolver):
         return self.along.meets(self.stepper.core_state.s, steps, way)
 
     def _rises(self, way: Array) -> bool:
-        """Whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the way [S] to it."""
+        """Return whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the increments `way` [S] to
+        it."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self.sliding)
         n = len(self.core.dofs) * self.core.pattern.n

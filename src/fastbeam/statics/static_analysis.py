@@ -62,7 +62,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                  held: bool | str | Sequence[str] = False,
                  rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh",
                  steady: Spin | Travel | None = None) -> Result:
-    """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
+    """Find the equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
     ----------
@@ -173,8 +173,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
 
 
 def _more_stable(task: StaticTask, found: Result, load_step: float, largest: float) -> Result:
-    """Of an equilibrium with unstable directions, and one that smaller load steps lead to, the one with fewer. A large step may
-    end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first.
+    """Return that of two equilibria with fewer unstable directions: `found`, or one that smaller load steps lead to. A large step
+    may end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
 
 
 def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
-    """Whether a slider stays where it is, bool [S]: those of `held`, and those that are locked from the start.
+    """Return which sliders stay in place, bool [S]: those of `held`, and those that are locked from the start.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
 
 
 def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> Array:
-    """Which sliders an argument of this name means, bool [S].
+    """Return which sliders an argument of this name means, bool [S].
 
     Raises
     ------

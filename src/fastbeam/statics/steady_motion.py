@@ -111,7 +111,7 @@ def which_motion(value: Any) -> Spin | Travel:
 
 
 class Field(NamedTuple):
-    """Of a steady motion, on the 12 N coordinates of all nodes of a model in space."""
+    """Matrices of a steady motion, on the 12 N coordinates of all nodes of a model in space."""
 
     pull: Any        # sparse, symmetric: forces of inertia on the shape q are pull @ (q - origin)
     origin: Array    # [12 N]
@@ -240,7 +240,7 @@ class SteadyForces:
     Attributes
     ----------
     share : float
-        Of the forces that acts.
+        Share of the forces that acts.
     """
 
     def __init__(self, who: str, model: Model, motion: Spin | Travel, of: RowMap, size: int) -> None:
@@ -249,7 +249,7 @@ class SteadyForces:
         self._map, self._size, self._n = of, size, model.n_nodes
 
     def loads(self, q: Array) -> Array:
-        """At coordinates q [12 N], on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
+        """Return forces of inertia at coordinates q [12 N] on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
         of = self._map
         lead = of.ties @ velocity_map(q.reshape(-1, 4, 3)) @ of.every
         out = np.zeros((self._n + 1, 8))
@@ -258,7 +258,7 @@ class SteadyForces:
         return out.reshape(-1)
 
     def _force(self, q: Array) -> Array:
-        """On all coordinates [12 N]."""
+        """Return forces of inertia on all coordinates [12 N]."""
         return np.asarray(self.share * (self.field.pull @ (q.reshape(-1) - self.field.origin)))
 
     def rates(self, q: Array) -> Array | None:

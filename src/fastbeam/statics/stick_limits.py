@@ -1,4 +1,4 @@
-"""Between which load factors friction holds a slider or a joint where it is (theory.md 8)."""
+"""Load factors between which friction holds a slider or a joint in place (theory.md 8)."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -45,7 +45,7 @@ class StickInterval(NamedTuple):
 def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, within: tuple[float, float] = (0.0, 10.0),
                    at_time: float | tuple[float, float] | None = None, start: State | None = None,
                    held: bool | str | tuple[str, ...] = False, max_iterations: int = 20, backend: str = "auto") -> StickInterval:
-    """The interval of load factors in which friction holds a slider, or a joint, where it rests at one of them.
+    """Find the interval of load factors in which friction holds a slider, or a joint, where it rests at one of them.
 
     From an equilibrium the loads grow, and shrink, slowly, until friction is all that it can be. Others with friction
     stick or slip as this history asks for, so that the last of several rings of a capstan to slip tells when its cable moves.
@@ -59,7 +59,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
         "s" that rubs with `radius=` is "s: twist". Where the loads of `load_factor` make it slip, it comes to rest first, which
         leaves it at the end of its interval.
     load_factor : float
-        Of the loads of the equilibrium in the interval.
+        Load factor of the equilibrium in the interval.
     within : (float, float)
         The smallest and largest load factor that is looked at; they enclose `load_factor`.
     at_time : float or (float, float), optional
@@ -179,7 +179,7 @@ class _Held(ABC):
 
     @abstractmethod
     def margin(self) -> float:
-        """The share of its friction that is left."""
+        """Return the share of its friction that is left."""
 
     def saved(self) -> tuple[Any, ...]:
         """Everything that a later equilibrium depends on."""
@@ -188,7 +188,7 @@ class _Held(ABC):
                 None if joints is None else (joints.values.copy(), joints.at_stop.copy()))
 
     def restore(self, saved: tuple[Any, ...]) -> None:
-        """Go back to it."""
+        """Restore what `saved` returned."""
         self.solver._restore(saved[0])
         if self.solver.along is not None:
             self.solver.along.modes.at_stop[:] = saved[1]
@@ -203,7 +203,7 @@ class _Held(ABC):
 
 
 class _HeldJoint(_Held):
-    """Of a coordinate of a joint."""
+    """Equilibria with a coordinate of a joint held."""
 
     def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
         super().__init__(solver, k, t)
@@ -216,7 +216,7 @@ class _HeldJoint(_Held):
 
 
 class _HeldSlider(_Held):
-    """Of a slider."""
+    """Equilibria with a slider held."""
 
     def margin(self) -> float:
         solver, k = self.solver, self.k

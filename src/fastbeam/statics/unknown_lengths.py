@@ -30,8 +30,8 @@ Array = np.ndarray
 LONGEST = 1.0
 # steps of coordinates, in distances of nodes and as they are, for derivatives of section forces, and differences of order 6
 NEARBY, WAYS, WEIGHTS = 2.0**-8, (-3, -2, -1, 1, 2, 3), (-1 / 60, 9 / 60, -45 / 60, 45 / 60, -9 / 60, 1 / 60)
-# what lengths do to conditions, next to what they do to the scene, that is round-off; the smallest of the singular values of all
-# of it, rows and columns scaled to 1, next to the largest
+# round-off of the influence of lengths on conditions, relative to their influence on the scene; smallest singular value of the
+# influences, rows and columns scaled to 1, relative to the largest
 UNMOVED, DEPENDENT = 1e-9, 1e-9
 # share of conditions and loads that is round-off where the matrix is singular
 UNBALANCED = 1e-9
@@ -84,7 +84,7 @@ class LengthTables(StrainPath):
 
     @property
     def lengths(self) -> Array:
-        """Of the beams as they are drawn [m]."""
+        """Lengths of the beams as they are drawn [m]."""
         return np.array([beam.length for beam in self.beams])
 
 
@@ -131,7 +131,7 @@ class Condition(NamedTuple):
 
 def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, float], points: Mapping[str, Place] | None,
                   stays: Array) -> list[Condition]:
-    """Of quantities as `path_stops.wanted_of` knows them, each as it was asked for.
+    """Return conditions for quantities of `path_stops.wanted_of`, each as it was asked for.
 
     Raises
     ------
@@ -188,7 +188,7 @@ class LengthSolver(Response):
 
     @property
     def name(self) -> str:
-        """What was used, for the result."""
+        """Linear solver and its number of factorisations, for the result."""
         f = self._of_lengths
         if f is None or not f.count:
             return "SuperLU on nodes and lengths"
@@ -196,16 +196,16 @@ class LengthSolver(Response):
 
     @property
     def prestrains(self) -> Array:
-        """Of the beams at present [m]."""
+        """Present prestrains of the beams [m]."""
         return self.tables.first + self.change
 
     def values(self) -> Array:
-        """Of the quantities of all conditions [m]."""
+        """Return the values of the quantities of all conditions [m]."""
         state = self.state
         return np.array([condition.wanted.of(state) for condition in self.conditions])
 
     def move_to(self, share: float) -> None:
-        """How much of their way conditions have gone at the next equilibrium. Supports and what joints are given stay."""
+        """Set the part of their path that conditions have gone at the next equilibrium. Supports and prescribed joints stay."""
         super().move_to(1.0)
         self.part = share
 

@@ -63,8 +63,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                max_iterations: int = 15, backend: str = "auto", stop_at: str | None = None, side: int | None = None,
                branch: int | None = None, moves: Mapping[Support, ArrayLike] | None = None,
                stop: Mapping[Quantity, float] | None = None, prestrains: Mapping[Beam, float] | None = None) -> Result:
-    """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
-    length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
+    """Follow the path of equilibria under dead loads and gravity times a load factor by arc length, through limit points and
+    snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
 
     Parameters
     ----------
@@ -105,8 +105,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     side : {1, -1}, optional
         Leave the start, a bifurcation (`stop_at`), on the other path that goes through it, to this side.
     branch : int, optional
-        The same where several directions lead away, from 0: number of one of `info["critical_points"][-1]["branches"]`; of a
-        simple bifurcation 0 is side 1 and 1 is side -1.
+        Number, from 0, of one of several directions `info["critical_points"][-1]["branches"]` to leave the start in; at a simple
+        bifurcation 0 is side 1 and 1 is side -1.
     moves : mapping, optional
         Displacement control: supports (Clamp, Pin, PrescribedMotion, or the node that they hold) -> displacement (3,), m, by
         which they are shifted from the start, straight, times the load factor less that of the start; or (6,) with a rotation
@@ -164,7 +164,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
 
 
 class _Growing(NamedTuple):
-    """What changes with the load factor."""
+    """Loads, supports and prestrains that change with the load factor."""
 
     factors: tuple[Array, Array]             # of loads [K] at load factor 0, and their change until 1
     laws: LawPath                            # forces by laws
@@ -248,12 +248,12 @@ def _first_step(to: float, load_factor: float, step: float, largest_step: float,
 
 
 def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | None, moves: Any, prestrains: Any) -> _Growing:
-    """What changes with the load factor.
+    """Collect what changes with the load factor.
 
     Raises
     ------
     SceneError
-        Nothing does, or one of the arguments is not usable.
+        Nothing changes, or one of the arguments is not usable.
     """
     stays_put = moves is None and prestrains is None
     rides = _rides(model, at_time, moves, stays_put)

@@ -1,4 +1,4 @@
-"""Goes along a path of equilibria: lengths of steps, critical and wanted points within them, rows (theory.md 12)."""
+"""Continuation along a path of equilibria: lengths of steps, critical and wanted points within them, rows (theory.md 12)."""
 from __future__ import annotations
 
 import time
@@ -37,7 +37,7 @@ AT_END = 1e-3
 # a path is closed that comes back to its first equilibrium: rows before this is looked for, distance of the start from a chord of
 # the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
 LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
-# what is said of loads without a potential
+# message about loads without a potential
 FLUTTER = ("loads that follow, laws, moving air and moments that are fixed in space have no potential: real eigenvalues are "
            "counted here, vibrations that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
 
@@ -58,7 +58,7 @@ class _Step:
 
 
 class PathWalk:
-    """Goes along, and keeps rows."""
+    """Walk along a path of equilibria, with the rows of its result."""
 
     def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Place] | None, step: float, largest: float,
                  smallest: float, most: int, observe: Sequence[str] = (), wanted: Sequence[Wanted] = ()) -> None:
@@ -93,7 +93,7 @@ class PathWalk:
         self.aside = ""
 
     def record(self, iterations: int, size: float, unstable: int | None) -> None:
-        """A row and a shape of the present equilibrium."""
+        """Keep a row and a shape of the present equilibrium."""
         self.solver.count_turns()
         state, (t, share) = self.solver.state, self.solver.drives_at or (0.0, None)
         row = {**self.observer.row(t, state), "iterations": iterations, "step_size": size,
@@ -128,7 +128,8 @@ class PathWalk:
         return result
 
     def to(self, to: float, stop_at: str | None, branch: int | None) -> Result:
-        """Until this load factor, or a critical point of this kind; branch: of the bifurcation that it begins at.
+        """Follow the path until this load factor, or a critical point of this kind; branch: number of the branch at the
+        bifurcation where the path begins.
 
         Raises
         ------
@@ -207,7 +208,7 @@ class PathWalk:
         return _Step(before, along, after, iterations, self.size, solver.judge.unstable(), met, off)
 
     def _closes(self, first: tuple[Any, ...], step: _Step) -> bool:
-        """Whether a step leads back to the first equilibrium, with the last row there."""
+        """Return whether a step leads back to the first equilibrium; if it does, keep the last row there."""
         back = self._back(first, step.before, step.along, step.size) if self.rows >= LEAST_ROWS else None
         if back is None:
             return False
@@ -235,7 +236,8 @@ class PathWalk:
         return True
 
     def _arrives(self, step: _Step, to: float) -> bool:
-        """Whether a part of a step that passes the load factor of the end of the path leads there, with the last row there."""
+        """Return whether part of a step that passes the final load factor leads to an equilibrium there; if it does, keep the
+        last row."""
         solver, along = self.solver, step.along
         solver.restore(step.before)
         share = (to - step.before[3]) / along.factor if along.factor else step.size
@@ -247,7 +249,7 @@ class PathWalk:
         return True
 
     def _ends_with(self, step: _Step, stop_at: str | None, bar: Progress) -> bool:
-        """Keep a step; whether the path ends with it, at a wanted quantity or a critical point of this kind."""
+        """Keep a step; return whether the path ends with it, at a wanted quantity or a critical point of this kind."""
         found, met = step.found, step.met
         if found is not None:
             self.sign = -self.sign if found.kind == "limit" else self.sign
@@ -266,7 +268,7 @@ class PathWalk:
         return True
 
     def _lengthen(self, iterations: int) -> None:
-        """The next step is longer where the last one was easy."""
+        """Lengthen the next step where the last one was easy."""
         self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
         if self.undivided is not None and self.step >= self.undivided:
             self.undivided = None
@@ -345,8 +347,7 @@ class PathWalk:
         return within or found[branch]
 
     def _list_branches(self, k: int) -> None:
-        """What is known of the directions that lead away from the last critical point, at which the eigenvalue of number k
-        vanishes."""
+        """Store the directions of paths that leave the last critical point, at which the eigenvalue of number k vanishes."""
         point = self.info["critical_points"][-1]
         if point["kind"] != "bifurcation":
             return
@@ -358,12 +359,12 @@ class PathWalk:
             point |= {"multiplicity": vectors.shape[1], "branches": [part.tolist() for part in parts], "continuum": is_continuum}
 
     def _direction(self, along: Direction) -> Direction:
-        """At the present equilibrium; the last one where there is none, as where paths cross."""
+        """Return the direction at the present equilibrium; the last one where none is found, as where paths cross."""
         found = self.solver.direction(along)
         return along if found is None or self.solver.product(along, found) < LEAST_COSINE else found
 
     def _shorten(self, bar: Progress) -> None:
-        """Half the step.
+        """Halve the step.
 
         Raises
         ------
@@ -414,8 +415,8 @@ class PathWalk:
         return None
 
     def _may_divide(self, stop_at: str | None) -> bool:
-        """Whether a step with a change that was not located may become shorter: to a share of what it was, or as far as it goes
-        where the path ends at a critical point."""
+        """Return whether a step with a change that was not located may be divided: to a share of what it was, or to the smallest
+        step where the path ends at a critical point."""
         self.undivided = self.undivided or self.step
         return self.step > max(self.smallest, 0.0 if stop_at else FINEST * self.undivided)
 
@@ -463,7 +464,8 @@ class PathWalk:
 
 
 def _from_chord(point: Array, a: Array, b: Array) -> tuple[float, float]:
-    """Of a point beside the chord from a to b: where its foot is, from 0 to 1, and its distance; both as shares of the chord."""
+    """Return the place of the foot of a point on the chord from a to b, from 0 to 1, and its distance; both as shares of the
+    chord."""
     way = b - a
     share = float(way @ (point - a) / (way @ way))
     return share, float(np.linalg.norm(point - a - share * way) / np.linalg.norm(way))
