@@ -12,7 +12,8 @@ Array = np.ndarray
 
 
 def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
-    """The state behind support k of `model.released`, which takes hold at time t, and the energy that the impact takes, J.
+    """Return the state behind support k of `model.released`, which takes hold at time t, and the energy that the impact
+    dissipates, J.
 
     The node stays where it is. Of all jumps of velocities that the scene allows it is the one of least kinetic energy after which
     the node rests, or moves as the support does: momenta stay along what is free. The work of the blow of a support that moves is

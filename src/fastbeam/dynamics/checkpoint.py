@@ -45,7 +45,7 @@ STEP, NUMBERS = Number(above=0.0, unit="s"), Maybe(Instance(np.ndarray, "an arra
          mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS, last_step=STEP, impacts=NUMBERS, began=Number())
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where a run stands; `simulate(model, start=checkpoint, ...)` goes on as if it had never stopped.
+    """State of a run at one time; `simulate(model, start=checkpoint, ...)` goes on as if the run had never stopped.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Checkpoint:
     last_step : float or None
         Size of the last step, s, that mean_force belongs to.
     memory : float64 or None
-        What the steps carry besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
+        Data of the steps besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
         the first guess of the next, the newest as increments.
     impacts : float64 [S + R, 2] or None
         Times of the last impacts of all sliders, and joints that may stick, on rigid stops at the start and the end, s, -1.8e308
@@ -92,8 +92,8 @@ class Checkpoint:
 
     @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
-        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one. Of a symbolic link the
-        file that it leads to is written.
+        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one. Symbolic links are
+        followed.
 
         Raises
         ------
@@ -247,7 +247,7 @@ class Clock:
         After `done` whole steps the time is origin + done*step.
     now : float
     size : float
-        Of the next step; with a fixed step the same all the time.
+        Size of the next step; constant with a fixed step.
     began : float
         Time of the first state, also where the run goes on from a checkpoint.
     before, before_size : float64 [F] or None, float or None

@@ -149,5 +149,5 @@ class ContactForces:
 
 
 def is_equal(one: float, other: float, share: float = EQUAL) -> bool:
-    """Whether two steps have the same size, but for this share of it."""
+    """Return whether two steps have the same size, but for this share of it."""
     return abs(one - other) <= share * max(one, other)

@@ -21,7 +21,7 @@ SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
 WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUKI, SUZUKI])}
 # a located end of a beam is met within this share of its length
 END_TOLERANCE = 1e-10
-# of those that go on to another track there
+# the same for sliders that go on to another track there
 TRANSFER_TOLERANCE = 1e-15
 # the time at which a condition begins to hold is met within this share of the step, round-off
 CONDITION = 1e-15
@@ -202,7 +202,7 @@ class StepControl:
         Allowed local error of a position per step, relative to the size of the scene; of a triad at the radius of gyration of its
         body or section.
     order : int
-        Of the method.
+        Order of the method.
     smallest, largest : float
         Bounds of the step, s.
 

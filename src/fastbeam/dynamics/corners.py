@@ -18,7 +18,7 @@ from fastbeam.stepping.terms import Corner
 
 # a step over a corner that fails, or meets something else, is tried again, up to so many times half as far behind it
 MOST_TRIES = 8
-# with step control; the last of them counts, however large its error is
+# number of tries with step control; the last one is kept, however large its error is
 MOST_JUDGED = 10
 # velocities of a step to a corner that is shorter, as a share of a whole one, are round-off
 TOO_SHORT = 1e-8
@@ -54,7 +54,7 @@ class Corners:
         Parameters
         ----------
         sizes : float, float
-            Of the step to the corner and the whole step, s.
+            Sizes of the step to the corner and of the whole step, s.
         awaited : Awaited
             The change of track that is due.
         step : int
@@ -104,7 +104,8 @@ class Corners:
         return found
 
     def _limits(self, state: State, k: int, number: int, at_end: bool, track: str) -> tuple[float, float]:
-        """Between which arc lengths slider k may go that leaves the track of this number for another, m, to the stops on both."""
+        """Return the arc lengths, m, between which slider k may go that leaves the track of this number for another: the stops on
+        both."""
         behind = State(*(x.copy() for x in state))
         shift = self.locking.move_on(behind, k, number, at_end, track)
         own, others = (self.model.limits_at(x.s, x.history)[k] for x in (state, behind))

@@ -1,4 +1,4 @@
-"""What happens within the steps of a run: sliders and joints meet rigid stops, sliders ends of beams, locks take hold."""
+"""Events within the steps of a run: sliders and joints meet rigid stops, sliders meet ends of beams, locks engage."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -27,15 +27,15 @@ from fastbeam.stepping.stepper import Stepper
 NEXT_TO_NOTHING = 1e-6
 # a point that is back on its beam after this share of a step has not been away
 SHORT_FLIGHT = 1.0 / 64.0
-# share of the kinetic energy that an impact may take because it is the second within a step
+# share of the kinetic energy that an impact may dissipate because it is the second within a step
 DULLED = 0.05
 # status of steps before one in which a condition of a lock or release begins to hold
 CONDITION = 100
 
 
 class Encounters:
-    """The part of a run that goes on behind such a moment: the step is shortened to it, the velocities jump or the slider is
-    held or let go, and steps are counted from there."""
+    """The part of a run that goes on behind an event: the step is shortened to it, velocities jump or the slider is fixed or
+    released, and steps are counted from there."""
 
     model: Model
     stepper: Stepper
@@ -60,7 +60,7 @@ class Encounters:
         return end, *(self.clock.plan(end) if self.control is None and self.clock.now < end else (0, 0.0))
 
     def happen(self, t: float, found: Sequence[Any] = ()) -> bool:
-        """Locks and releases that are due take effect; whether there are any."""
+        """Apply locks and releases that are due; return whether there are any."""
         if not self.locking.is_present:
             return False
         before = self.stepper.copy_state()
@@ -72,8 +72,8 @@ class Encounters:
         return state is not before
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
-        """As `Calls.advance`, one step at a time where conditions are watched: CONDITION where one holds behind the last, and no
-        more steps where sliders lift off."""
+        """Take steps as `Calls.advance`, one at a time where conditions are watched: CONDITION where one holds behind the last,
+        and no more steps where sliders lift off."""
         if not self.locking.is_present:
             return self.calls.advance(t, h, n, done)
         # made in space once a step
@@ -105,7 +105,7 @@ class Encounters:
         return whole
 
     def controlled(self, t: float, h: float) -> tuple[float, float, Outcome]:
-        """As `Calls.controlled`, with CONDITION as `advance`."""
+        """Take a step as `Calls.controlled`, with CONDITION as in `advance`."""
         assert self.control is not None
         watches = self.locking.is_present and self.locking.watch(self.stepper.state, t)
         saved = self.stepper.save() if watches else None

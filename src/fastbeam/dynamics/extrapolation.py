@@ -24,13 +24,13 @@ Array = np.ndarray
 NEAR = 0.05
 
 
-# for messages: what does so
+# for messages: the runs that need two
 WHICH = "order=4 with what dissipates, or with 'reaction' observed, extrapolates two runs"
 
 
 def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
-    """Whether order 4 takes two runs: something dissipates, or reactions are recorded, which are means over whole steps; and
-    nothing that has a kink in time is there."""
+    """Return whether order 4 takes two runs: something dissipates, or reactions are recorded, which are means over whole steps;
+    and nothing has a kink in time."""
     dissipates = any(lacking(Analysis.COMPOSED, model)) or "reaction" in observed
     return dissipates and not any(lacking(Analysis.ORDER_4, model))
 
@@ -49,12 +49,12 @@ def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any
 
 
 def between(coarse: Array, fine: Array) -> Array:
-    """(4 fine - coarse)/3, of equal numbers these numbers."""
+    """Return (4 fine - coarse)/3; equal numbers stay as they are."""
     return np.asarray(fine + (fine - coarse) / 3.0)
 
 
 def triads_between(coarse: Array, fine: Array) -> Array:
-    """The same for triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to it."""
+    """Extrapolate triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to fine."""
     turn = np.einsum("...ia,...ib->...ab", fine, coarse)
     axis = 0.5 * np.stack((turn[..., 2, 1] - turn[..., 1, 2], turn[..., 0, 2] - turn[..., 2, 0],
                            turn[..., 1, 0] - turn[..., 0, 1]), axis=-1)
@@ -72,7 +72,7 @@ def _spins(q: Array, v: Array) -> Array:
 
 
 def state_between(model: Model, coarse: State, fine: State, step: float) -> State:
-    """The extrapolated state, on the nearest that joints and sliders allow."""
+    """Return the extrapolated state, corrected to the nearest one that joints and sliders allow."""
     q, v = np.zeros((model.n_nodes, 4, 3)), np.zeros((model.n_nodes, 4, 3))
     (q1, v1), (q2, v2) = ((x.q.reshape(-1, 4, 3), x.v.reshape(-1, 4, 3)) for x in (coarse, fine))
     q[:, 0], v[:, 0] = between(q1[:, 0], q2[:, 0]), between(v1[:, 0], v2[:, 0])
@@ -91,7 +91,7 @@ def state_between(model: Model, coarse: State, fine: State, step: float) -> Stat
 
 
 def difference(model: Model, coarse: Result, fine: Result) -> float:
-    """Largest distance of nodes of the two runs in shapes and at the end, as a share of the size of the scene."""
+    """Return the largest distance of nodes of the two runs in shapes and at the end, as a share of the size of the scene."""
     end = (fine.state.q - coarse.state.q).reshape(-1, 12)[:, :3]
     far = [float(np.max(np.linalg.norm(end, axis=-1), initial=0.0))]
     if len(fine.t_snap) == len(coarse.t_snap):
@@ -163,7 +163,7 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any
     runs : list of Result
         Those that are complete.
     step : float
-        Of the first run, s.
+        Step of the first run, s.
     """
     result = getattr(error, "result", None) or (runs[-1] if runs else None)
     if not isinstance(result, Result):

@@ -107,7 +107,7 @@ class FilteringStepper(Stepper):
 
     @property
     def pivots_everywhere(self) -> bool:
-        """There is no second way around a solver that pivots, whose tables are others."""
+        """Always True: no fallback solver exists, because it would need other tables of filters."""
         return True
 
     @property
@@ -115,7 +115,7 @@ class FilteringStepper(Stepper):
         return (*super()._remembered, *(x for term in self.filters for x in (term.smooth, term.rate)), self.lost)
 
     def set_state(self, state: State) -> None:
-        """As `Stepper.set_state`; rates of strains are those of its velocities."""
+        """Set the state, see `Stepper.set_state`; rates of strains become those of its velocities."""
         super().set_state(state)
         self.start_filters()
 

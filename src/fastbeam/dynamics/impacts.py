@@ -25,24 +25,24 @@ MOST_IN_A_ROW = 3
 
 
 class Impacts:
-    """What a run remembers of impacts on rigid stops.
+    """Impacts of a run on rigid stops.
 
     Parameters
     ----------
     model : Model
         With tables in space.
     times : float64 [S + R, 2], optional
-        Of a run before.
+        Times of an earlier run.
 
     Attributes
     ----------
     times : float64 [S + R, 2] or None
-        Of the last impact of every slider, or way between contacts of moving meshes, and every coordinate of a joint that may
+        Times of the last impact of every slider, or way between contacts of moving meshes, and every coordinate of a joint that may
         stick, at the start and the end, s; NEVER where there was none. None where nothing has rigid stops.
     number : int
-        Of impacts in this run.
+        Number of impacts in this run.
     dulled : float
-        What the last impact took of the kinetic energy because it came within a step of the one before, so that it did not
+        Kinetic energy that the last impact dissipated because it came within a step of the one before, so that it did not
         bounce, as a share of the largest kinetic energy before an impact; `largest`: twice that, J.
     in_a_row : int
         Steps shortened before a stop since the last whole step, or since one that led to a stop.
@@ -71,7 +71,7 @@ class Impacts:
                              f"{model.scene_name!r} needs {(self.count, 2)}; take a checkpoint of this model")
 
     def is_rigid(self, state: State, k: int, at_end: bool) -> bool:
-        """Whether slider k, or behind the sliders a coordinate of a joint, has a rigid stop there."""
+        """Return whether slider k, or behind the sliders a coordinate of a joint, has a rigid stop at this end."""
         return self.times is not None and self._restitution(state, k, at_end) is not None
 
     def _restitution(self, state: State, k: int, at_end: bool) -> float | None:
@@ -82,7 +82,8 @@ class Impacts:
         return self.model.slider_forces.restitution(k, at_end, float(state.s[k]), self.model.along_of(state.history)[k])
 
     def may_go_on(self, moved: bool) -> bool:
-        """Whether a run gets anywhere; moved: whether a step has led to a stop now."""
+        """Count a step that ends at a stop; return whether the run still advances. moved: whether a step has led to a stop
+        now."""
         self.in_a_row = 0 if moved else self.in_a_row + 1
         return self.in_a_row <= MOST_IN_A_ROW + 2 * self.count
 

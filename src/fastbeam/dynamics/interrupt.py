@@ -70,7 +70,7 @@ class Interrupts:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """No Ctrl-C waits in here: around code of the user, which may take any time."""
+        """Let a Ctrl-C act at once in this block: around code of the user, which may take any time."""
         self._at_once = True
         try:
             self.serve()
@@ -117,7 +117,7 @@ class Calls:
         self._burst, self.slow = 1, True
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
-        """As `Stepper.advance`; fewer steps where a Ctrl-C waits, or a function of time fails behind them."""
+        """Take steps as `Stepper.advance`; fewer where a Ctrl-C waits, or a function of time fails behind them."""
         if self.failed is not None:
             self.intact = True
             raise self.failed
@@ -186,7 +186,7 @@ class Calls:
         return whole
 
     def controlled(self, control: StepControl, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
-        """As `StepControl.advance`; no step where a Ctrl-C waits."""
+        """Take a step as `StepControl.advance`; none where a Ctrl-C waits."""
         self.intact, self.stepper.stop = False, self._waits
         begin = time.perf_counter()
         try:

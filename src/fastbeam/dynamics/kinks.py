@@ -88,7 +88,7 @@ class Turning:
     ----------
     model : Model
     step : float
-        Of the run, s: what turns around from one step to the next has not been resolved.
+        Step of the run, s: what turns around from one step to the next has not been resolved.
     """
 
     def __init__(self, model: Model, step: float) -> None:
@@ -115,7 +115,7 @@ class Turning:
         return q[:, 0], v[:, 0] - factors[self.part, None] * self.air, q[:, 1]
 
     def look(self, t: float, state: State) -> list[tuple[float, str, int]]:
-        """As `Scalars.look`."""
+        """Find velocities that turned around since the last row; return as `Scalars.look`."""
         if not self.at.size or len(self._told) == len(self.labels):
             return []
         last, here = self._last, self._motion(t, state)
@@ -136,7 +136,7 @@ class Turning:
         return self._turned(both, last[0], h)
 
     def _turned(self, both: Array, t: float, h: float) -> list[tuple[float, str, int]]:
-        """From velocities [2, places, D, 3] across and along."""
+        """Find zeros of velocities [2, places, D, 3] across and along beams, from time t on; h: time between the rows."""
         size = np.linalg.norm(both, axis=-1).max(axis=(0, 1))
         np.maximum.at(self.fastest, self.part, size)
         out: list[tuple[float, str, int]] = []
@@ -179,13 +179,13 @@ def _between_rates(x0: Array, x1: Array, v0: Array, v1: Array, h: float, moving:
 
 
 class Kinks:
-    """What a run with order 4 passes that leaves it a lower order.
+    """Kinks that a run with order 4 passes and that leave it a lower order.
 
     Parameters
     ----------
     model : Model
     step : float
-        Of the run, s.
+        Step of the run, s.
     """
 
     def __init__(self, model: Model, step: float) -> None:
@@ -204,7 +204,7 @@ class Kinks:
         return found
 
     def __call__(self, t: float, state: State) -> None:
-        """As a callback."""
+        """Look at a row, as a callback."""
         self.look(t, state)
 
 

@@ -28,7 +28,7 @@ Array = np.ndarray
 LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER, LET_GO, CATCH = (
     "lock", "unlock", "release", "lift", "land", "transfer", "let go", "catch")
 KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
-# of a slider that is away: 1 where its point was beyond the ends or on the other side
+# entry of a slider that is away: 1 where its point was beyond the ends or on the other side
 PASSED = STICKS
 # distance, as a share of the length of the beam
 TOUCHING = 1e-12
@@ -38,8 +38,9 @@ MOST_HITS = 100
 
 @dataclass(frozen=True)
 class Awaited:
-    """What a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc length; or
-    that its point comes back. rests: it came back with no flight between. LET_GO, CATCH: the support of this number does."""
+    """Condition that a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc
+    length; or when its point comes back. rests: it came back with no flight between. LET_GO, CATCH: `slider` is the number of a
+    support."""
 
     slider: int
     action: str
@@ -49,7 +50,7 @@ class Awaited:
 
     @property
     def is_watched(self) -> bool:
-        """Whether the state of every step has to be looked at."""
+        """True where the state of every step has to be looked at."""
         return self.at is not None or callable(self.when) or self.action == LAND
 
 
@@ -80,7 +81,7 @@ class Locking:
         self._before = np.zeros(0)
 
     def awaited(self, state: State) -> list[Awaited]:
-        """What all sliders wait for in a state."""
+        """List what all sliders and supports wait for in a state."""
         if not self.is_present:
             return []
         out = []
@@ -118,7 +119,7 @@ class Locking:
         return bool(self._watched or self.sided)
 
     def reached(self, state: State, t: float) -> tuple[float, list[Awaited]]:
-        """How far conditions are reached behind the step, negative before the first of them; which hold."""
+        """Return how far conditions are reached behind the step, negative before the first of them, and which of them hold."""
         self._places.clear()
         found = self._values(state, t)
         for i, x in enumerate(self._watched):
@@ -131,12 +132,12 @@ class Locking:
 
     @property
     def touches(self) -> bool:
-        """Whether a point that is away from its beam was at it before the step."""
+        """True where a point that is away from its beam was at it before the step."""
         return any(x.action == LAND and abs(value) <= TOUCHING * float(self.model.slider_lengths[x.slider])
                    for x, value in zip(self._watched, self._before))
 
     def _values(self, state: State, t: float) -> Array:
-        """Of all that is watched, [n]."""
+        """Return the values of all watched conditions, [n]."""
         if not self._watched:
             return np.zeros(0)
         model = self.model
@@ -147,7 +148,7 @@ class Locking:
         return np.array([self._value(x, state, t, rates) for x in self._watched])
 
     def _value(self, x: Awaited, state: State, t: float, rates: Array) -> float:
-        """Of one that is watched; rates: of all sliders [S]."""
+        """Return the value of one watched condition; rates: of all sliders [S]."""
         if x.action in (LET_GO, CATCH):
             return self._support_asked(x, state, t)
         s = float(state.s[x.slider])
@@ -158,7 +159,8 @@ class Locking:
         return self._nearness(x, state, t) if x.action == LAND else self._asked(x, t, s, float(rates[x.slider]))
 
     def _at_once(self, x: Awaited) -> float:
-        """How far from the place of a lock a slider may be that is held at once, m: round-off where it has come onto a track."""
+        """Return the distance from the place of a lock within which a slider is locked at once, m: round-off where it has come
+        onto a track."""
         return TOUCHING * float(self.model.slider_lengths[x.slider]) if isinstance(x.at, tuple) else 0.0
 
     def _lock_place(self, x: Awaited, state: State) -> float | None:
@@ -169,7 +171,7 @@ class Locking:
         return place_at(on, x.at, span_of(on, float(state.s[x.slider])), offset)
 
     def _place(self, state: State, t: float, k: int) -> Place:
-        """Of the point of slider k in the state at time t, the one that was looked at last there."""
+        """Return the place of the point of slider k in the state at time t; places evaluated at that time are kept."""
         if (k, t) not in self._places:
             self._places = {at: place for at, place in self._places.items() if at[1] == t}
             self._places[k, t] = self._finder.place(state, k)
@@ -194,8 +196,8 @@ class Locking:
                     into.history[HISTORY * k + PASSED] = 0.0 if place.is_between_ends else 1.0
 
     def find_lifting(self, state: State, before: Array | None, force: Array) -> bool:
-        """Whether sliders lift off at the end of a step, as the contact force pulls: the mean of the step and the one before, [F]
-        each."""
+        """Find sliders that lift off at the end of a step, as the contact force pulls: the mean of the step and the one before,
+        [F] each. Return whether there are any."""
         self.lifting = [Awaited(k, LIFT, None) for k in self.sided if before is not None
                         and not self.sliders[k].one_sided.catch and state.history[HISTORY * k + HELD] == FREE
                         and self._finder.pull(state, k, 0.5 * (before + force)[3 * k:3 * k + 3]) > 0.0]
@@ -277,7 +279,7 @@ class Locking:
         return state, events
 
     def at_end(self, state: State, k: int, at_end: bool, is_stop: bool) -> list[Awaited]:
-        """What slider k waits for at a rigid stop, or an end of its beam."""
+        """List what slider k waits for at a rigid stop, or an end of its beam."""
         if k in self.model.spans and not is_stop:
             end = END if at_end else START
             # a lock that waits at the end of a track takes hold there
@@ -369,7 +371,8 @@ class Locking:
         return state, {"kind": "let go", "time": t, "support": name, "text": f"{name} lets go at t = {t:.6g} s"}
 
     def _let_go_of_stop(self, state: State, k: int) -> float:
-        """What an elastic stop keeps of its energy, J, that a slider leaves as it lifts off: it swings back by itself."""
+        """Move a slider that lifts off out of its elastic stop; return the energy that the stop loses, J: it swings back by
+        itself."""
         before = self._in_stop(state, k)
         state.s[k] = np.clip(state.s[k], *self._finder.ends[k])
         return before - self._in_stop(state, k)

@@ -91,11 +91,12 @@ class Reactions:
 
     @property
     def size(self) -> int:
-        """Numbers of one evaluation."""
+        """Number of values of one evaluation."""
         return 6 * (self.count + (0 if self.bodies is None else len(self.bodies.sections)))
 
     def _left_free(self, state: State | None) -> tuple[Array, Array]:
-        """Which supports turn freely [S], and axes along which they do not hold [S, 3]; state: where that changes in a run."""
+        """Return which supports turn freely, [S], and axes along which supports do not hold, [S, 3]; state: given where that
+        changes in a run."""
         holding = self.holding
         masks = holding.masks.copy()
         turns_freely = self.stepper.model.held_in(state)[holding.supports] & 56 == 0
@@ -106,16 +107,16 @@ class Reactions:
         return turns_freely, ~held_axes(masks)
 
     def of_step(self, before: State, middle: Array, second: Array, t: float, h: float) -> Array:
-        """Means over the step that the stepper has just taken, [6 (R + C)].
+        """Return means over the step that the stepper has just taken, [6 (R + C)].
 
         Parameters
         ----------
         before : State
-            At its begin, as the tables of the run have it.
+            State at the begin of the step, as the tables of the run have it.
         middle, second : float64 [N, 4, 3]
             Coordinates in its middle, and their mean second rates.
         t, h : float
-            When it began, and its size, s.
+            Begin and size of the step, s.
         """
         own = self.own
         factors = np.ones(len(own.model.load_times))
@@ -129,14 +130,14 @@ class Reactions:
         return self._evaluate(system, middle, h, factors, second)
 
     def of_equilibrium(self, q: Array, factors: Array, second: Array | None = None) -> Array:
-        """Of the equilibrium [6 (R + C)] at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`; second: as in
-        `FreeBodies.forces`."""
+        """Return reactions [6 (R + C)] of the equilibrium at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`;
+        second: as in `FreeBodies.forces`."""
         own = self.own
         system = system_of(own.core, Equilibrium(), own.contact, None, own.core_state, own.work)
         return self._evaluate(system, q, 0.0, factors, second)
 
     def _of_slider(self, k: int, system: Any) -> Array:
-        """What slider k exerts in the step on nodes, [N, 8]; those that share a row have their own here."""
+        """Return the forces that slider k exerts on nodes in the step, [N, 8]; nodes that share a row are kept apart."""
         n = len(self.rows)
         first = np.full_like(system.contact.first, -1)
         first[k] = self.own.contact.first[k]

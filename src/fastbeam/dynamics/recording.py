@@ -107,7 +107,7 @@ class Rows:
 
     @property
     def looks_back(self) -> bool:
-        """Whether forces of the last row come from those of the last steps, one by one."""
+        """True where forces of the last row come from those of the last steps, one by one."""
         return self.forces is not None and self.forces.looks_back
 
     def _force(self, t: float, size: float, after: Array | None, steps: int) -> Array | None:

@@ -20,7 +20,7 @@ NOW = 1e-9
 
 
 class Now:
-    """What a controller reads: the time `t` and the state at it."""
+    """Time `t`, and the state at that time, that a controller reads."""
 
     def __init__(self, t: float, row: dict[str, Any], names: dict[str, list[str]]) -> None:
         self.t, self._row, self._names = t, row, names
@@ -84,7 +84,7 @@ class Sampling:
     ----------
     model : Model
     t, step : float
-        When the run begins, s, and its step.
+        Start of the run and its step, s.
     controlled : bool
         Whether steps are chosen by their error.
 
@@ -125,7 +125,7 @@ class Sampling:
             one.held[0] = float(own[0])
 
     def ask(self, t: float, stepper: Any) -> None:
-        """Those whose time has come."""
+        """Ask the controllers whose time has come."""
         if not self.controllers:
             return
         parts = self._parts(stepper.core_state)

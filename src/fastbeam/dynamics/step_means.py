@@ -16,8 +16,8 @@ Array = np.ndarray
 
 
 class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
-    """What a stepper has more, in front of its class, where outcomes hold such means behind all forces. Of some steps the first
-    and the last are looked at from outside; those between them stay in one call.
+    """Mixin for steppers whose outcomes hold means of `points` behind all forces. Of some steps the first and the last are looked
+    at from outside; those between them stay in one call.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
 
     @property
     def measured(self) -> int:
-        """How many of the numbers of an outcome, the last."""
+        """Number of means in an outcome, its last numbers."""
         return self.points.measured
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
@@ -81,7 +81,7 @@ class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
 
 
 def forces_of(stepper: Stepper, found: Array) -> Array:
-    """Of numbers of an outcome those that checkpoints keep: forces."""
+    """Return the forces among numbers of an outcome, which are what checkpoints keep."""
     return found[:stepper.recorded - getattr(stepper, "measured", 0)]
 
 

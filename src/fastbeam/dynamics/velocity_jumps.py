@@ -24,7 +24,7 @@ MOVES = 1e-9
 AT_STOP = 1e-9
 # changes of what rests at stops behind an impact
 MOST_PIVOTS = 200
-# as of least_norm.py, of velocities by momenta: a mesh that moves along a beam which does not has next to no inertia
+# as in least_norm.py, for velocities by momenta: a mesh that moves along a resting beam has almost no inertia
 HOLD = 1e-13
 # share of the largest rate
 ROUND_OFF = 1e-15
@@ -34,7 +34,7 @@ NO_GAIN = 1e-15
 
 def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
          rest: dict[int, float] | None = None) -> tuple[State, float]:
-    """The state after an impact at slider k, and the energy that it took, J.
+    """Return the state after an impact at slider k, and the energy that it dissipated, J.
 
     Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
     the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
@@ -173,10 +173,10 @@ class Least(NamedTuple):
     Attributes
     ----------
     by : float64 [12 N]
-        Of the rates of all coordinates.
+        Changes of the rates of all coordinates.
     impulses : float64 [m]
     rows : sparse [m, 12 N]
-        What they act on.
+        Directions in which the impulses act.
     """
 
     by: Array
@@ -185,7 +185,7 @@ class Least(NamedTuple):
 
 
 class Equations:
-    """What connections, supports, sliders and joints ask of a jump of the velocities; arguments as of `jump`, without `lead`
+    """Conditions of connections, supports, sliders and joints on a jump of the velocities; arguments as of `jump`, without `lead`
     those of `settled`.
 
     Attributes
@@ -242,7 +242,7 @@ class Equations:
         self._mass = (self._lift.T @ self._inertia @ self._lift).tocsr()
 
     def ask(self, goals: Array) -> bool:
-        """Whether there is anything to change but round-off, with changes of further rates."""
+        """Return whether anything but round-off has to change, with changes of further rates."""
         wanted = float(np.max(np.abs(np.concatenate((self._goal, goals))), initial=0.0))
         return wanted > ROUND_OFF * float(np.max(np.abs(self.state.v), initial=0.0))
 
@@ -321,7 +321,7 @@ def _with_stops(equations: Equations, history: Array, bounces: int, rest: dict[i
     active = [i for i in at_stop if rests[i] or i in rest or side[i] * rates[i] > 0.0]
 
     def jump_with(some: list[int]) -> tuple[Least, Array, float]:
-        """With these at rest: the jump, rates into stops behind it, and what counts as none."""
+        """Return the jump with these joints at rest, rates into stops behind it, and the rate that counts as zero."""
         found = equations.least(rows[some], -rates[some])
         v = state.v + found.by
         return found, side[at_stop] * (rows[at_stop] @ v), MOVES * float(np.max(np.abs(v), initial=0.0))

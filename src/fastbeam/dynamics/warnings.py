@@ -1,4 +1,4 @@
-"""What a user must not miss: events of a run that tell where it is not to be trusted."""
+"""Warnings of a run: events that tell where its results are not to be trusted."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
@@ -36,9 +36,9 @@ class Watch:
     event : callable
         Takes an event {'kind', 'time', 'text', ...}.
     t_start, t_end : float
-        Of the run, s.
+        Begin and end of the run, s.
     kinks : Kinks, optional
-        Of a run with order 4.
+        Kinks of a run with order 4.
     """
 
     def __init__(self, model: Model, stepper: Stepper, event: Callable[[dict[str, Any]], None], t_start: float,
@@ -150,8 +150,8 @@ class Watch:
 
 
 def doubts_of(stepper: Stepper) -> list[tuple[Doubt, Callable[[int], str]]]:
-    """What a stepper keeps of friction whose signs went in circles, and what gives the name of a coordinate: rows ask for it, and
-    there may be many."""
+    """List records of friction whose slip directions cycled in a stepper, with a function that returns the name of a coordinate:
+    rows ask for it, and there may be many."""
     model, out = stepper.model, list[tuple[Doubt, Callable[[int], str]]]()
     names, motions = model.names["sliders"], model.motions
     if stepper.along is not None:
