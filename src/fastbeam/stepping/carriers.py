@@ -51,7 +51,7 @@ def local_elements(tables: ElementTables, first: int, count: int, row_of: Array,
 
 
 class Shared:
-    """What all groups share: rows of all nodes within their group, and ties without those of nodes of beams."""
+    """Tables that all groups share: rows of all nodes within their group, and ties without those of nodes of beams."""
 
     def __init__(self, model: Model) -> None:
         c = model.carriers
@@ -111,14 +111,14 @@ class AlongGroup:
         self.part = whole._replace(doubt=Doubt(*(x[sliders] for x in whole.doubt)), **rows)
 
     def take(self) -> None:
-        """Rows of the scene as they are at the start of an iteration."""
+        """Copy rows of the scene as they are at the start of an iteration."""
         for name in BEFORE:
             getattr(self.part, name)[:] = getattr(self.whole, name)[self.sliders]
         for own, all_of in zip(self.part.doubt, self.whole.doubt):
             own[:] = all_of[self.sliders]
 
     def give(self) -> None:
-        """What an iteration has changed, to the scene."""
+        """Write what an iteration has changed back to the scene."""
         for name in BEHIND:
             getattr(self.whole, name)[self.sliders] = getattr(self.part, name)
         for own, all_of in zip(self.part.doubt, self.whole.doubt):
@@ -141,7 +141,7 @@ class Workspace:
 
 
 def _both_ends(nodes: Array) -> Array:
-    """First and last take turns: two at a time that do not wait for each other."""
+    """Order nodes from both ends in turn: two at a time that do not wait for each other."""
     out = np.empty_like(nodes)
     out[::2], out[1::2] = nodes[:(nodes.size + 1) // 2], nodes[(nodes.size + 1) // 2:][::-1]
     return out

@@ -101,20 +101,20 @@ class Team:
 
 
 def _held_of_solver(held: Held, n: int) -> Held:
-    """What is held in the n rows that the solver sees."""
+    """Return the fixed unknowns in the n rows that the solver sees."""
     seen = held.row < n
     return held._replace(row=held.row[seen], mask=held.mask[seen], diagonal=held.diagonal[seen])
 
 
 def _bodies_of_solver(bodies: Any, n: int) -> Any:
-    """Bodies there."""
+    """Return the bodies in the n rows that the solver sees."""
     seen = bodies.row < n
     inertia = bodies.inertia.reshape(seen.size, -1)[seen].reshape(-1)
     return bodies._replace(node=bodies.node[seen], row=bodies.row[seen], block=bodies.block[seen], inertia=inertia)
 
 
 def _ties_of_solver(ties: Any, eliminated: Array) -> Any:
-    """Ties but those of some nodes."""
+    """Return the tie table without the eliminated nodes."""
     seen = ~np.isin(ties.slave, eliminated)
     moved = np.isin(ties.target, eliminated)
     entry = np.maximum(ties.moves[:, [ROW_ENTRY, COLUMN_ENTRY]], 0)
@@ -123,8 +123,8 @@ def _ties_of_solver(ties: Any, eliminated: Array) -> Any:
 
 
 class CondensedIteration(Iteration):
-    """Of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and each group of
-    carriers is one.
+    """Newton iterations of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and
+    each group of carriers is one.
 
     Parameters
     ----------
@@ -137,8 +137,8 @@ class CondensedIteration(Iteration):
             self._take_terms()
 
     def _take_terms(self) -> None:
-        """What is held in rows that the solver sees (reactions are what stands in rows before), and all terms without the held
-        rows and tied points of carriers, which the panel does not have."""
+        """Collect the terms without fixed rows and tied points of carriers, which the panel does not have, and the fixed unknowns
+        in rows that the solver sees (reactions are what stands in rows before)."""
         own: list[Any] = list(self.owner.terms)
         if self._carriers:
             n = self.owner.core.pattern.n

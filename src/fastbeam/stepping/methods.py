@@ -47,22 +47,22 @@ class Method:
 
     @property
     def label(self) -> str:
-        """For people."""
+        """Label for messages."""
         return METHODS[self.name] + ("" if self.rho_inf is None else f", rho_inf = {self.rho_inf:g}")
 
     @property
     def filters(self) -> bool:
-        """Whether conserving steps dissipate high frequencies."""
+        """True where conserving steps dissipate high frequencies."""
         return self.name == "energy_momentum" and self.rho_inf is not None
 
     @property
     def at_end(self) -> bool:
-        """Whether forces belong to the end of a step, not to its middle."""
+        """True where forces belong to the end of a step, not to its middle."""
         return self.parameters is not None
 
 
 def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float | None, model: Model) -> Method:
-    """The method of these arguments of `simulate`.
+    """Return the method for these arguments of `simulate`.
 
     Raises
     ------

@@ -43,9 +43,9 @@ from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.terms import Corner, Growing, put_limits, system_of, terms_of
 
 Array = np.ndarray
-# of theory.md (5.5), chosen by docs/reports/stress.md
+# factor of theory.md (5.5), chosen by docs/reports/stress.md
 AUGMENTATION = 1e7
-# a force moves nothing where the compliance of the parts that it joins is below this share of h^2/(mass of the scene)
+# a force moves nothing where the compliance of its parts is below this share of h^2/(mass of the scene)
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
 BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force",
@@ -71,7 +71,7 @@ class Stepper:
     max_iterations : int
         Newton iterations a substep.
     backend : {'auto', 'pardiso', 'superlu'}
-        Of the sparse solver, where the model needs one.
+        Sparse solver, where the model needs one.
     method : Method
     t : float
         Time of the state, s; some methods need the loads there.
@@ -80,7 +80,7 @@ class Stepper:
     augmentation : float
         Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
     threads : int, optional
-        Of condensed beams (default: see `thread_count`) and of PARDISO.
+        Threads for condensed beams (default: see `thread_count`) and for PARDISO.
     static, symmetric : bool
         For statics: loads that change, PARDISO's symmetric factorisation.
 
@@ -148,7 +148,7 @@ class Stepper:
         self._scheduled = [x for x in core.features if type(x).schedules is not Feature.schedules]
         if self.motion is not None and memory is None:
             core.motions.settle(self.core_state, self.state, core.place("motions"), None if static else t)
-        # of user forces: the time in the middle of a step, and the load factor in statics
+        # for user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(OfRun(core, static, self.inner, self.own, self.law_work))
         self.corner: Corner | None = None  # a slider on its way over a corner of a switch
@@ -198,7 +198,7 @@ class Stepper:
         return self.own.get("motions")
 
     def load_at(self, t: float, factor: float, shares: Array | None = None) -> None:
-        """In statics: the time, s, and load factor of forces by laws, moving air and ropes; shares: as of `Growing.put`."""
+        """Set the time, s, and load factor of forces by laws, moving air and ropes, in statics; shares: as of `Growing.put`."""
         self.law_work[:2] = t, factor
         assert self.growing is not None
         self.growing.put(t, factor, shares)
@@ -237,7 +237,7 @@ class Stepper:
 
     @property
     def system(self) -> System:
-        """What all terms share in compiled code."""
+        """Data that all terms share in compiled code."""
         method: Any = Conserving() if self.method.middle is None else Midpoint()
         if self.alpha is not None:
             method = self.alpha
@@ -316,12 +316,13 @@ class Stepper:
 
     @property
     def pivots_everywhere(self) -> bool:
-        """Whether all unknowns are solved for by SuperLU, after which there is nothing left to try."""
+        """True where SuperLU solves for all unknowns, so that no fallback is left."""
         return self.inner is None and self.core.substructures is None and not self.linear.is_compiled
 
     @property
     def fallback(self) -> Stepper:
-        """The same state and first guesses around SuperLU, without elimination of inner nodes, where pivots vanish."""
+        """Stepper with the same state and first guesses around SuperLU, without elimination of inner nodes, for vanishing
+        pivots."""
         if self.made_fallback is None:
             assert self.model.uneliminated is not None
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
@@ -355,7 +356,7 @@ class Stepper:
 
     @property
     def failed_law(self) -> Failure:
-        """Which law of the user's own has failed in the last attempt, and how."""
+        """User's law that failed in the last attempt, and its failure."""
         return failure_in(self.core, self.terms, self.law_work)
 
     def label_of(self, node: int) -> str:
@@ -380,11 +381,11 @@ class Stepper:
         return error
 
     def forget_failures(self) -> None:
-        """Before an attempt."""
+        """Forget failed laws before an attempt."""
         forget(self.terms, self.law_work)
 
     def assemble_anew(self) -> None:
-        """Residual and tangent of the present shape at rest.
+        """Assemble residual and tangent of the present shape at rest.
 
         Raises
         ------
@@ -408,8 +409,8 @@ class Stepper:
             raise SceneError(failed.text) from failed.error
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
-        """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
-        event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
+        """Take n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a
+        failure or event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
         self.begun = False  # whether the state may have changed
         result = self._run(t, h, n, done)
         while result.status == OK and result.steps < n and not self.stop():
@@ -419,8 +420,8 @@ class Stepper:
         return result
 
     def _count_turns(self, begin: float, end: float) -> None:
-        """How far supports have turned since t = 0, from one time to another, into the history. What the state of the start
-        differs by from their functions stays."""
+        """Write into the history how far supports have turned since t = 0 at `end`. A difference between the state of the start
+        and their functions, at `begin`, stays."""
         now = self.core.turns_of(self.core_state.history)
         if self._more_turns is None:
             more = now - self.core.prescribed.vectors(begin)
@@ -485,7 +486,7 @@ class Stepper:
         return pivoting.after(result)
 
     def _schedules(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
-        """What terms are given in n steps; empty where nothing depends on time."""
+        """Collect the schedules of terms for n steps; empty where nothing depends on time."""
         if not self._scheduled and not self.core.laws:
             return ()
         span = self._span(t, h, n, done)
@@ -508,7 +509,7 @@ class Stepper:
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
 
     def _python_run(self, factors: Array | None, h: float, n: int, schedules: tuple[Any, ...] = ()) -> Outcome:
-        """The same loop in Python, around SuperLU or on several threads."""
+        """Run n steps in a loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force, iterations, sizes = np.zeros((2, state.force.size)), 0, np.zeros(0)
         for k in range(n):
