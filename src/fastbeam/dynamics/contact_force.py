@@ -50,7 +50,7 @@ class ContactForces:
 
     @property
     def unknown(self) -> Array:
-        """[F]"""
+        """Forces that are not known: NaN, [F]."""
         return np.full(self.stepper.recorded, np.nan)
 
     def first(self, clock: Clock) -> Array | None:

@@ -37,8 +37,8 @@ class Impacts:
     Attributes
     ----------
     times : float64 [S + R, 2] or None
-        Times of the last impact of every slider, or way between contacts of moving meshes, and every coordinate of a joint that may
-        stick, at the start and the end, s; NEVER where there was none. None where nothing has rigid stops.
+        Times of the last impact of every slider, or way between contacts of moving meshes, and every coordinate of a joint that
+        may stick, at the start and the end, s; NEVER where there was none. None where nothing has rigid stops.
     number : int
         Number of impacts in this run.
     dulled : float

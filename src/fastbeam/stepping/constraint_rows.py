@@ -37,8 +37,8 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
     late : list of int arrays
         Rows that every constraint need not wait for.
     unknowns, forces, in_force : int [S]
-        Numbers of unknowns and of forces among them of every constraint; equations behind those of the gaps that have the unit of a
-        force.
+        Numbers of unknowns of every constraint, of forces among them, and of equations in the unit of a force behind those of
+        the gaps.
     pairs : int [O, 2], optional
         Constraints that are coupled by own unknowns.
     places : int32 [n + S], optional
