@@ -1,5 +1,5 @@
 """Command line: `python -m fastbeam` lists the examples, `run NAME [--out DIR]` runs one, `warmup` compiles kernels, `doctor`
-tells and tests what is installed."""
+reports on the installation and tests it."""
 from __future__ import annotations
 
 import argparse
@@ -12,13 +12,13 @@ from types import ModuleType
 
 
 def example_folders() -> list[Path]:
-    """Where examples may be: beside the installed package, or in the source tree this package lies in."""
+    """Return folders that may hold examples: beside the installed package, or in the source tree this package lies in."""
     package = Path(__file__).resolve().parent
     return [package / "examples", package.parents[1] / "examples"]
 
 
 def find_examples() -> dict[str, Path]:
-    """Name -> script of every example; files that start with an underscore are no examples."""
+    """Find the scripts of all examples, name -> script; files that start with an underscore are no examples."""
     for folder in example_folders():
         scripts = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
         if scripts:

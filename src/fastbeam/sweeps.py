@@ -1,4 +1,4 @@
-"""Many runs at once: `sweep` hands cases to the processes of an executor and gathers a table of what came of them."""
+"""Many runs at once: `sweep` hands cases to the processes of an executor and gathers a table of their results."""
 from __future__ import annotations
 
 import itertools
@@ -38,25 +38,25 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from pandas import DataFrame
 
-# what a case comes to: numbers, texts and arrays by names, or one; and what makes it
+# result of a case: numbers, texts and arrays by names, or one; and what `build` may return
 Measured = Union[Mapping[str, Union["ArrayLike", None]], "ArrayLike", None]
 Built = Union[Scene, Model, Result, Measured]
 MOST_CASES = 10**6
 # runs that wait for a free worker, of each; from how many runs of a worker on the first one compiles the kernels for all
 AHEAD, MANY = 4, 8
-# what a run says of itself where nothing else is measured
+# quantities of a run that are kept where nothing else is measured
 FACTS = ("total", "balance", "lin_mom", "ang_mom", "gap")
 
 
 class Sweep(Doubts):
-    """What came of a sweep: a table with a row for every case, in the order of the cases.
+    """Results of a sweep: a table with a row for every case, in the order of the cases.
 
     Attributes
     ----------
     rows : list of dict
         'run' (the number of the case), the case, what was measured, and 'error': None, or what went wrong, in one line.
     arrays : list of dict
-        Of every row the arrays that were measured, by name; of runs all their series, as 'series_total', and 'series_t', their
+        Arrays of every row that were measured, by name; for runs all their series, as 'series_total', and 'series_t', their
         times.
     tracebacks : dict
         Number of a case that failed -> where, as a text.
@@ -330,7 +330,7 @@ def _kept(path: Path, header: dict[str, Any], retry: bool) -> list[Row]:
 
 # --- one run ----------------------------------------------------------------------------------------------------------------
 class Job:
-    """What is done with a case; handed to workers."""
+    """Work on one case: build, run and measure; handed to workers."""
 
     def __init__(self, build: Callable[..., Built], run: dict[str, Any] | None, measure: Callable[[Result], Measured] | None,
                  threads: int) -> None:
@@ -371,7 +371,7 @@ class Job:
 
 
 def split(found: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Numbers and texts, and arrays, of what was measured.
+    """Split what was measured into numbers and texts, and arrays.
 
     Raises
     ------
@@ -403,7 +403,7 @@ def _mkl() -> Any:
 
 # --- many runs --------------------------------------------------------------------------------------------------------------
 def _rows(job: Job, todo: list[tuple[int, dict[str, Any]]], executor: Executor | None, workers: int | None) -> Iterator[Row]:
-    """Rows as they come."""
+    """Yield rows as cases are finished."""
     n = workers or _processors()
     if executor is not None:
         yield from _through(executor, job, todo, n)
@@ -460,7 +460,7 @@ _KEPT = _Kept()
 
 
 def _begin(job: Job | None, threads: int, parent: int) -> None:
-    """In a worker: Ctrl-C and locks are for the process that hands out cases, and without that process there is no work."""
+    """Prepare a worker: Ctrl-C and locks are left to the process that hands out cases, and the worker ends with that process."""
     let_go()
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     with suppress(ValueError):

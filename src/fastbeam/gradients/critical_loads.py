@@ -22,7 +22,7 @@ from fastbeam.statics.static_analysis import START, which_sliders
 Array = np.ndarray
 # a state whose tangent has no eigenvector this near to zero, or whose nodes would move by this much, is no critical point
 CRITICAL, AT_REST = 1e-6, 1e-7
-# share of the load, or of a parameter, in the critical direction from which on it is none of round-off
+# share of the load, or of a parameter, in the critical direction up to which it is round-off
 ACROSS = 1e-6
 ASYMMETRIC = 1e-4
 # round-off of x . K x, next to |x| . |K| |x|
@@ -84,8 +84,8 @@ class _Critical:
         self.is_symmetric = bool(np.max(skew) <= 1e-7 * np.max(size))
 
     def across(self, right: Array, noise: float = 0.0) -> float:
-        """Share of a right-hand side that pushes along the critical direction; 0 where that is round-off, `noise` times what it
-        may be of forces."""
+        """Return the share of a right-hand side that pushes along the critical direction; 0 where that is round-off, `noise`
+        times what it may be of forces."""
         push = abs(float(self.left @ right))
         if push <= noise * float(np.abs(self.left) @ self.base.noise()):
             return 0.0
@@ -125,7 +125,8 @@ class _Critical:
         return x[:-more], float(x[-more])
 
     def _eigenvalue(self) -> tuple[float, float]:
-        """That of the direction, in the metric of (12.1), and what round-off of the stiffness may make of a zero."""
+        """Return the eigenvalue of the critical direction, in the metric of (12.1), and the round-off that a zero may have from
+        the stiffness."""
         value, sizes = self.left @ (self.matrix @ self.null), np.abs(self.left) @ (abs(self.matrix) @ np.abs(self.null))
         mass = float(self.left @ (self.base.weights * self.null))
         return float(value) / mass, NOISE * float(sizes) / abs(mass)
@@ -156,7 +157,7 @@ class _Critical:
 def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: State, load_factor: float,
                          scale: Mapping[str, float] | None = None, at_time: float | None = None,
                          held: bool | str | Sequence[str] = False, backend: str = "auto") -> CriticalSlopes:
-    """Derivatives of the load factor of a limit point or a bifurcation (a buckling load) by parameters (theory.md 13).
+    """Differentiate the load factor of a limit point or a bifurcation (a buckling load) by parameters (theory.md 13).
 
     Parameters
     ----------
@@ -165,7 +166,7 @@ def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: St
     state : State
         The critical point, `solve_path(model, stop_at=...).state`.
     load_factor : float
-        That it has, `path.series["load_factor"][-1]`.
+        Its load factor, `path.series["load_factor"][-1]`.
 
     Returns
     -------

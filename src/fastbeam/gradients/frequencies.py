@@ -50,7 +50,7 @@ class Linearised:
     Parameters
     ----------
     model, state, sliding, factors, flat
-        As `Linearisation`.
+        See `Linearisation`.
     n : int
     backend : str
     at : (float, float)
@@ -91,7 +91,7 @@ class Linearised:
         return found
 
     def forms(self, model: Model, state: State, factors: Array) -> tuple[Array, Array]:
-        """Of stiffness and mass of another scene of the family, with the modes of this one [m, m]."""
+        """Return stiffness and mass of another scene of the family, projected on the modes of this one, [m, m] and [k, k]."""
         other = self._linearised(model, state, factors, self.about.size == 3)
         pencil, _ = other.assembled()
         x = self.vectors
@@ -100,7 +100,7 @@ class Linearised:
 
 def frequency_slopes(modes: Linearised, n: int, around: Mapping[str, Callable[[], Iterable[tuple[Model, State, Array]]]],
                      slope: Callable[[str, Array], Array]) -> FrequencySlopes:
-    """Derivatives of the n lowest frequencies.
+    """Differentiate the n lowest frequencies.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ Array = np.ndarray
 
 
 class Linear:
-    """What depends linearly on small changes of the unknowns: positions of points, arc lengths, contact forces.
+    """Quantities that depend linearly on small changes of the unknowns: positions of points, arc lengths, contact forces.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Linear:
         self.of_forces = slice(at, at + base.core.dim * base.sliding.size)
 
     def along(self, x: Array) -> dict[str, Array]:
-        """Their changes with the unknowns [n]: points [P, 3], s_slide [S], contact_force [S, 3]."""
+        """Return the changes of these quantities with the unknowns [n]: points [P, 3], s_slide [S], contact_force [S, 3]."""
         rates = np.asarray(self.lift @ x[:self.base.nodes]).reshape(-1, 4, 3)
         points = [np.einsum("ma,mac->c", weights, rates[nodes]) for nodes, weights in self.points]
         force, plane = x[self.of_forces].reshape(-1, self.base.core.dim), self.base.stepper.plane
@@ -94,7 +94,7 @@ class Objective:
         return out
 
     def explicit(self, rows: Mapping[str, Array]) -> float:
-        """Of the derivatives of rows: that of the number."""
+        """Return the derivative of the number from those of rows."""
         out = self.strain_energy * float(rows["strain"])
         for key, weight in (("points", self.points), ("s_slide", self.s), ("contact_force", self.forces)):
             if np.any(weight):
@@ -103,7 +103,7 @@ class Objective:
 
 
 def _weights(noun: str, names: list[str], given: Mapping[str, ArrayLike] | None, shape: tuple[int, ...]) -> Array:
-    """[names, ...]"""
+    """Return weights in the order of the names, [names, ...]."""
     out = np.zeros((len(names), *shape))
     for name, value in (given or {}).items():
         if name not in names:

@@ -81,7 +81,7 @@ class Family:
         self._around: dict[tuple[str, bool], list[Built]] = {}
 
     def called(self, changed: Mapping[str, float]) -> tuple[Scene, dict[str, Place]]:
-        """What build returns.
+        """Call build with changed values; return the scene and its points.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class Family:
 
     @staticmethod
     def is_alike(base: Model, other: Model) -> bool:
-        """Whether two models have the same parts, nodes, supports, joints and loads."""
+        """Return whether two models have the same parts, nodes, supports, joints and loads."""
         same = _parts(base) == _parts(other) and base.constraint_names == other.constraint_names
         same = same and base.reaction_names == other.reaction_names
         same = same and np.array_equal(base.held_mask, other.held_mask) and len(base.loads) == len(other.loads)

@@ -20,8 +20,8 @@ TINY = 1e-40
 
 
 class SectionGradient(NamedTuple):
-    """Derivatives by what the section of every beam of a part says, [beams] each: of a beam one, of a net one of each beam. The
-    strains of the reference stay: with `prestress=` P that is C^-1 P, which a parameter of `sensitivity` changes with C.
+    """Derivatives by the section of every beam of a part, [beams] each: of a beam one, of a net one of each beam. The strains of
+    the reference stay: with `prestress=` P that is C^-1 P, which a parameter of `sensitivity` changes with C.
 
     Attributes
     ----------
@@ -40,36 +40,36 @@ class SectionGradient(NamedTuple):
 
     @property
     def EA(self) -> Array:  # noqa: N802
-        """By EA, per N."""
+        """Derivatives by EA, per N."""
         return self.stiffness[:, 0, 0]
 
     @property
     def GA2(self) -> Array:  # noqa: N802
-        """By GA2, per N."""
+        """Derivatives by GA2, per N."""
         return self.stiffness[:, 1, 1]
 
     @property
     def GA3(self) -> Array:  # noqa: N802
-        """By GA3, per N."""
+        """Derivatives by GA3, per N."""
         return self.stiffness[:, 2, 2]
 
     @property
     def GJ(self) -> Array:  # noqa: N802
-        """By GJ, per N m^2."""
+        """Derivatives by GJ, per N m^2."""
         return self.stiffness[:, 3, 3]
 
     @property
     def EI2(self) -> Array:  # noqa: N802
-        """By EI2, per N m^2."""
+        """Derivatives by EI2, per N m^2."""
         return self.stiffness[:, 4, 4]
 
     @property
     def EI3(self) -> Array:  # noqa: N802
-        """By EI3, per N m^2."""
+        """Derivatives by EI3, per N m^2."""
         return self.stiffness[:, 5, 5]
 
     def by(self, sections: tuple[ArrayLike, ArrayLike]) -> Array:
-        """Derivatives by a parameter of the sections, [beams].
+        """Return derivatives by a parameter of the sections, [beams].
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ def beam_numbers(model: Model) -> tuple[Array, dict[str, slice]]:
 
 
 def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gravity: Array) -> dict[str, SectionGradient]:
-    """Of an objective by the sections of all beams.
+    """Return the gradients of an objective by the sections of all beams.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gra
     energy : float
         Weight of the strain energy in the objective.
     gravity : float64 [3]
-        Times its load factor, m/s^2.
+        Gravity times its load factor, m/s^2.
     """
     of, parts = beam_numbers(model)
     n = max((x.stop for x in parts.values()), default=0)

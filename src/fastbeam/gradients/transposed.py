@@ -35,7 +35,8 @@ class TransposedSolver:
         self._factoriser = factoriser_for("auto")
 
     def _bordered(self, matrix: Any, terms: Any, system: Any) -> Any:
-        """With columns and lines of constraints, by columns; of the terms of a system what turns with sleeves."""
+        """Border a matrix with columns and lines of constraints, by columns, and add the part of the terms that turns with
+        sleeves."""
         from scipy import sparse
         contact, core = self.stepper.contact, self.stepper.core
         assert contact is not None
@@ -77,7 +78,7 @@ class TransposedSolver:
         return found.tocsc()
 
     def solve(self, blocks: Array, right: Array, terms: Any, system: Any) -> Array | None:
-        """x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the step."""
+        """Return x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the step."""
         from scipy import sparse
         if self.structure is None:
             self._begin()

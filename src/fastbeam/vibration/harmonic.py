@@ -37,7 +37,7 @@ MOST_FREQUENCIES = 1_000_000
 # modes up to this many times the largest frequency get the damping ratio
 UP_TO = 2.0
 MOST_MODES = 400
-# round-off of amplitudes, next to the largest, that is no answer any more
+# round-off of amplitudes, relative to the largest, from which on there is no response
 NO_DIGITS = 1e-3
 # relative change of amplitudes with that of a frequency at a mode without damping
 UNDAMPED = 1e8
@@ -65,10 +65,10 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
                        damping_ratio: float = 0.0, loss_factor: float = 0.0, points: Mapping[str, Place] | None = None,
                        load_factor: float = 1.0, at_time: float | None = None, held: bool | str | Sequence[str] = False,
                        planar: bool | None = None, shapes: bool = False, backend: str = "auto") -> FrequencyResponse:
-    """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
-    themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
+    """Compute steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the
+    equations themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
 
-    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, viscous and
+    All damping of the scene is in C: damped sections, linear drag, dampers in joints, springs and bushings, viscous and
     smoothed friction and drives of sliders, laws of forces that depend on velocities. Drag by the square of the velocity has no
     linear part at rest; what Coulomb friction holds stays, as in `modes`.
 
@@ -88,7 +88,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
         or PrescribedMotion, or the node that it holds. Numbers may be complex. What supports hold of triads stays. Six numbers
         are a displacement and a turn, rad, of all supports about the origin of space, of one about its node, a clamped one.
     damping_ratio : float
-        Of all modes up to twice the largest frequency, besides what the scene has.
+        Damping ratio of all modes up to twice the largest frequency, besides the damping of the scene.
     loss_factor : float
         Structural damping: stresses of beams lead their strains by this, C (1 + i loss_factor) E. The stiffness of stresses that
         there are (a taut string) loses nothing.
@@ -281,7 +281,7 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
 
 
 def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: float) -> ConvergenceError:
-    """Why there is no response at a frequency."""
+    """Form the error of a frequency without a response."""
     who = f"frequency_response of scene {model.scene_name!r}"
     if sensitivity > UNDAMPED:
         return ConvergenceError(f"{who}: {frequency:.10g} Hz is the frequency of a mode without damping, where the amplitude "

@@ -43,9 +43,9 @@ class Linearisation:
     state : State or None
         None: the reference.
     sliding : bool [S]
-        Which sliders are free to slide.
+        Sliders that are free to slide.
     factors : float64 [K]
-        Of the loads.
+        Factors of the loads.
     flat : bool
         Motions in the plane of the scene alone.
     moved : int64 [N], optional
@@ -53,7 +53,7 @@ class Linearisation:
     steady : (str, Spin or Travel), optional
         The function that was called, and the steady motion that it is in equilibrium in.
     resting : RestingSliders, optional
-        What acts along beams on sliders; then it tells which are free.
+        Forces along beams on sliders, which then decide which sliders are free.
 
     Attributes
     ----------
@@ -101,12 +101,12 @@ class Linearisation:
 
     @property
     def sliding(self) -> Array:
-        """Which sliders are free to slide, bool [S]."""
+        """Sliders that are free to slide, bool [S]."""
         return self._sliding if self.resting is None else self._sliding & self.resting.free
 
     @property
     def held_sliders(self) -> list[str]:
-        """Names of those that stay where they are."""
+        """Names of sliders that stay where they are."""
         return [name for name, is_free in zip(self.model.names["sliders"], self.sliding) if not is_free]
 
     @property
@@ -115,7 +115,7 @@ class Linearisation:
         return np.asarray(self.stepper.state.q).reshape(-1, 4, 3)
 
     def assembled(self) -> tuple[Pencil, Array]:
-        """Stiffness and masses, and the forces and gaps that are left, with the present contact forces."""
+        """Return stiffness and masses, and the residual forces and gaps with the present contact forces."""
         from scipy import sparse
         stepper, core = self.stepper, self.core
         work, n = stepper.work, core.pattern.n
@@ -157,7 +157,7 @@ class Linearisation:
         return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, keep, sparse), self._turns(keep)), right
 
     def _turns(self, keep: Array) -> Array:
-        """Which of these unknowns are rotations."""
+        """Return which of these unknowns are rotations, bool."""
         return (keep < self.size * self.core.pattern.n) & (keep % self.size >= self.core.dim)
 
     def _diagonal(self, matrix: Any, keep: Array) -> Array:
@@ -210,7 +210,7 @@ class Linearisation:
         self.stepper.core_state.force[:] += change
 
     def damping(self) -> Any:
-        """What resists velocities, sparse [k, k].
+        """Return the damping matrix, sparse [k, k].
 
         Raises
         ------
@@ -221,7 +221,8 @@ class Linearisation:
         return of_nodes if self.resting is None else (of_nodes + self._damping_along(self.resting)).tocsr()
 
     def _damping_along(self, resting: RestingSliders) -> Any:
-        """Of sliders along their beams, sparse [k, k]: the gaps stay closed, so that ds/dt = c' . B dx/dt / c'^2."""
+        """Return the damping matrix of sliders along their beams, sparse [k, k]: the gaps stay closed, so that ds/dt = c' . B
+        dx/dt / c'^2."""
         from scipy import sparse
         found = self._pressed()
         s, d = found.tangent.shape
@@ -236,8 +237,8 @@ class Linearisation:
         return with_friction(self.constraints, self.constraints.at(), np.zeros(self._sliding.size))
 
     def frees(self, who: str) -> bool:
-        """Whether a slider turns out to be free, once contact forces are those of the equilibrium; who: the function that was
-        called.
+        """Return whether a slider turns out to be free, once contact forces are those of the equilibrium; who: the function that
+        was called.
 
         Raises
         ------
@@ -257,7 +258,7 @@ class Linearisation:
 
     @property
     def load_size(self) -> float:
-        """Of all loads and forces of inertia, N; of moments as forces at the size of the scene."""
+        """Size of all loads and forces of inertia, N; moments count as forces at the size of the scene."""
         n = self.core.pattern.n
         arm = np.where(np.arange(self.size) < self.core.dim, 1.0, self.core.length)
         parts = [self.loads] + ([] if self.steady is None else [self.steady.loads(self.q)])
@@ -327,8 +328,9 @@ class Linearisation:
         return velocity + np.cross(turn, self.q[:, 0] + displacement - motion.point), turning + turn
 
     def whirl(self, vectors: Array) -> Array:
-        """Of complex motions [k, m] about a spin: kinetic energy of displacements that circle forward less that of those that
-        circle backward, as a share of those across the axis [m]; of spins where these are all; 0 of beams that travel."""
+        """Return how complex motions [k, m] circle about a spin: kinetic energy of displacements that circle forward less that
+        of those that circle backward, as a share of those across the axis [m]; of spins where these are all; 0 of beams that
+        travel."""
         assert self.steady is not None
         motion = self.steady.motion
         if not isinstance(motion, Spin):
@@ -354,7 +356,7 @@ class Linearisation:
 
     # --- what is said about a state ---------------------------------------------------------------------------------------
     def sizes(self, change: Array) -> Array:
-        """Of changes of the unknowns [k], in sizes of the scene and rad."""
+        """Return the sizes of changes of the unknowns [k], in sizes of the scene and rad."""
         return np.abs(change) / np.where(self.free % self.size < self.core.dim, self.core.length, 1.0)
 
     def label(self, unknown: int) -> tuple[str, str]:
@@ -364,7 +366,7 @@ class Linearisation:
         return self.model.labels[node], "N" if component < self.core.dim else "N m"
 
     def force_size(self, forces: Array) -> float:
-        """Of forces and moments on the unknowns [k], N; of moments as forces at the size of the scene."""
+        """Return the size of forces and moments on the unknowns [k], N; moments count as forces at the size of the scene."""
         return float(np.linalg.norm(forces / np.where(self._turns(self.free), self.core.length, 1.0)))
 
     def round_off(self, pencil: Pencil) -> float:
@@ -375,7 +377,7 @@ class Linearisation:
 
 
 def _released(model: Model, moved: Array | None) -> Model:
-    """The same without the spins that statics holds, and with these unknowns of nodes free."""
+    """Return the model without the spins that statics fixes, and with these unknowns of nodes free."""
     plane = model.plane
     if plane is not None:
         plane = replace(plane, model=replace(plane.model, static_held=_without(plane.model, moved)))
@@ -383,7 +385,7 @@ def _released(model: Model, moved: Array | None) -> Model:
 
 
 def _without(model: Model, moved: Array | None) -> Held | None:
-    """What supports hold but for these unknowns of nodes."""
+    """Return the table of fixed unknowns without these unknowns of nodes."""
     held = model.held
     if moved is None or held is None:
         return held

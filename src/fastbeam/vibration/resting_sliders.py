@@ -1,5 +1,5 @@
-"""Sliders about a state at rest (theory.md 11, 14): which of them stay where they are, and what drives, stops and friction do
-along the beam to the others, to first order in places and velocities."""
+"""Sliders about a state at rest (theory.md 11, 14): sliders that stay in place, and forces of drives, stops and friction along
+the beam on the others, to first order in places and velocities."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -32,9 +32,9 @@ class RestingSliders:
         Sliders have forces along their beams.
     state : State
     stays : bool [S]
-        Those that stay, with whatever force that takes.
+        Sliders that stay in place, with whatever force that needs.
     at_time : float
-        When functions of time are evaluated, s.
+        Time of functions of time, s.
     factor : float
         Load factor, with which forces of drives grow.
     """
@@ -59,7 +59,7 @@ class RestingSliders:
 
     @property
     def free(self) -> Array:
-        """Which sliders move, bool [S]."""
+        """Sliders that move, bool [S]."""
         return self.along.free
 
     @property
@@ -92,22 +92,22 @@ class RestingSliders:
         return np.where(self.free, of_smooth + table.viscous - self._by_drives(by_rate=True), 0.0)
 
     def judge(self, who: str, equations: Equations, loads: float) -> bool:
-        """Whether friction and stops hold the sliders that they are to hold; one that touches a stop without a force is free from
-        now on.
+        """Check that friction and stops hold the sliders that they are to hold; one that touches a stop without a force is free
+        from now on.
 
         Parameters
         ----------
         who : str
             The function that was called.
         equations : Equations
-            At the equilibrium, without these forces and with what presses.
+            Equations at the equilibrium, without these forces and with normal forces.
         loads : float
             Size of all loads, N.
 
         Returns
         -------
         bool
-            Whether a slider is free that was not.
+            True where a slider is free that was not.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class RestingSliders:
         return bool(touches.any())
 
     def remember(self, history: Array) -> None:
-        """Into the history of a state that moves about this one: what is locked, sticks or rests against a stop."""
+        """Write into the history of a state that moves about this one which sliders are locked, stick or rest against a stop."""
         self.along.remember(history)
         own = history[:HISTORY * self.free.size].reshape(-1, HISTORY)
         kept = [HELD, TURNS, OFFSET, CAME_BY]
@@ -140,7 +140,7 @@ class RestingSliders:
 
 
 def locked_sliders(model: Model, state: State | None) -> Array:
-    """Which sliders are locked in a state, bool [S]."""
+    """Return which sliders are locked in a state, bool [S]."""
     if model.slider_forces is None or state is None:
         return np.zeros(model.n_sliders, bool)
     return np.asarray(model.along_of(state.history)[:, HELD] == LOCKED)
@@ -148,7 +148,8 @@ def locked_sliders(model: Model, state: State | None) -> Array:
 
 def resting_sliders(who: str, model: Model, state: State | None, stays: Array, at_time: float | None,
                     factor: float) -> RestingSliders | None:
-    """None where nothing acts along the beams of a model; who: the function that was called.
+    """Collect the sliders about a state at rest; None where nothing acts along the beams of a model. who: the function that was
+    called.
 
     Raises
     ------

@@ -23,7 +23,7 @@ CONVERGED, GOOD = 1e-11, 1e-7
 ZERO, FLAT = 10.0, 1e-9
 # growth of the number of Krylov vectors between two looks at what they give
 GROWTH = 1.15
-# neighbours of which the number of motions below is counted in between differ by this share
+# frequencies between which motions are counted differ by this share
 DISTINCT = 1e-6
 
 
@@ -37,7 +37,7 @@ class SteadyEigen(NamedTuple):
 
 
 def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) -> SteadyEigen:
-    """The n motions of smallest |r|; found: lowest eigenvalues of K alone.
+    """Find the n motions of smallest |r|; found: lowest eigenvalues of K alone.
 
     Raises
     ------
@@ -169,15 +169,16 @@ def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, sh
 
 
 def _one_of_pairs(every: list[tuple[complex, Array, float]]) -> list[tuple[complex, Array, float]]:
-    """Those with Im r > 0 and real ones; of zeros one of two."""
+    """Keep one motion of each complex pair, with Im r > 0, all real ones, and one of two zeros."""
     zeros = [one for one in every if one[0] == 0.0]
     out = zeros[:(len(zeros) + 1) // 2] + [one for one in every if one[0] != 0.0 and one[0].imag >= 0.0]
     return sorted(out, key=lambda one: (abs(one[0]), one[0].real))
 
 
 def _counted(pencil: Pencil, against: Any, rates: Array, backend: str) -> bool:
-    """Whether as many motions swing slower than a frequency behind the last ones as were found: where K has no negative
-    eigenvalue, that is the number of those of the Hermitian matrix K + i w G - w^2 M (W. H. Wittrick, F. W. Williams, 1971)."""
+    """Return whether as many motions swing slower than a frequency behind the last ones as were found: where K has no negative
+    eigenvalue, that is the number of negative eigenvalues of the Hermitian matrix K + i w G - w^2 M (W. H. Wittrick, F. W.
+    Williams, 1971)."""
     from scipy import sparse
     w = np.sort(np.imag(rates))
     gaps = np.flatnonzero(np.diff(w) > DISTINCT * w[1:])
