@@ -78,7 +78,8 @@ class TransposedSolver:
         return found.tocsc()
 
     def solve(self, blocks: Array, right: Array, terms: Any, system: Any) -> Array | None:
-        """Return x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the step."""
+        """Return x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the
+        step."""
         from scipy import sparse
         if self.structure is None:
             self._begin()
