@@ -50,12 +50,12 @@ def load_result(path: str | PathLike[str]) -> Result:
 
 
 def read_again(path: Path, read: Callable[[bool], T]) -> T:
-    """What read(left_open) returns; called again where it fails on a file whose writer may be running.
+    """Return read(left_open); call it again where it fails on a file whose writer may be running.
 
     Raises
     ------
     ResultFileError
-        It is no HDF5 file, or that of the last call.
+        It is no HDF5 file, or the last call failed.
     """
     for attempt in reversed(range(ATTEMPTS)):
         left_open = check_file(path)
@@ -183,7 +183,7 @@ class Reader:
             raise self.refuse(f"damaged, it lacks {', '.join(missing)}")
 
     def read(self, name: str, dtype: Any, shape: tuple[int, ...], n: int | None = None, strict: bool = False) -> Array:
-        """The first n rows of a dataset (all: None), fewer where there are no more and not `strict`."""
+        """Read the first n rows of a dataset (all: None), fewer where there are no more and not `strict`."""
         dataset = self.file[name]
         if not isinstance(dataset, self.h5py.Dataset):
             raise self.refuse(f"damaged, '{name}' is no dataset")
@@ -216,7 +216,7 @@ class Reader:
 
 
 def parts_of(text: bytes) -> int:
-    """How many lists and dicts a text of JSON holds at most."""
+    """Return the largest number of lists and dicts that a text of JSON can hold."""
     return text.count(b"{") + text.count(b"[")
 
 
@@ -265,7 +265,7 @@ def _expect(name: str, value: Any, kind: Any) -> None:
 
 
 def check_file(path: Path) -> bool:
-    """Whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
+    """Return whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
 
     Raises
     ------

@@ -56,7 +56,7 @@ _LOST: list[Any] = []
 
 
 class _Waiting:
-    """What waits in memory, and the counts and checksum of all that a file holds before it.
+    """Data that wait in memory, and the counts and checksum of all that a file holds before them.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ class Lines:
     starts : int [B + 1]
         First point of every beam, then their number M.
     parts : int [B]
-        Of every line which entry of `labels` it belongs to.
+        Entry of `labels` that every line belongs to.
     labels : list of str
         Names of beams, then of nets and winches.
     s : float64 [M]
@@ -96,7 +96,7 @@ class Lines:
         return np.repeat(np.arange(len(self.parts)), np.diff(self.starts))
 
     def points(self, x: Array) -> Array:
-        """Values [M, ...] at the points from those of the nodes, [N, ...]."""
+        """Return values [M, ...] at the points from those of the nodes, [N, ...]."""
         if self._direct:
             first, n = (int(self._columns[0]), self.n_points) if self.n_points else (0, 0)
             if n and self._columns[-1] - first == n - 1 and np.all(np.diff(self._columns) == 1):
@@ -131,7 +131,7 @@ class Lines:
 
 
 def _samples(entry: Mapping[str, Any], refine: int) -> tuple[Array, Array, Array, Array]:
-    """Of points on a beam: arc lengths [m], nodes and weights [w], and how many of these each point has, int [m]."""
+    """Return points on a beam: arc lengths [m], nodes and weights [w], and how many of these each point has, int [m]."""
     first, count = int(entry["first"]), int(entry["count"])
     found = numbers(entry.get("s"))
     node_s = found if found is not None and found.shape == (count,) else np.full(count, np.nan)

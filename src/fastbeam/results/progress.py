@@ -14,7 +14,7 @@ QUIET_TIME = 1.0
 LINE_TIME, LONGEST_PAUSE = 10.0, 1200.0
 # s between two pictures of a bar in a notebook
 NOTEBOOK_TIME = 0.2
-# s; what takes longer is not foretold, nor what began less than this share of the work ago
+# s; longer remaining times are not shown, nor any before this share of the work is done
 LONGEST_FORETOLD, LEAST_SHARE = 24 * 3600.0, 1e-3
 
 

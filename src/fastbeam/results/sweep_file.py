@@ -180,7 +180,7 @@ class SweepFile:
 
 
 def let_go() -> None:
-    """In a fork: the locks are those of the process that writes."""
+    """Close the locks that a fork inherits: they belong to the process that writes."""
     while _HELD:
         _HELD.pop().close()
 

@@ -72,7 +72,7 @@ class _Shape:
 
 def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, refine: int | None, double: bool,
               sections: Any = None) -> None:
-    """See `Result.to_vtk`."""
+    """Write a VTKHDF file, see `Result.to_vtk`."""
     if path.suffix.lower() not in SUFFIXES:
         older = path.suffix.lower() in (".pvd", ".vtu", ".vtp", ".vtk")
         hint = "; .pvd and .vtu are older formats with a file for every time" if older else ""
@@ -162,7 +162,7 @@ def _shape(result: Result, surface: bool, refine: int | None, sections: Any) -> 
 
 
 def _spots(result: Result) -> tuple[Array, Array, Array, dict[str, list[str]]]:
-    """Of bodies, masses and sliders: nodes, kinds, numbers among those of their kind [n], and names."""
+    """Collect bodies, masses and sliders: nodes, kinds, numbers among those of their kind [n], and names."""
     nodes: dict[str, list[int]] = {}
     labels: dict[str, list[str]] = {}
     for kind, key in (("body", "bodies"), ("mass", "masses")):

@@ -26,7 +26,7 @@ class PointRows:
     ----------
     model : Model
     kinds : sequence of str
-        Of these 'velocity', 'spin', 'orientation', 'acceleration' and 'section' concern points.
+        Observed kinds, of which 'velocity', 'spin', 'orientation', 'acceleration' and 'section' concern points.
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
 
     Raises
@@ -56,7 +56,7 @@ class PointRows:
         return {name: (n, 3) for name, there in given.items() if there} | triads
 
     def row(self, state: State) -> dict[str, Any]:
-        """What the state tells; section forces without those of damping."""
+        """Return the series of points in a state; section forces without those of damping."""
         q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
         out: dict[str, Any] = {}
         if self.places:
@@ -92,20 +92,20 @@ class PointRows:
         return (3 * len(self.places) if self.acceleration else 0) + rates
 
     def look(self, state: State) -> list[Array]:
-        """What `means` needs of both ends of a step, as copies: velocities of points, coordinates and velocities of beams."""
+        """Return copies of what `means` needs at an end of a step: velocities of points, coordinates and velocities of beams."""
         q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
         beams = [x[section.span].copy() for _, section in self.damped for x in (q, v)]
         return ([self._along(v)] if self.acceleration else []) + beams
 
     def means(self, before: list[Array], after: list[Array], h: float) -> Array:
-        """Accelerations and rates of strains, means over a step of size h between two looks, [measured]."""
+        """Return accelerations and rates of strains, means over a step of size h between two looks, [measured]."""
         first = int(self.acceleration)
         middle = [0.5 * (a + b)[None] for a, b in zip(before[first:], after[first:])]
         rates = [section.strain_rates(q, v) for (_, section), q, v in zip(self.damped, middle[::2], middle[1::2])]
         return np.concatenate([x.reshape(-1) for x in [(b - a) / h for a, b in zip(before[:first], after[:first])] + rates])
 
     def add(self, row: dict[str, Any], found: Array) -> None:
-        """To the newest row what steps tell of its time, [measured]."""
+        """Add means of steps at the time of the newest row to it, [measured]."""
         if self.acceleration:
             own, found = np.split(found, [3 * len(self.places)])
             row["point_acceleration"] = own.reshape(-1, 3)
@@ -116,7 +116,7 @@ class PointRows:
 
 
 def _put(out: dict[str, Any], k: int, section: Sections, q: Array, rates: Array | None = None) -> None:
-    """Section forces of point k into a row; q: coordinates of the nodes of its beam [A, 4, 3]."""
+    """Put section forces of point k into a row; q: coordinates of the nodes of its beam [A, 4, 3]."""
     found = section.at(np.zeros(1), q[None, :, 0], q[None, :, 1:], rates)
     out["section_force"][k] = found.N[0, 0], found.Q2[0, 0], found.Q3[0, 0]
     out["section_moment"][k] = found.T[0, 0], found.M2[0, 0], found.M3[0, 0]

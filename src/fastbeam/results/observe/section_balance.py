@@ -44,7 +44,7 @@ class Cut(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Of a beam from the cut at the start of an element to a section inside it."""
+    """Piece of a beam from the cut at the start of an element to a section inside it."""
 
     section: Sections
     cut: int          # at its start
@@ -83,7 +83,7 @@ def lengths_of(basis: Basis, elements: Any = slice(None)) -> Array:
 
 
 def cut_at(section: Sections, k: int) -> Cut:
-    """At end k of an element."""
+    """Cut a beam at end k of an element."""
     basis: Basis = section.beam.basis
     nodes, s = basis.element_nodes, float(basis.element_ends[k])
     last = basis.n_elements
@@ -98,7 +98,7 @@ def cut_at(section: Sections, k: int) -> Cut:
 
 
 def piece_to(section: Sections, cut: int, element: int) -> Piece:
-    """From the start of an element."""
+    """Form the piece of a beam from the start of an element to a section."""
     basis: Basis = section.beam.basis
     at, weight = np.polynomial.legendre.leggauss(basis.degree + 2)
     half = 0.5 * (float(section.s[0]) - float(basis.element_ends[element]))
@@ -115,7 +115,7 @@ class FreeBodies:
     model : Model
         In space.
     terms : sequence of kernels/terms.py
-        Of the run, with equations of the nodes themselves.
+        Terms of the run, with equations of the nodes themselves.
     sections : sequence of Sections
         One arc length each.
     plane : Plane or None
@@ -201,11 +201,11 @@ class FreeBodies:
         return term._replace(tables=tables._replace(meta=np.ascontiguousarray(tables.meta[np.unique(groups)]), rows=out))
 
     def _basis(self, first: int) -> Basis:
-        """Of the beam whose nodes begin there."""
+        """Return the basis of the beam whose nodes begin there."""
         return next(x.beam.basis for x in self.sections if x.first == first)
 
     def _gather(self) -> None:
-        """Where the numbers of every pair of a cut and a node stand, and which shares of loads they have."""
+        """Find the rows of every pair of a cut and a node, and its shares of loads."""
         model, entries = self.model, []
         loads = np.zeros((len(model.load_times), 0, 6))
         slots: list[Array] = []
@@ -243,7 +243,7 @@ class FreeBodies:
                 if isinstance(load, DistributedLoad) and load.beam is beam and not load.follower]
 
     def _loaded(self, piece: Piece) -> Piece:
-        """With what loads do along it."""
+        """Return the piece with the loads along it."""
         section, beam, loads = piece.section, piece.section.beam, []
         start = float(beam.basis.element_ends[piece.element])
         for k, load in self._distributed(beam):
@@ -269,17 +269,17 @@ class FreeBodies:
         Parameters
         ----------
         system : System
-            As it is assembled; residuals are left alone.
+            System of the assembly; residuals are left alone.
         q : float64 [N, 4, 3]
             Coordinates in the middle of the step.
         h : float
             The step, s; 0 in statics.
         factors : float64 [K]
-            Of the loads.
+            Factors of the loads.
         second : float64 [N, 4, 3] or None
             Mean second rates of the coordinates in the step; in statics those of a steady motion.
         pushes : function of the number of a slider -> float64 [N, 8]
-            What it exerts on nodes.
+            Forces and moments that it exerts on nodes.
         """
         own = system._replace(work=system.work._replace(r=self._r))
         self._system = system_record(own, self._system, ADDED)
@@ -320,7 +320,7 @@ class FreeBodies:
         return self.in_space(self._r.reshape(-1, 8))
 
     def _inertia(self, q: Array, second: Array) -> Array:
-        """What inertia in a steady motion brings into the equations, which in statics have none, [entries, 6]."""
+        """Return forces of inertia in a steady motion, which the equations of statics lack, [entries, 6]."""
         out = np.zeros((len(self.node), 6))
         for c, cut in enumerate(self.cuts):
             basis, inertia = cut.section.beam.basis, cut.section.beam.section.inertia
@@ -345,7 +345,7 @@ class FreeBodies:
 
     # --- sliders ----------------------------------------------------------------------------------------------------------
     def _find_sliders(self, start: Array, end: Array) -> None:
-        """Where sliders are in a step that leads them from s [S] to s [S]: which nodes they touch."""
+        """Find the nodes that sliders touch in a step that leads them from s [S] to s [S]."""
         self._place = 0.5 * (start + end)
         curves = self.model.curves
         self._local = [nodes_passed(curves, int(c), float(start[k]), float(end[k])) for k, c in enumerate(self._curve)]
@@ -361,13 +361,13 @@ class FreeBodies:
         return self._lines[c]
 
     def _sliders(self, nodes: Array) -> list[int]:
-        """Those that act on some nodes in the step."""
+        """Return the sliders that act on some nodes in the step."""
         near = (self._under >= nodes.min()) & (self._under <= nodes.max())
         return [int(k) for k in np.unique(self._under_of[near]) if np.isin(nodes, self._touched[k]).any()]
 
     def _standing(self, k: int, section: Sections) -> tuple[float, Array, Array]:
-        """Where slider k stands on a beam of its curve, m, outside it less than 0 or more than its length; and which of the nodes
-        that it touches belong to other beams of the curve, in front of this one and behind it."""
+        """Return the place of slider k on a beam of its curve, m, outside it less than 0 or more than its length; and those of
+        the nodes that it touches which belong to other beams of the curve, in front of this one and behind it."""
         nodes, s = self._line(k)
         curves = self.model.curves
         period = float(curves.period[self._curve[k]]) if isinstance(curves, Paths) else 0.0
@@ -384,7 +384,7 @@ class FreeBodies:
         return float(along[0] + 0.5 * (high - low)), others[along[1:] < 0.0], others[along[1:] > 0.0]
 
     def _across(self, cut: Cut, at: Array, x: Array, k: int, push: Array) -> Array:
-        """What slider k, which stands on one side of a cut, exerts on nodes of the other [2, 3]."""
+        """Return the force and moment [2, 3] that slider k, on one side of a cut, exerts on nodes of the other."""
         place, front, behind = self._standing(k, cut.section)
         stands_behind = _is_behind(cut.section, place, cut.s)
         nodes = np.arange(cut.section.count)
@@ -394,7 +394,7 @@ class FreeBodies:
         return (1.0 if stands_behind else -1.0) * _about(at, x[other], push[other])
 
     def _within(self, piece: Piece, x: Array, k: int, push: Array) -> Array:
-        """What slider k exerts on the piece [2, 3], about the end of it."""
+        """Return the force and moment [2, 3] that slider k exerts on the piece, about the end of it."""
         section, start = piece.section, self.cuts[piece.cut].s
         place = self._standing(k, section)[0]
         touched = self._touched[k]
@@ -403,7 +403,7 @@ class FreeBodies:
         return _about(piece.place @ x[section.span], x[touched], push[touched])
 
     def _at_end_of(self, piece: Piece, start: Array, q: Array, factors: Array, second: Array | None, on_nodes: Array) -> Array:
-        """Force and moment [2, 3] at the end of a piece from those at its start. q, second: of the nodes of the beam."""
+        """Return force and moment [2, 3] at the end of a piece from those at its start. q, second: of the nodes of the beam."""
         section, beam = piece.section, piece.section.beam
         lacks = np.zeros((piece.s.size, 6))
         e, basis, inertia = piece.element, beam.basis, beam.section.inertia
@@ -438,17 +438,17 @@ class FreeBodies:
 
 
 def _is_behind(section: Sections, place: float, s: float) -> bool:
-    """Whether a place lies behind arc length s of the beam; one at s does not."""
+    """Return whether a place lies behind arc length s of the beam; one at s does not."""
     return place > s + AT_END * section.beam.length
 
 
 def _about(at: Array, x: Array, c: Array) -> Array:
-    """Sum of forces and moments [n, 6] at places x [n, 3], about another place: [2, 3]."""
+    """Sum forces and moments [n, 6] at places x [n, 3], about another place: [2, 3]."""
     return np.array([c[:, :3].sum(axis=0), c[:, 3:].sum(axis=0) + np.cross(x - at, c[:, :3]).sum(axis=0)])
 
 
 def _routed(term: Any, row_of: Array, nowhere: int) -> Any:
-    """The term with rows of its own for wanted nodes; what acts on one node alone is no part of the beam."""
+    """Return the term with rows of its own for wanted nodes; what acts on one node alone is no part of the beam."""
     row = row_of[term.node]
     if isinstance(term, (UserForces, PlanarFollowers)):
         row = np.where(term.along == 1, row, nowhere)

@@ -42,7 +42,7 @@ def which_modes(value: Any) -> int | tuple[int, ...]:
 
 
 class Film(Protocol):
-    """What is shown in a film."""
+    """Figures of a film, frame by frame."""
 
     n: int
 
@@ -71,7 +71,7 @@ def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, 
     Parameters
     ----------
     result : Result, Modes or DampedModes
-        With snapshots; or what `modes` returns.
+        Result with snapshots; or modes.
     path : path
         The new file.
     plane : str
@@ -272,7 +272,7 @@ def _frames(times: np.ndarray, fps: float, speed: float | None) -> np.ndarray:
 
 
 def _writer(kind: str, fps: float) -> Any:
-    """What makes a film of frames.
+    """Return the writer that makes a film of frames.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class Shapes:
     Attributes
     ----------
     paths : dict
-        Of every slider times [k] and positions [k, 3] of its point.
+        Times [k] and positions [k, 3] of the point of every slider.
     """
 
     def __init__(self, result: Result) -> None:
@@ -230,7 +230,7 @@ def panel_figure(n: int, points: np.ndarray, plane: str) -> tuple[Figure, list[A
 
 
 def words_of_mode(modes: Modes | DampedModes, k: int) -> tuple[str, bool]:
-    """What stands over a mode, and whether it grows."""
+    """Return the title of a mode, and whether it grows."""
     if isinstance(modes, DampedModes):
         grows = bool(modes.decay[k] < 0.0)
         swing = f"{modes.frequencies[k]:.5g} Hz, " if modes.frequencies[k] else ""
