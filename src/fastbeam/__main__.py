@@ -27,13 +27,13 @@ def find_examples() -> dict[str, Path]:
 
 
 def first_line(script: Path) -> str:
-    """First line of a script's docstring, read without running it."""
+    """Return the first line of a script's docstring, read without running it."""
     doc = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
     return doc.split("\n", 1)[0]
 
 
 def list_examples() -> str:
-    """One line per example: its name and what it shows."""
+    """List the examples, one line each: name and what it shows."""
     examples = find_examples()
     if not examples:
         return "no examples found in " + " or ".join(str(folder) for folder in example_folders())
@@ -60,7 +60,7 @@ def load_example(name: str) -> ModuleType:
 
 
 def program_version() -> str:
-    """Version of the installed package."""
+    """Return the version of the installed package."""
     try:
         return version("fastbeam")
     except PackageNotFoundError:

@@ -39,7 +39,7 @@ def examine(say: Callable[[str], None]) -> int:
 
 
 def versions() -> Iterator[str]:
-    """Lines on fastbeam, Python and libraries."""
+    """Yield lines on fastbeam, Python and libraries."""
     yield f"fastbeam    {__version__} in {Path(__file__).parent}"
     yield f"python      {platform.python_version()} in {sys.prefix}, {platform.platform()}"
     yield "libraries   " + ", ".join(f"{name} {_version(name)}" for name in NEEDED)
@@ -54,7 +54,7 @@ def _version(name: str) -> str:
 
 
 def processor() -> Iterator[str]:
-    """Lines on the processor and MKL."""
+    """Yield lines on the processor and MKL."""
     name = platform.processor() or platform.machine()
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -73,7 +73,7 @@ def processor() -> Iterator[str]:
 
 
 def cache() -> Iterator[str]:
-    """Lines on the folder of compiled kernels."""
+    """Yield lines on the folder of compiled kernels."""
     from fastbeam.kernels.jit import decorators as _jit
     from fastbeam.kernels.jit.cache import is_private
     folder = Path(_jit._FOLDER)

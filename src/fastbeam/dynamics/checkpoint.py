@@ -204,7 +204,7 @@ def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False
 
 
 def _temporary_name(path: Path) -> Path:
-    """A name for new contents; short, because the file's own may be as long as the file system allows."""
+    """Return a name for new contents; short, because the file's own may be as long as the file system allows."""
     return path.with_name(f".checkpoint-{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}.{os.getpid()}")
 
 
@@ -271,8 +271,8 @@ class Clock:
         return self.now
 
     def plan(self, t_end: float) -> tuple[int, float]:
-        """(whole steps from here to t_end, size of a last one that differs or 0): shorter than the others, or up to a hundredth
-        longer where it would be shorter than a hundredth of them."""
+        """Return (whole steps from here to t_end, size of a last one that differs or 0): shorter than the others, or up to a
+        hundredth longer where it would be shorter than a hundredth of them."""
         steps = (t_end - self.origin) / self.step
         n = round(steps)
         # times that are whole numbers of steps are so up to the rounding of t_end
@@ -289,7 +289,7 @@ class Clock:
 
     def checkpoint(self, model: Model, state: State, controlled: bool, memory: Array | None,
                    impacts: Array | None = None) -> Checkpoint:
-        """The present moment, kept."""
+        """Return a checkpoint of the present moment."""
         origin, done, now = self.origin, self.done, self.now
         if not controlled and self.on_grid:
             now = origin + self.step * done
@@ -326,7 +326,7 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
 
 
 def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
-    """State and clock at the start of a run.
+    """Return state and clock at the start of a run.
 
     Raises
     ------

@@ -49,7 +49,7 @@ class Corners:
         self.stepper, self.locking, self.model, self.control = stepper, locking, stepper.model, control
 
     def passed(self, start: Any, t: float, sizes: tuple[float, float], awaited: Awaited, step: int) -> Passed | None:
-        """A step from the saved state `start` at time t over the corner that a slider is at now.
+        """Take a step from the saved state `start` at time t over the corner that a slider is at now.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class Corners:
 
     def _tried(self, start: Any, t: float, sizes: tuple[float, float], corner: Corner,
                track: str) -> tuple[Passed | None, bool]:
-        """The longest step over a corner; whether all fail."""
+        """Find the longest step over a corner; return also whether all fail."""
         stepper, failed = self.stepper, True
         tries = MOST_TRIES if self.control is None else MOST_JUDGED
         for n in range(tries):
@@ -135,7 +135,7 @@ class Corners:
         return None, failed
 
     def _step(self, start: Any, t: float, size: float) -> tuple[Outcome, bool]:
-        """A step of this size, with step control its halves; whether its local error is below the tolerance."""
+        """Take a step of this size, with step control its halves; return also whether its local error is below the tolerance."""
         stepper, control = self.stepper, self.control
         whole = stepper.advance(t, size, 1)
         if control is None or whole.status != OK or not whole.steps:

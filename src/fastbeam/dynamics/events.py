@@ -54,8 +54,8 @@ class Encounters:
     between: bool
 
     def plan(self) -> tuple[float, int, float]:
-        """Time up to which steps are taken next, the end of the run or where a lock or release is due; whole steps until then
-        and the size of a last one that differs or 0."""
+        """Return the time up to which steps are taken next, the end of the run or where a lock or release is due; whole steps
+        until then and the size of a last one that differs or 0."""
         end = min(self.t_end, self.locking.next_time(self.stepper.state)) if self.locking.is_present else self.t_end
         return end, *(self.clock.plan(end) if self.control is None and self.clock.now < end else (0, 0.0))
 
@@ -120,8 +120,8 @@ class Encounters:
         return size, proposed, outcome
 
     def looked_at(self, saved: Any, outcome: Outcome, t: float, before: Any) -> tuple[Outcome, State]:
-        """A step that led to time t, and the state behind it: back to its saved start, with CONDITION, where a condition holds
-        behind it. before: mean contact force of the step before, N."""
+        """Return a step that led to time t, and the state behind it; where a condition holds behind it go back to its saved
+        start, with CONDITION. before: mean contact force of the step before, N."""
         if not outcome.steps:
             return outcome, saved[0]
         state = self.stepper.copy_state()
@@ -141,7 +141,7 @@ class Encounters:
         return outcome, state
 
     def to_condition(self, t: float, outcome: Outcome, h: float) -> Any:
-        """A step to where a condition of a lock or release begins to hold."""
+        """Take a step to where a condition of a lock or release begins to hold."""
         if outcome.steps:
             yield t, replace(outcome, status=OK), h, True
         self.between, self.calls.intact = True, False
@@ -178,7 +178,8 @@ class Encounters:
         self.between = False
 
     def end_of_beam(self, t: float, outcome: Outcome, h: float) -> Any:
-        """A step to the end of the beam, or the rigid stop, that a slider reached; whether the run goes on behind it."""
+        """Take a step to the end of the beam, or the rigid stop, that a slider reached; return whether the run goes on behind
+        it."""
         if outcome.steps:
             yield t, replace(outcome, status=OK), h, True
         self.between, self.calls.intact = True, False
@@ -238,7 +239,8 @@ class Encounters:
         return False
 
     def impact(self, slider: int, t: float, end: str, last: float) -> None:
-        """A slider, or behind these a coordinate of a joint, has met a rigid stop: go on with the velocities behind that."""
+        """Apply the impact of a slider, or behind these a coordinate of a joint, on a rigid stop: go on with the velocities
+        behind it."""
         self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step, last))
         if slider >= self.impacts.first:
             kind, name = self.model.motions.holds.named(slider - self.impacts.first)

@@ -100,7 +100,8 @@ def difference(model: Model, coarse: Result, fine: Result) -> float:
 
 
 def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: float) -> Result:
-    """The result of order 4: every row is linear in those of the two runs, so that what they keep it keeps, books and momenta.
+    """Return the result of order 4: every row is linear in those of the two runs, so that it conserves what they conserve,
+    balance and momenta.
 
     Parameters
     ----------
@@ -155,8 +156,8 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
 
 
 def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any, overwrite: bool) -> BaseException:
-    """The error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and says
-    so; it is written to the file that was asked for.
+    """Return the error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and
+    says so; it is written to the file that was asked for.
 
     Parameters
     ----------
@@ -190,7 +191,7 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any
 
 def of_two_runs(run: Callable[..., Result], model: Model, t_start: float, t_end: float, step: float,
                 every: int | None, file: Any, overwrite: bool, options: dict[str, Any]) -> Result:
-    """Order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same.
+    """Run order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same.
     run: `simulate`."""
     if file is not None:
         check_new("result file", Path(file), Path(file), overwrite)

@@ -25,7 +25,7 @@ TURN = 1e-5
 
 
 def filter_factors(rho_inf: float) -> tuple[float, float, float]:
-    """a, b, kappa of theory.md (6.2)."""
+    """Return a, b, kappa of theory.md (6.2)."""
     chi = (1.0 - rho_inf) / (1.0 + rho_inf)
     return 4.0 * chi**2 / (3.0 * (1.0 + 3.0 * chi)), chi**2 / 12.0, 2.0 / (1.0 + 3.0 * chi)
 
@@ -48,8 +48,8 @@ def check_filtered(order: int, model: Model, observe: Any) -> None:
 
 
 def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], lost: Array) -> StrainFilter:
-    """The filters of the beams with one strain set, and tables of their run, in which every group has reference strains of its
-    own behind everything else."""
+    """Return the filters of the beams with one strain set, and tables of their run, in which every group has reference strains of
+    its own behind everything else."""
     tables = beams.tables
     strains = 48 if len(model.dofs) == 6 else 24
     sizes = strains * tables.meta[:, POINTS]
@@ -120,7 +120,7 @@ class FilteringStepper(Stepper):
         self.start_filters()
 
     def start_filters(self) -> None:
-        """Rates of all strains from velocities, by central differences of the strains that they lead to."""
+        """Set rates of all strains from velocities, by central differences of the strains that they lead to."""
         state, work, core = self.core_state, self.work, self.core
         kept = [x.copy() for x in (work.dphi, work.theta)]
         if len(core.dofs) == 6:

@@ -88,8 +88,8 @@ class Impacts:
         return self.in_a_row <= MOST_IN_A_ROW + 2 * self.count
 
     def behind(self, state: State, k: int, at_end: bool, t: float, step: float, last: float) -> State:
-        """The state after an impact of slider or coordinate k at time t, which is remembered; last: time since the one before, or
-        the row. Of two within a step the second does not bounce, one behind a whole step at the stop included."""
+        """Return the state after an impact of slider or coordinate k at time t, and remember the impact; last: time since the one
+        before, or the row. Of two within a step the second does not bounce, one behind a whole step at the stop included."""
         assert self.times is not None
         restitution = given = self._restitution(state, k, at_end) or 0.0
         if t - self.times[k, int(at_end)] < (1.0 + SAME_TIME) * step:
@@ -124,8 +124,8 @@ def before_joints(model: Model) -> int:
 
 def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: float,
                  together: dict[int, float] | None = None) -> State:
-    """The state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`. Where it does not bounce
-    it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
+    """Return the state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`. Where it does not
+    bounce it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
     holds = model.motions.holds
     start = of_momenta(model, state)
     free, before = settled(model, start, -1 - i)
@@ -143,7 +143,7 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
 
 
 def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
-    """The state after slider k has met a rigid stop.
+    """Return the state after slider k has met a rigid stop.
 
     The velocity of k along its beam is -restitution times the one before, see `jump`, or zero where that leads away from the stop
     already. The energy that is lost goes to the history of the slider.

@@ -168,7 +168,7 @@ class Calls:
                 return whole
 
     def _one_by_one(self, t: float, h: float, n: int, done: int, before: Outcome | None = None) -> Outcome:
-        """Steps up to the one for which a function of time fails; before: steps of this call, if any."""
+        """Take steps up to the one for which a function of time fails; before: steps of this call, if any."""
         whole = before
         for k in range(done, done + n):
             try:

@@ -46,7 +46,7 @@ class Scalars:
         self._last: tuple[float, Array, Array] | None = None
 
     def look(self, t: float, state: State) -> list[tuple[float, str, int]]:
-        """Time, text and order of those that passed a border for the first time since the last row."""
+        """Return time, text and order of the quantities that passed a border for the first time since the last row."""
         if not self._left:
             return []
         last, (x, rate) = self._last, self._values(state)
@@ -70,8 +70,8 @@ class Scalars:
 
 
 def between(x0: Array, x1: Array, v0: Array, v1: Array, h: float) -> Array:
-    """Values at `PLACES` between two rows a time h apart, [17, ...], from values and rates of both; straight where rates do not
-    fit the way."""
+    """Interpolate values at `PLACES` between two rows a time h apart, [17, ...], from values and rates of both; straight where
+    rates do not fit the way."""
     s = PLACES.reshape(-1, *[1] * np.ndim(x0))
     straight = x0 + s * (x1 - x0)
     fits = np.abs(0.5 * h * (v0 + v1) - (x1 - x0)) <= RESOLVED * h * np.maximum(np.abs(v0), np.abs(v1))
@@ -109,7 +109,7 @@ class Turning:
         self._tail: Array | None = None
 
     def _motion(self, t: float, state: State) -> tuple[Array, Array, Array]:
-        """Places less those of the air, velocities against it and directors d1 of the nodes, [D, 3] each."""
+        """Return places less those of the air, velocities against it and directors d1 of the nodes, [D, 3] each."""
         q, v = (y.reshape(-1, 4, 3)[self.node] for y in (state.q, state.v))
         factors = np.array([1.0 if time is None else factor_at(time, t) for time in self.times])
         return q[:, 0], v[:, 0] - factors[self.part, None] * self.air, q[:, 1]
@@ -169,7 +169,8 @@ class Turning:
 
 
 def _between_rates(x0: Array, x1: Array, v0: Array, v1: Array, h: float, moving: bool) -> Array:
-    """Rates at `PLACES` between two rows, [17, ...]: those of the cubic, or on a straight line, also where the air moves."""
+    """Interpolate rates at `PLACES` between two rows, [17, ...]: those of the cubic, or on a straight line, also where the air
+    moves."""
     s = PLACES.reshape(-1, *[1] * np.ndim(x0))
     straight = v0 + s * (v1 - v0)
     mean = (x1 - x0) / h
@@ -195,7 +196,7 @@ class Kinks:
         self.events: list[dict[str, Any]] = []
 
     def look(self, t: float, state: State) -> Sequence[dict[str, Any]]:
-        """Events {'kind', 'time', 'text'} of the row at time t, s; state: in space. They are kept in `events`, too."""
+        """Return events {'kind', 'time', 'text'} of the row at time t, s; state: in space. They are kept in `events`, too."""
         found = [{"kind": "order", "time": at,
                   "text": f"{text} near t = {at:.6g} s, where the motion has a kink: order 4 is lost there, errors behind it go "
                           f"with the power {order} of the step; take smaller steps there, or order=2, which costs less"}

@@ -108,7 +108,7 @@ class Locking:
         return out
 
     def next_time(self, state: State) -> float:
-        """The first time at which something is due, s."""
+        """Return the first time at which something is due, s."""
         return min((x.when for x in self.awaited(state) if isinstance(x.when, float)), default=np.inf)
 
     # --- conditions ---------------------------------------------------------------------------------------------------
@@ -164,7 +164,7 @@ class Locking:
         return TOUCHING * float(self.model.slider_lengths[x.slider]) if isinstance(x.at, tuple) else 0.0
 
     def _lock_place(self, x: Awaited, state: State) -> float | None:
-        """s at which a lock waits; None where that is on another track than the one on which the slider is."""
+        """Return s at which a lock waits; None where that is on another track than the one on which the slider is."""
         on, offset = self.sliders[x.slider].beam, float(self.model.along_of(state.history)[x.slider, OFFSET])
         if not isinstance(on, Switch):
             return float(x.at)
@@ -178,7 +178,8 @@ class Locking:
         return self._places[k, t]
 
     def _nearness(self, awaited: Awaited, state: State, t: float) -> float:
-        """Minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a length."""
+        """Return minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a
+        length."""
         k = awaited.slider
         place = self._place(state, t, k)
         is_between_ends = place.is_between_ends and state.history[HISTORY * k + PASSED] == 0.0
@@ -186,8 +187,8 @@ class Locking:
 
     # --- one-sided contact --------------------------------------------------------------------------------------------
     def follow(self, state: State, t: float, into: State) -> None:
-        """s of points away from their beams is that of the nearest point. One that comes from beyond an end counts again when it
-        is beside the beam, on its side."""
+        """Set s of points away from their beams to that of the nearest point. One that comes from beyond an end counts again when
+        it is beside the beam, on its side."""
         for k in self.sided:
             if into.history[HISTORY * k + HELD] == OFF:
                 place = self._place(state, t, k)
@@ -204,7 +205,7 @@ class Locking:
         return bool(self.lifting)
 
     def _comes_back(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """A point that meets its beam again, or passes beside it."""
+        """Return the state and event of a point that meets its beam again, or passes beside it."""
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
         place = self._finder.place(state, k)
         event = {"time": t, "slider": name, "s": place.s}
@@ -247,7 +248,7 @@ class Locking:
 
     # --- what happens -------------------------------------------------------------------------------------------------
     def behind(self, state: State, t: float, slack: float, found: Sequence[Awaited] = ()) -> tuple[State, list[dict[str, Any]]]:
-        """The state behind all that is due at time t, and events.
+        """Return the state behind all that is due at time t, and events.
 
         Parameters
         ----------
@@ -295,12 +296,12 @@ class Locking:
                 and (x.action == LOCK) == is_stop]
 
     def _options(self, state: State, k: int, end: str) -> tuple[str, ...]:
-        """Names of the tracks on which slider k may go on from the end or start of its own."""
+        """Return the names of the tracks on which slider k may go on from the end or start of its own."""
         switch = self.sliders[k].beam
         return switch.options(switch.where(float(state.s[k]))[0], end)
 
     def _transferred(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """A slider at the end of its track goes on to another: nothing changes but its arc length."""
+        """Move a slider from the end of its track to another one: nothing changes but its arc length."""
         k, name, switch = awaited.slider, self.model.names["sliders"][awaited.slider], self.sliders[awaited.slider].beam
         state = State(*(x.copy() for x in state))
         number = span_of(switch, float(state.s[k]))
@@ -309,14 +310,14 @@ class Locking:
         return state, self.switched(state, k, number, track, t)
 
     def switched(self, state: State, k: int, number: int, track: str, t: float) -> dict[str, Any]:
-        """The event of slider k, which left the track of this number for the one on which it is in a state."""
+        """Return the event of slider k, which left the track of this number for the one on which it is in a state."""
         name, s, own = self.model.names["sliders"][k], float(state.s[k]), self.model.along_of(state.history)[k]
         return {"kind": "switched", "time": t, "slider": name, "s": s, "way": float(s + own[OFFSET]), "track": track, "loss": 0.0,
                 "text": f"slider {name!r} goes on from {self.sliders[k].beam.tracks[number].name!r} to {track!r} at t = "
                         f"{t:.6g} s"}
 
     def move_on(self, state: State, k: int, number: int, at_end: bool, track: str) -> float:
-        """Count the arc length of slider k, which leaves the track of this number, on another; by how much it falls."""
+        """Count the arc length of slider k, which leaves the track of this number, on another; return by how much it falls."""
         switch = self.sliders[k].beam
         target = float(switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)])
         own, stored = self.model.along_of(state.history)[k], self._in_stop(state, k)
@@ -330,7 +331,7 @@ class Locking:
         return before - target
 
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """The state behind one of them, and its event."""
+        """Return the state behind an awaited event, and the event."""
         if awaited.action in (LET_GO, CATCH):
             return self._changed(awaited.slider, state, t)
         if awaited.action == TRANSFER:
@@ -360,7 +361,7 @@ class Locking:
         return state, {"kind": KINDS[awaited.action], "time": t, "slider": name, "s": s, "loss": loss, "text": text}
 
     def _changed(self, k: int, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """The state behind support k, which lets go or takes hold."""
+        """Return the state behind support k, which lets go or takes hold, and the event."""
         name, of = self.model.released.names[k], self.model.released
         if of.off(self.model.own(state.history, "released"))[k]:
             state, loss = catch(self.model, state, k, t)
@@ -378,11 +379,11 @@ class Locking:
         return before - self._in_stop(state, k)
 
     def _in_stop(self, state: State, k: int) -> float:
-        """Energy that an elastic stop of slider k stores, J."""
+        """Return the energy that an elastic stop of slider k stores, J."""
         return float(self.model.slider_forces.stop_energy(state.s, state.history)[k])
 
     def _begin_at_rest(self, state: State, own: Array, k: int, s: float) -> None:
-        """A slider that is let go stands still: held by friction, or against its stop, until more pulls at it."""
+        """Let a slider that is released begin at rest: held by friction, or against its stop, until more pulls at it."""
         slider = self.sliders[k]
         own[STICKS] = float(slider.friction is not None)
         slack = AT_STOP * float(self.model.slider_lengths[k])

@@ -69,7 +69,7 @@ class Finder:
 
 
 def land(model: Model, state: State, k: int, place: Place, restitution: float, t: float) -> tuple[State, float, bool]:
-    """The state behind a hit of slider k on its beam at time t, the energy lost, J, and whether it stays on the beam."""
+    """Return the state behind a hit of slider k on its beam at time t, the energy lost, J, and whether it stays on the beam."""
     state = State(*(x.copy() for x in state))
     state.s[k] = place.s
     gaps = GapRows(model).at(state.q, state.s)

@@ -200,7 +200,7 @@ class Reactions:
         return float(np.linalg.norm(b - a))
 
     def _rows(self) -> tuple[Array, Array]:
-        """Forces and moments [N, 3] that the equations of the nodes lack."""
+        """Return forces and moments [N, 3] that the equations of the nodes lack."""
         own, plane = self.own, self.stepper.plane
         n = len(self.rows)
         r = own.work.r[:8 * (n + 1)].reshape(-1, 8)[self.rows]
@@ -209,7 +209,7 @@ class Reactions:
         return r[:, :2] @ plane.axes[:2], r[:, 2:3] * plane.axes[2]
 
     def _joints(self, force: Array, moment: Array, x: Array) -> Array:
-        """[J, 2, 3] on side b, about side a."""
+        """Return forces and moments of joints [J, 2, 3] on side b, about side a."""
         holding = self.holding
         a, b = holding.joints.T
         total = self._below.solve(np.concatenate((force, moment + np.cross(x, force)), axis=1).T).T
@@ -223,8 +223,8 @@ class Reactions:
 
 
 def _at_nodes(term: Any, row_of: Array) -> Any:
-    """A term whose moments act on the nodes themselves, not on those that connections let their spins belong to: connections have
-    to carry them."""
+    """Return a term whose moments act on the nodes themselves, not on those that connections let their spins belong to:
+    connections have to carry them."""
     if isinstance(term, Sliding):
         return term._replace(sliders=term.sliders._replace(spin_root=np.arange(term.sliders.spin_root.size)))
     if isinstance(term, JointConditions):
@@ -236,8 +236,8 @@ def _at_nodes(term: Any, row_of: Array) -> Any:
 
 
 def _as_running(term: Any, run: Any) -> Any:
-    """A term with the air, the curves of sliders, or the shares of loads by laws, of the run. Rows and blocks stay its own: those
-    of the run are others where it eliminates inner nodes."""
+    """Return a term with the air, the curves of sliders, or the shares of loads by laws, of the run. Rows and blocks stay its
+    own: those of the run are others where it eliminates inner nodes."""
     if isinstance(term, Drag):
         return term._replace(**{name: getattr(run, name) for name in (*COEFFICIENTS, "air", "wind")})
     if isinstance(term, Sliding):
@@ -260,7 +260,7 @@ class ReactingStepper(Stepper):
         self.reactions = Reactions(self)
 
     def cut(self, sections: Sequence[Sections | None]) -> None:
-        """Sections whose forces are asked for, before the first step."""
+        """Set the sections whose forces are asked for, before the first step."""
         self.reactions = Reactions(self, sections=sections)
 
     @property
@@ -284,6 +284,6 @@ class ReactingStepper(Stepper):
         return result
 
     def _motion(self) -> tuple[Array, Array]:
-        """Coordinates and their rates [N, 4, 3], as copies."""
+        """Return coordinates and their rates [N, 4, 3], as copies."""
         state = self.state
         return state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()

@@ -54,7 +54,7 @@ class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
         return whole
 
     def _some(self, t: float, h: float, count: int, done: int) -> Outcome:
-        """Steps in one call, with means of the last one where it stands alone or is the last that succeeds."""
+        """Take steps in one call, with means of the last one where it stands alone or is the last that succeeds."""
         if count == 1:
             before = self.points.look(self.state)
             one = super().advance(t, h, 1, done)
@@ -86,7 +86,7 @@ def forces_of(stepper: Stepper, found: Array) -> Array:
 
 
 def measuring(make: type[Stepper], method: Method, points: PointRows) -> Any:
-    """The class of steppers of this kind whose outcomes hold such means.
+    """Return the class of steppers of this kind whose outcomes hold means of `points`.
 
     Raises
     ------

@@ -69,9 +69,9 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
 
 
 def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
-    """The state at an instant with velocities that sliders, sleeves and joints allow exactly, the nearest ones, and the energy
-    that this takes, J. At the end of a step they hold velocities to second order in the step, and what is left would turn around
-    in the next one.
+    """Return the state at an instant with velocities that sliders, sleeves and joints allow exactly, the nearest ones, and the
+    energy that this takes, J. At the end of a step they hold velocities to second order in the step, and what is left would turn
+    around in the next one.
 
     k: as of `jump`, what meets a stop and is free along its way. Other sliders whose motion is prescribed keep their velocities
     along the beam; those that are locked or rest against a stop have none.
@@ -89,8 +89,8 @@ def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
 
 
 def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State], Array]) -> tuple[State, State, float]:
-    """The state whose velocities a jump begins at, the state behind it, and the energy that it took, which is not negative but
-    for round-off.
+    """Return the state whose velocities a jump begins at, the state behind it, and the energy that it took, which is not negative
+    but for round-off.
 
     At the end of a step rates across what holds are zero to second order in the step. Impulses do work on these, and where a blow
     takes hardly anything that may be more: then the jump begins at the state that `settled` finds, with what that takes.
@@ -112,9 +112,9 @@ def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State]
 
 
 def of_momenta(model: Model, state: State) -> State:
-    """The state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none, to
-    second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own: jumps
-    begin here and end with `with_momenta`."""
+    """Return the state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none,
+    to second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own:
+    jumps begin here and end with `with_momenta`."""
     from scipy import sparse
     q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
     to_rates, free = rates_map(model, q), free_unknowns(model, state)
@@ -132,8 +132,8 @@ def of_momenta(model: Model, state: State) -> State:
 
 
 def with_momenta(model: Model, state: State, before: State, after: State) -> State:
-    """A state behind a jump from `before`, its own by `of_momenta`, to `after`: momenta, and velocities that are these, change as
-    the velocities; those of nodes that only moving meshes have become the ones of `after`."""
+    """Return a state behind a jump from `before`, its own by `of_momenta`, to `after`: momenta, and velocities that are these,
+    change as the velocities; those of nodes that only moving meshes have become the ones of `after`."""
     by, history = after.v - before.v, after.history.copy()
     v = (state.v + by).reshape(-1, 12)
     if model.moving is not None:
@@ -144,7 +144,7 @@ def with_momenta(model: Model, state: State, before: State, after: State) -> Sta
 
 
 def _alone_on_meshes(model: Model) -> Array:
-    """Nodes of moving meshes to which no others are tied, bool [N]."""
+    """Return nodes of moving meshes to which no others are tied, bool [N]."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     assert model.moving is not None
@@ -160,7 +160,7 @@ def _alone_on_meshes(model: Model) -> Array:
 
 
 def values_of(model: Model, state: State) -> Array:
-    """Values of the coordinates of joints that may stick, as the history has them, m or rad, [R]."""
+    """Return values of the coordinates of joints that may stick, as the history has them, m or rad, [R]."""
     motions = model.motions
     if motions is None:
         return np.zeros(0)
@@ -247,15 +247,15 @@ class Equations:
         return wanted > ROUND_OFF * float(np.max(np.abs(self.state.v), initial=0.0))
 
     def _of_slider(self, j: int) -> Any:
-        """The velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
+        """Return the velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
         return self._gaps.rates[3 * j:3 * j + 3]
 
     def along_beams(self, v: Array) -> Array:
-        """ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
+        """Return ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
         return np.array([self._gaps.along(j, v) for j in range(len(self._gaps.tangents))])
 
     def least(self, more: Any, goals: Array) -> Least:
-        """The jump with which these rates [m] change, too; more: sparse [m, 12 N]."""
+        """Find the jump with which these rates [m] change, too; more: sparse [m, 12 N]."""
         from scipy import sparse
         every = sparse.vstack([*self._rows, more], format="csr")
         x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
@@ -263,7 +263,7 @@ class Equations:
         return Least(np.asarray(self._lift @ x), impulses, every)
 
     def behind(self, found: Least, history: Array) -> tuple[State, float]:
-        """The state behind one of these jumps, with a history that is changed, and the energy that it took, J."""
+        """Return the state behind a jump, with a history that is changed, and the energy that it took, J."""
         state, by, put_in = self.state, found.by, self._add_works(found, history)
         after = State(state.q.copy(), state.v + by, state.s.copy(), state.force.copy(), history)
         return after, put_in - float(by @ (self._inertia @ (state.v + 0.5 * by)))
@@ -297,8 +297,8 @@ class Equations:
 
 
 def _with_stops(equations: Equations, history: Array, bounces: int, rest: dict[int, float]) -> Least:
-    """The jump beside joints at stops, which push only; bounces: the coordinate that does, or -1; rest: as of `jump`. Which of
-    them rest behind it, and signs of the velocities of others that rub, go to the history.
+    """Find the jump beside joints at stops, which push only; bounces: the coordinate that does, or -1; rest: as of `jump`. Write
+    into the history which joints rest behind it, and signs of the velocities of others with friction.
 
     Rates into stops are zero, impulses push, and one of both is zero (a linear complementarity problem): Murty's least index
     method, which ends for every inertia."""

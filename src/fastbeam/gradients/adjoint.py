@@ -226,7 +226,7 @@ class AdjointRun(Doubts):
 
     @checked(name=Word())
     def point(self, name: str) -> Array:
-        """Path of an observed point [n + 1, 3], m.
+        """Return the path of an observed point [n + 1, 3], m.
 
         Raises
         ------
@@ -237,7 +237,7 @@ class AdjointRun(Doubts):
 
     @checked(name=Word())
     def velocity(self, name: str) -> Array:
-        """Velocity of an observed point [n + 1, 3], m/s.
+        """Return the velocity of an observed point [n + 1, 3], m/s.
 
         Raises
         ------

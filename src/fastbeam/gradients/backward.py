@@ -158,7 +158,7 @@ class Backward:
 
     # --- tables ---------------------------------------------------------------------------------------------------------
     def _shares(self, nodes: Array, shares: Array) -> list[tuple[Array, Array]]:
-        """Shares of the vectors of nodes in a point; in a plane those of the position and of u, then those of J u."""
+        """Return shares of the vectors of nodes in a point; in a plane those of the position and of u, then those of J u."""
         if self.plane is None:
             return [(nodes, shares)]
         turned = np.sum(shares[:, 1:] * self.plane.factor[nodes], axis=1)
@@ -275,7 +275,7 @@ class Backward:
         self.solutions = empty((n, self.adjoint.x.size)), empty((n, border.y.size if isinstance(border, Border) else 0))
 
     def _keep(self, k: int) -> None:
-        """The solution of step k."""
+        """Keep the solution of step k."""
         if self.solutions is not None:
             self.solutions[0][k] = self.adjoint.x
             if self.solutions[1].size:
@@ -289,7 +289,7 @@ class Backward:
         return out
 
     def _one(self, terms: tuple[Any, ...], steps: Steps, found: Found, k: int, first: int) -> None:
-        """One step around a solver outside.
+        """Take one step backward around a solver outside.
 
         Raises
         ------
@@ -353,7 +353,7 @@ class Backward:
         return rows
 
     def _of_beams(self) -> tuple[Array, Array, Array, Array]:
-        """Sums of elements, by beams and in space: by C, D, prestrains and inertias."""
+        """Return sums of elements, by beams and in space: by C, D, prestrains and inertias."""
         of, parts = beam_numbers(self.whole)
         count = max((x.stop for x in parts.values()), default=0)
         out = np.zeros((count, 6, 6)), np.zeros((count, 6, 6)), np.zeros((count, 6)), np.zeros((count, 3))
@@ -381,11 +381,11 @@ class Backward:
         return out
 
     def _angle(self, node: Array) -> tuple[Array, Array]:
-        """d2 = c J u + s n of the sections at nodes."""
+        """Return c and s of d2 = c J u + s n of the sections at nodes."""
         return self.plane.factor[node, 1].imag, self.plane.normal[node, 1]
 
     def _within(self, node: Array) -> Array:
-        """Strains in space from those in the plane [*, 6, 3], at nodes."""
+        """Return the map to strains in space from those in the plane [*, 6, 3], at nodes."""
         return strain_maps(*self._angle(node))[0]
 
 

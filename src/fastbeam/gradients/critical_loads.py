@@ -132,7 +132,7 @@ class _Critical:
         return float(value) / mass, NOISE * float(sizes) / abs(mass)
 
     def _next(self, start: Array) -> float:
-        """About the smallest of the other ones, by inverse iteration."""
+        """Estimate the smallest of the other eigenvalues by inverse iteration."""
         x, size = start, 1.0
         for _ in range(3):
             x = self.solved(self.base.weights * x)
@@ -144,11 +144,11 @@ class _Critical:
         return self._solve(np.zeros(self.multiplier.size), 1.0, transposed)[0]
 
     def solved(self, right: Array) -> Array:
-        """x without a part along the null vector, of K x = right but for what pushes along it."""
+        """Return the solution x of K x = right, without parts of both along the critical direction."""
         return self._solve(right, 0.0, False)[0]
 
     def curvature(self, at: Response) -> float:
-        """phi . K phi with the tangent of another shape."""
+        """Return phi . K phi with the tangent of another shape."""
         return float(self.null @ (at.linearised()[0].matrix @ self.null))
 
 
@@ -236,7 +236,7 @@ def _slopes(point: _Critical, family: Family, factors: Callable[..., Array], loa
 
 
 def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_factor: float) -> float:
-    """Derivative of phi . K phi by the load factor along the path.
+    """Return the derivative of phi . K phi by the load factor along the path.
 
     Raises
     ------

@@ -323,7 +323,8 @@ class Sensitivity(Doubts):
 
 def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[str, Any] | None,
               held: bool | str | Sequence[str], backend: str) -> tuple[Family, Array]:
-    """The scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was called.
+    """Return the scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was
+    called.
 
     Raises
     ------

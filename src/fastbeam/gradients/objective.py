@@ -47,7 +47,7 @@ class Linear:
                 "contact_force": force if plane is None else force @ plane.axes[:2]}
 
     def slope(self, points: Array, s: Array, forces: Array) -> Array:
-        """Derivative of a sum with these weights [P, 3], [S], [S, 3] by the unknowns [n]: the transpose."""
+        """Return the derivative of a sum with these weights [P, 3], [S], [S, 3] by the unknowns [n]: the transpose."""
         base, plane = self.base, self.base.stepper.plane
         by_q = np.zeros((base.stepper.model.n_nodes, 4, 3))
         for weight, (nodes, weights) in zip(points, self.points):
@@ -87,7 +87,7 @@ class Objective:
             raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
 
     def slope(self) -> Array:
-        """Derivative by the unknowns [n]."""
+        """Return the derivative by the unknowns [n]."""
         out = self.linear.slope(self.points, self.s, self.forces)
         if self.strain_energy:
             out[:self.linear.base.nodes] += self.strain_energy * self.linear.base.inner_forces()

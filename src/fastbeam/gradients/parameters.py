@@ -29,7 +29,7 @@ FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 
 
 def which_build(value: Any) -> Build:
-    """A function.
+    """Check that an argument is a function.
 
     Raises
     ------
@@ -101,13 +101,13 @@ class Family:
         return scene, dict(points)
 
     def base(self, flat: bool) -> Built:
-        """The scene at the values, with tables in which nothing is eliminated."""
+        """Return the scene at the values, with tables in which nothing is eliminated."""
         if flat not in self._base:
             self._base[flat] = self._built({}, flat)
         return self._base[flat]
 
     def around(self, name: str, flat: bool) -> list[Built]:
-        """Six scenes in which parameter `name` is less and more, by `CHANGES` of its step, with tables in which nothing is
+        """Return six scenes in which parameter `name` is less and more, by `CHANGES` of its step, with tables in which nothing is
         eliminated.
 
         Raises
@@ -149,7 +149,8 @@ class Family:
         return same and np.array_equal(base.spin_root, other.spin_root) and np.array_equal(base.spinless, other.spinless)
 
     def slope(self, name: str, six: Any) -> Array:
-        """Derivative by parameter `name` of what was evaluated in the six scenes, with an error of order 6 in the change."""
+        """Return the derivative by parameter `name` of what was evaluated in the six scenes, with an error of order 6 in the
+        change."""
         return np.tensordot(SIXTH, np.asarray(six), 1) / self.steps[name]
 
     def check_smooth(self, name: str, six: Any, weights: Array, noise: float) -> None:
@@ -179,14 +180,14 @@ class _Itself:
 
 
 def _parts(model: Model) -> list[tuple[Any, ...]]:
-    """Parts with nodes, and where these are."""
+    """Return parts with nodes, and where these are."""
     known = ("name", "first", "count", "node", "starts")
     return [(kind, *(entry.get(key) for key in known)) for kind in ("beams", "nets", "bodies", "masses")
             for entry in model.names.get(kind, [])]
 
 
 def numbers_of(who: str, values: Mapping[str, Any], scale: Mapping[str, Any] | None) -> tuple[dict[str, float], dict[str, float]]:
-    """Values and sizes of parameters.
+    """Return values and sizes of parameters.
 
     Raises
     ------

@@ -61,7 +61,7 @@ class RunFamily:
             raise SceneError(f"gradient, build: has to return the points too, (scene, points); there is no {missing[0]!r}")
 
     def by(self, name: str, run: Backward, part: Stretch, wanted: Mapping[tuple[str, bool], Array], at_reference: bool) -> float:
-        """Derivative by a parameter of a number of a run.
+        """Return the derivative by a parameter of a number of a run.
 
         Parameters
         ----------
@@ -110,8 +110,8 @@ class RunFamily:
 
 
 def along(run: Backward, own: Backward, part: Stretch) -> Stretch:
-    """The motion of a run in another scene: nodes are displaced from its reference, and turned, as they were from their own, and
-    supports that move do so as they do there.
+    """Return the motion of a run in another scene: nodes are displaced from its reference, and turned, as they were from their
+    own, and supports that move do so as they do there.
 
     Parameters
     ----------
@@ -145,8 +145,8 @@ def along(run: Backward, own: Backward, part: Stretch) -> Stretch:
 
 
 def _places(before: Model, after: Model, s: Array) -> Array:
-    """Arc lengths of sliders [n + 1, S] at the same places in the same elements of another scene: shape functions have kinks at
-    the ends of elements."""
+    """Return arc lengths of sliders [n + 1, S] at the same places in the same elements of another scene: shape functions have
+    kinks at the ends of elements."""
     if before.sliders is None or after.sliders is None:
         return s
     out = np.empty_like(s)

@@ -94,7 +94,7 @@ class Lanes(NamedTuple):
 
 
 def lanes_of(model: Model) -> list[Lanes]:
-    """All elements of a model in space, read from its tables (kernels/layout.py)."""
+    """Return all elements of a model in space, read from its tables (kernels/layout.py)."""
     out = []
     for name, tables in (("simo_reissner", model.simo), ("green_lagrange", model.green)):
         if tables is None:
@@ -104,7 +104,7 @@ def lanes_of(model: Model) -> list[Lanes]:
             at = layout_of(SPACE, nn, nq)
 
             def rows(begin: int, column: int, count: int, meta: Array = meta, tab: Array = tables.tab) -> Array:
-                """So many rows of 8 lanes of every group: [groups 8, count]."""
+                """Return `count` rows of 8 lanes of every group: [groups 8, count]."""
                 where = meta[:, column][:, None] + begin + np.arange(8 * count)
                 return tab[where].reshape(len(meta), count, 8).transpose(0, 2, 1).reshape(-1, count)
 
@@ -120,7 +120,7 @@ def lanes_of(model: Model) -> list[Lanes]:
 
 
 def moduli_of(tables: ElementTables, size: int) -> Array:
-    """C of all elements of tables with so many strains, [8 groups, size, size]."""
+    """Return C of all elements of tables with so many strains, [8 groups, size, size]."""
     where = tables.meta[:, CONSTANTS][:, None] + np.arange(8 * size * size)
     return np.asarray(tables.tab[where].reshape(-1, size, size, 8).transpose(0, 3, 1, 2).reshape(-1, size, size))
 

@@ -26,7 +26,7 @@ class TransposedSolver:
         self._factoriser: Factoriser | None = None
 
     def _begin(self) -> None:
-        """The structure of tangents by columns, and where their entries stand in the blocks."""
+        """Form the structure of tangents by columns, and find where their entries stand in the blocks."""
         core = self.stepper.core
         size, n = core.pattern.keys.size, len(core.dofs)
         numbered = self.stepper.linear.superlu.matrix(np.arange(1.0, 8.0 * n * size + 1.0).reshape(-1, n, 8))
@@ -62,7 +62,7 @@ class TransposedSolver:
         return sparse.bmat([[matrix, parts[0]], [parts[1].T, corner]], format="csc")
 
     def _turning(self, free: Array, terms: Any, system: Any) -> Any:
-        """E of theory.md (13.13), by columns; free [rows, n]: 0 where a row is held."""
+        """Return E of theory.md (13.13), by columns; free [rows, n]: 0 where a row is held."""
         from scipy import sparse
         contact, core = self.stepper.contact, self.stepper.core
         assert contact is not None
