@@ -97,7 +97,8 @@ class Sweep(Doubts):
 
     @checked(name=Word())
     def column(self, name: str) -> np.ndarray:
-        """A column of numbers as an array [rows], float64; NaN where a case has no number there, because it failed for instance.
+        """Return a column of numbers as an array [rows], float64; NaN where a case has no number there, because it failed for
+        instance.
 
         Raises
         ------
@@ -112,7 +113,7 @@ class Sweep(Doubts):
 
     @checked()
     def to_dataframe(self) -> DataFrame:
-        """The rows as a pandas DataFrame.
+        """Return the rows as a pandas DataFrame.
 
         Raises
         ------
@@ -242,7 +243,7 @@ def load_sweep(path: str | PathLike[str]) -> Sweep:
 
 # --- cases ------------------------------------------------------------------------------------------------------------------
 def list_cases(cases: Any) -> list[dict[str, Any]]:
-    """All cases as dicts; combinations of the values of a mapping.
+    """List all cases as dicts; combinations of the values of a mapping.
 
     Raises
     ------
@@ -282,7 +283,7 @@ def _check_count(n: int) -> None:
 
 
 def _as_json(value: Any) -> Any:
-    """A value of a case as JSON has it."""
+    """Convert a value of a case for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} {shown(value)}")
@@ -302,13 +303,13 @@ def _name_of(function: Any) -> str:
 
 
 def _text_of(run: Mapping[str, Any] | None) -> str:
-    """Arguments of `simulate` as a text that is the same in every process."""
+    """Return arguments of `simulate` as a text that is the same in every process."""
     return json.dumps(run, sort_keys=True,
                       default=lambda x: x.tolist() if isinstance(x, (np.generic, np.ndarray)) else type(x).__name__)
 
 
 def _kept(path: Path, header: dict[str, Any], retry: bool) -> list[Row]:
-    """Rows of a file that need not be computed again."""
+    """Return rows of a file that need not be computed again."""
     found, rows = read_sweep(path)
     differing = [name for name in ("build", "measure", "run") if found.get(name) != header[name]]
     if differing:
@@ -337,7 +338,7 @@ class Job:
         self.build, self.run, self.measure, self.threads = build, run, measure, threads
 
     def __call__(self, k: int, case: dict[str, Any]) -> Row:
-        """The row of a case, a failed one too."""
+        """Return the row of a case, a failed one too."""
         row: Row = {"run": k, "case": json.loads(json.dumps(case, default=_as_shown)), "values": {}, "error": None, "arrays": {}}
         try:
             with nullcontext() if _mkl() is None else OnThreads(_mkl(), self.threads):
@@ -353,7 +354,7 @@ class Job:
         return row
 
     def _found(self, case: dict[str, Any]) -> tuple[dict[str, Any], dict[str, np.ndarray], list[str]]:
-        """Numbers and arrays of a case, and events of its run that say where these are not to be trusted."""
+        """Return numbers and arrays of a case, and events of its run that say where these are not to be trusted."""
         found = self.build(**case)
         if isinstance(found, Scene):
             found = compile_scene(found)

@@ -395,7 +395,7 @@ class _Run(Encounters):
         return result
 
     def took(self, t: float, outcome: Outcome, size: float) -> None:
-        """Tell the row that waits its forces: steps of this size led to time t."""
+        """Count steps of this size that led to time t; they tell the forces of the row that waits."""
         if outcome.steps:
             self.iterations += outcome.iterations
             self.steps += outcome.steps

@@ -100,7 +100,7 @@ class Exports:
 
 
 def import_pandas() -> Any:
-    """The module pandas.
+    """Import pandas.
 
     Raises
     ------

@@ -136,7 +136,7 @@ class Reader:
             raise self.refuse(f"damaged, {parts_of(text)} lists in '{name}', more than {MOST_PARTS}")
 
     def attribute(self, name: str) -> Any:
-        """An attribute of the root that is one text or number, else None."""
+        """Read an attribute of the root that is one text or number, else return None."""
         if name not in self.file.attrs or self.file.attrs.get_id(name).shape != ():
             return None
         value = self.file.attrs[name]
@@ -221,7 +221,7 @@ def parts_of(text: bytes) -> int:
 
 
 def _parse_header(raw: Any) -> ResultHeader:
-    """The header of a file, with the types it should have.
+    """Read the header of a file, with the types it should have.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def _parse_header(raw: Any) -> ResultHeader:
 
 
 def _checked_info(info: dict[str, Any]) -> dict[str, Any]:
-    """Facts that the result computes with have to be what it expects."""
+    """Check the facts that the result computes with."""
     _expect("scale", info.get("scale", {}), dict)
     _expect("conserved", info.get("conserved", []), list)
     for name, x in info.get("scale", {}).items():
@@ -334,7 +334,7 @@ class LeftOpen(io.RawIOBase):
 
 
 def lookup3(data: bytes | bytearray) -> int:
-    """Bob Jenkins' hash of 1 byte or more, the checksum of HDF5's metadata."""
+    """Compute Bob Jenkins' hash of 1 byte or more, the checksum of HDF5's metadata."""
     mask = 0xFFFFFFFF
 
     def turn(x: int, k: int) -> int:
@@ -363,7 +363,7 @@ def lookup3(data: bytes | bytearray) -> int:
 
 
 def import_h5py() -> Any:
-    """The module h5py.
+    """Import h5py.
 
     Raises
     ------

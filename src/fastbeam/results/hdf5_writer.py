@@ -248,7 +248,7 @@ class ResultWriter:
         return ResultFileError(f"result file '{self.path}': cannot be written ({cause}); {advice}")
 
     def _growth(self) -> int:
-        """Bytes that the next flush adds to the file at most."""
+        """Return the bytes that the next flush adds to the file at most."""
         state = self._state
         out = sum(len(text) + 4096 for text in state.text.values())
         for group, buffer in state.pending.items():
@@ -371,7 +371,7 @@ def _chunk(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _encode(value: Any, noun: str) -> bytes:
-    """JSON bytes; NumPy scalars and arrays become numbers and lists."""
+    """Encode a value as JSON bytes; NumPy scalars and arrays become numbers and lists."""
     try:
         return json.dumps(value, default=_as_json).encode()
     except (TypeError, ValueError) as error:

@@ -108,8 +108,8 @@ class Lines:
         return np.add.reduceat(self._values[:, None] * flat[self._columns], self._rows[:-1], axis=0).reshape(-1, *x.shape[1:])
 
     def surface(self) -> tuple[Array, Array, Array, list[Array]]:
-        """Skins of the beams: of every corner its point [K] and its distances along d2 and d3 [K, 2] (m); of every four-sided
-        face its corners [F, 4]; the rims of both ends of every beam, [corners] each."""
+        """Return the skins of the beams: of every corner its point [K] and its distances along d2 and d3 [K, 2] (m); of every
+        four-sided face its corners [F, 4]; the rims of both ends of every beam, [corners] each."""
         at, arms, faces, rims = [], [], [], []
         angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
         base = 0
@@ -157,7 +157,7 @@ def _samples(entry: Mapping[str, Any], refine: int) -> tuple[Array, Array, Array
 
 
 def _net_outlines(net: Mapping[str, Any], n: int) -> Array:
-    """Outlines [n, 3] of the beams of a net."""
+    """Return outlines [n, 3] of the beams of a net."""
     every, which = (x if isinstance(x, list) else [] for x in (net.get("outlines"), net.get("outline_of")))
     table = np.array([_number(x) for x in every[:len(every) // 3 * 3]]).reshape(-1, 3)
     if which == [] and len(table):
@@ -168,7 +168,7 @@ def _net_outlines(net: Mapping[str, Any], n: int) -> Array:
 
 
 def _number(x: Any) -> float:
-    """A finite size, 0 where it is none."""
+    """Return a finite size, 0 where it is none."""
     size = real(x)
     return size if size is not None and 0.0 <= size < np.inf else 0.0
 

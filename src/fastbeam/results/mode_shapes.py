@@ -88,7 +88,7 @@ class Motion:
 
 
 def _motion(modes: Modes | DampedModes, k: int, amplitude: float, frames: int, decay: bool) -> Result:
-    """See `Modes.motion`."""
+    """Return the shapes of `Modes.motion`."""
     moving = Motion(modes, k, amplitude, decay)
     shares = np.arange(frames) / frames
     phi, directors = (np.array(x) for x in zip(*(moving.shape(share) for share in shares)))
@@ -98,12 +98,12 @@ def _motion(modes: Modes | DampedModes, k: int, amplitude: float, frames: int, d
 
 
 def size_of(positions: Array) -> float:
-    """Extent of a scene, m; 1 of a point."""
+    """Return the extent of a scene, m; 1 of a point."""
     return extent_of(positions[np.isfinite(positions).all(axis=1)]) or 1.0
 
 
 def _turned(directors: Array, turn: Array) -> Array:
-    """Directors [N, 3, 3] turned about vectors [N, 3], rad (Rodrigues)."""
+    """Turn directors [N, 3, 3] about vectors [N, 3], rad (Rodrigues)."""
     angle = np.linalg.norm(turn, axis=1)[:, None, None]
     about = turn[:, None, :]
     once = np.cross(about, directors)
@@ -239,7 +239,7 @@ class Modes(Doubts):
         return _motion(self, k, amplitude, frames, decay)
 
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
-        """Rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
+        """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         rate, x, turn = complex(self.growth[k], self.angular[k]), self.displacements[k], self.spins[k]
         if not (rate.real and rate.imag):
             return rate, x.astype(complex), turn.astype(complex)
@@ -364,7 +364,7 @@ class DampedModes(Doubts):
         return _motion(self, k, amplitude, frames, decay)
 
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
-        """Rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
+        """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         return complex(self.rates[k]), self.displacements[k], self.spins[k]
 
     def table(self) -> str:

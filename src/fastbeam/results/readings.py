@@ -184,7 +184,7 @@ class Readings:
                 "load_tension": tension[:, k, 1]}
 
     def _elastic(self, kind: str, nouns: tuple[str, ...], name: str, what: tuple[str, ...]) -> dict[str, np.ndarray]:
-        """Series of one spring or bushing."""
+        """Return the series of one spring or bushing."""
         self._series(COLUMNS[f"{kind}s"])
         k = self._index(f"{kind}s", kind, name)
         out = {key: self._series(f"{kind}_{key}")[:, k] for key in what}

@@ -71,13 +71,13 @@ class ResultHeader:
     spins: bool = False
 
     def row_tables(self) -> tuple[dict[str, tuple[int, ...]], dict[str, type]]:
-        """Row shapes and types of the time series, 't' first."""
+        """Return row shapes and types of the time series, 't' first."""
         shapes = {"t": (), **{name: tuple(int(k) for k in shape) for name, shape in self.series.items()}}
         return shapes, {name: np.int64 if name in self.integer else np.float64 for name in shapes}
 
     def snapshot_tables(self) -> dict[str, tuple[int, ...]]:
-        """Row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities, spins (N, 3) where they are
-        kept."""
+        """Return row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities, spins (N, 3) where they
+        are kept."""
         kept = {"velocities": self.velocities, "spins": self.spins}
         moving = {name: (self.n_nodes, 3) for name, there in kept.items() if there}
         return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3), **moving}
@@ -357,7 +357,7 @@ class Result(Readings, Exports, Doubts):
         return "\n".join([*lines, *self._doubts()])
 
     def _rows_of_table(self) -> tuple[list[tuple[str, str, str, str]], list[tuple[str, str, str, str]]]:
-        """Cells of the table: quantities, and parts of the balance where there are some, each below its header."""
+        """Return the cells of the table: quantities, and parts of the balance where there are some, each below its header."""
         rows = [("quantity", "start", "end", "max drift")]
         for name, label, unit in INVARIANTS:
             x = self.series.get(name)
@@ -414,7 +414,7 @@ class Result(Readings, Exports, Doubts):
 
     @checked()
     def header(self) -> ResultHeader:
-        """The header that a run with these series would have started with."""
+        """Return the header that a run with these series would have started with."""
         return ResultHeader(model_text=self.model_text, info=self.info, names=self.names, n_nodes=self.phi.shape[1],
                             series={name: x.shape[1:] for name, x in self.series.items()},
                             integer=tuple(name for name, x in self.series.items() if x.dtype.kind in "iub"),

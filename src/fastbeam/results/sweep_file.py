@@ -153,7 +153,7 @@ class SweepFile:
         self._text, self._numbers, self._waiting, self._last = b"", [np.zeros(0)], 0, time.perf_counter()
 
     def _reserve(self, size: int) -> None:
-        """Room behind what is written."""
+        """Reserve room behind what is written."""
         claim(self._raw.fileno(), int(self._file.id.get_filesize()), size + MARGIN)
 
     def close(self) -> None:
@@ -186,7 +186,7 @@ def let_go() -> None:
 
 
 def read_sweep(path: Path) -> tuple[dict[str, Any], list[Row]]:
-    """Header and rows of a file, also of one whose writer was killed or is running.
+    """Read header and rows of a file, also of one whose writer was killed or is running.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class _Shape:
     labels: dict[str, list[str]]
 
     def size(self, steps: int, item: int) -> int:
-        """Bytes of all arrays."""
+        """Return the bytes of all arrays."""
         moving = sum(width for width, _ in self.moving.values()) * self.n_points * steps * item
         fixed = sum(x.nbytes for x in (*self.constant.values(), *self.cell_data.values()))
         return moving + fixed + sum(a.nbytes + b.nbytes for a, b in self.cells.values())
@@ -177,7 +177,7 @@ def _spots(result: Result) -> tuple[Array, Array, Array, dict[str, list[str]]]:
 
 
 def _forces(result: Result, n: int, where: Array) -> Callable[[int], Array]:
-    """Contact forces on the sliders, zero elsewhere [n, 3] (N); zero where no steps tell them."""
+    """Return a function of contact forces on the sliders, zero elsewhere [n, 3] (N); zero where no steps tell them."""
     force = result.series.get("contact_force", np.zeros((0, 0, 3)))
     # snapshots are taken at rows
     row = np.searchsorted(result.t, result.t_snap - 1e-12 * np.abs(result.t_snap))
@@ -191,8 +191,8 @@ def _forces(result: Result, n: int, where: Array) -> Callable[[int], Array]:
 
 
 def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
-    """Name and values [N, 3] (m/s) of the velocities of all nodes at snapshot k: those that the run kept, else slopes of the
-    parabola through three shapes, at the first and last the nearest three; None where shapes are not those of a motion."""
+    """Return name and values [N, 3] (m/s) of the velocities of all nodes at snapshot k: those that the run kept, else slopes of
+    the parabola through three shapes, at the first and last the nearest three; None where shapes are not those of a motion."""
     if result.velocities is not None:
         kept = result.velocities
         return "velocity", lambda k: kept[k]
@@ -212,8 +212,8 @@ def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
 
 
 def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Callable[[int], Array]]:
-    """Forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3], linear between the arc lengths that
-    are given; NaN on beams of which nothing is.
+    """Return forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3], linear between the arc lengths
+    that are given; NaN on beams without section forces.
 
     Raises
     ------

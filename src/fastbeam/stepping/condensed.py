@@ -48,8 +48,8 @@ ELEMENTS_A_THREAD = 2000
 
 
 def thread_count(threads: int | None, elements: int) -> int:
-    """Threads of a run with so many elements in condensed beams: as asked for, else FASTBEAM_THREADS, else all processors that
-    this process may use and that have enough to do.
+    """Choose the threads of a run with so many elements in condensed beams: as asked for, else FASTBEAM_THREADS, else all
+    processors that this process may use and that have enough to do.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def thread_count(threads: int | None, elements: int) -> int:
 
 
 def chunks(n: int, least: int, first: int = 0, most: int = FEW_CHUNKS) -> list[Chunk]:
-    """first .. first + n cut into equal parts of at least so many, `most` of them at most."""
+    """Cut first .. first + n into equal parts of at least `least`, at most `most` of them."""
     parts = max(1, min(most, n // least)) if n else 0
     edges = [first + n * k // max(parts, 1) for k in range(parts + 1)]
     return list(zip(edges[:-1], edges[1:]))
@@ -82,7 +82,7 @@ class Team:
         self._pool = ThreadPoolExecutor(threads - 1, "fastbeam") if threads > 1 else None
 
     def each(self, work: Callable[[int, Any], Any], items: Sequence[Any]) -> list[Any]:
-        """work(thread, item) for all items, in any order; the results in that of the items."""
+        """Call work(thread, item) for all items, in any order; return the results in that of the items."""
         out: list[Any] = [None] * len(items)
         # taking the next from a list iterator is one operation to Python
         left = iter(list(enumerate(items)))

@@ -173,13 +173,13 @@ def _find_places(model: Model, inner: Inner | None) -> Array | None:
 
 
 def _carriers_of(model: Model, node: int) -> list[int]:
-    """The row of a node, or those of what it is tied to."""
+    """Return the row of a node, or those of what it is tied to."""
     rows = _rows_of(model, node).tolist()
     return rows[1:] or rows
 
 
 def _rows_of(model: Model, node: int) -> Array:
-    """Rows of a node and of those that it is tied to."""
+    """Return rows of a node and of those that it is tied to."""
     row = model.pattern.row_of[node:node + 1]
     if model.ties is None:
         return row

@@ -95,15 +95,15 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
 
 
 def empty_rates(method: Method, n_nodes: int) -> Alpha | None:
-    """Work arrays of a method, None where it needs none."""
+    """Allocate work arrays of a method, None where it needs none."""
     if method.parameters is None:
         return None
     return Alpha(method.parameters, empty(54 * n_nodes), empty(18 * n_nodes), empty(2), np.eye(3).reshape(-1))
 
 
 def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None:
-    """Consistent accelerations and contact forces of a state: the equations of motion with the second derivative of every
-    gap (index 1), written into alpha.rates and state.force.
+    """Compute consistent accelerations and contact forces of a state from the equations of motion with the second derivative of
+    every gap (index 1), into alpha.rates and state.force.
 
     Parameters
     ----------

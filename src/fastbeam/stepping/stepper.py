@@ -204,8 +204,9 @@ class Stepper:
         self.growing.put(t, factor, shares)
 
     def _start_sliding(self) -> None:
-        """Signs of the velocities of sliders with Coulomb friction. What a run before left at rest, held by friction or against a
-        stop, stays there: its velocity is what the step left in which it came to rest, of second order."""
+        """Set the slip directions of sliders with Coulomb friction from their velocities. Sliders that a run before left at rest,
+        held by friction or against a stop, stay there: their velocity is a remainder of second order of the step in which they
+        came to rest."""
         model, state = self.model, self.state
         rates, contact = empty(model.n_sliders), contact_of(model)
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, empty(3 * model.n_sliders), rates)
@@ -278,7 +279,7 @@ class Stepper:
             mine[:] = other
 
     def _rows_at_rest(self, u: Array) -> Array:
-        """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
+        """Return rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
         model, work = self.model, self.work
         work.u[:] = u
         system = self.system._replace(method=AtRest())
@@ -305,7 +306,7 @@ class Stepper:
             self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
 
     def _enlarge(self) -> None:
-        """More room for sliders as rows, of the kind that was too short."""
+        """Make more room for sliders as rows, of the kind that was too short."""
         assert self.contact is not None and self.rows is not None
         self._make_rows(larger_capacity(self.core, self.capacity, self.contact, self.rows))
 
@@ -335,7 +336,7 @@ class Stepper:
         return self.made_fallback
 
     def save(self) -> tuple[State, Array]:
-        """Everything a later `load` needs."""
+        """Return everything that a later `load` needs."""
         return self.copy_state(), self.memory
 
     def load(self, saved: tuple[State, Array]) -> None:
@@ -344,7 +345,7 @@ class Stepper:
         self.memory = saved[1]
 
     def copy_state(self) -> State:
-        """A copy of the present state."""
+        """Return a copy of the present state."""
         return State(*(x.copy() for x in self.state))
 
     def set_state(self, state: State) -> None:
@@ -360,11 +361,11 @@ class Stepper:
         return failure_in(self.core, self.terms, self.law_work)
 
     def label_of(self, node: int) -> str:
-        """A node for messages about what fails, with whose laws act there."""
+        """Return the label of a node for messages about failures, with the user's laws that act there."""
         return self.model.node_label(node) + acting_at(self.core, self.terms, node)
 
     def blamed(self, error: ConvergenceError, text: str, rest: str) -> ConvergenceError:
-        """The error of an attempt in which a law of the user's own has failed says so; any other one is as it is.
+        """Return the error of an attempt; it names a law of the user's own where one has failed.
 
         Parameters
         ----------
@@ -429,7 +430,7 @@ class Stepper:
         now[:] = self.core.prescribed.vectors(end) + self._more_turns
 
     def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
-        """Like `advance`, but returns after a step that was repeated."""
+        """Run steps as `advance`, but return after a step that was repeated."""
         model = self.core
         self._augment(h)
         self.forget_failures()
@@ -502,7 +503,7 @@ class Stepper:
         return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])
 
     def _augment(self, h: float) -> None:
-        """Settings of the augmented Lagrangian for steps of size h, and supports as the state has them."""
+        """Set the augmented Lagrangian for steps of size h, and supports as the state has them."""
         self.supports.follow(self)
         if self.contact is None:
             return
@@ -547,7 +548,7 @@ class Stepper:
         return status, np.array(sizes)
 
     def worst_constraint(self) -> tuple[int, float, float]:
-        """(slider, or joint behind the sliders, gap in m, residual of its sliding equation in N) where the gap of the last
+        """Return (slider, or joint behind the sliders, gap in m, residual of its sliding equation in N) where the gap of the last
         iteration is largest."""
         assert self.contact is not None
         inside = np.arange(8) < self.contact.forces[:, None]
@@ -556,14 +557,14 @@ class Stepper:
         return k, float(gaps[k]), float(self.contact.residual[k, self.core.dim])
 
     def largest_turn(self) -> tuple[int, float]:
-        """(node, angle in rad) of the largest turn of a triad in the last substep."""
+        """Return (node, angle in rad) of the largest turn of a triad in the last substep."""
         theta = self.work.theta.reshape(self.model.n_nodes, -1)
         size = np.abs(theta[:, 0]) if self.plane is not None else np.linalg.norm(theta, axis=1)
         node = int(np.argmax(size))
         return node, float(2.0 * np.arctan(0.5 * size[node]))
 
     def largest_spin(self) -> tuple[int, float]:
-        """(node, angular velocity in rad/s) of the triad that turns fastest in the present state."""
+        """Return (node, angular velocity in rad/s) of the triad that turns fastest in the present state."""
         state = self.state
         q, v = (x.reshape(-1, 4, 3)[:, 1:] for x in (state.q, state.v))
         size = np.linalg.norm(0.5 * np.cross(q, v).sum(axis=1), axis=1)
@@ -571,7 +572,7 @@ class Stepper:
         return node, float(size[node])
 
     def worst_node(self) -> tuple[int, float]:
-        """(node, size) of the largest residual of the last iteration."""
+        """Return (node, size) of the largest residual of the last iteration."""
         # that of the interior of condensed beams is kept nowhere; steps in time that failed have been tried without condensation
         of = self if self.core.substructures is None or self.made_fallback is None else self.made_fallback
         r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.dofs)]).max(axis=1)

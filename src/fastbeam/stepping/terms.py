@@ -97,7 +97,7 @@ def put_limits(model: Model, state: State, corner: Corner | None, *all_terms: tu
 
 def system_of(model: Model, method: Any, contact: Contact | FactoredContact | None, solver: Any, state: State,
               work: Work) -> System:
-    """The record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one that
-    compiled code calls, or None."""
+    """Form the record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one
+    that compiled code calls, or None."""
     return System(Unknown(0), model.pattern.row_of, model.spinless, state, model.width, model.length, work, model.dofs, method,
                   NoContact() if contact is None else contact, SolverOutside() if solver is None else solver)

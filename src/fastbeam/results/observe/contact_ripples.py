@@ -84,7 +84,8 @@ class Ripple(NamedTuple):
 
 
 def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
-    """Sliders of a model that exert a force at a state in space; tension: of beams at all nodes [N], N, NaN where there is none.
+    """Yield the contacts of a model that exert a force at a state in space; tension: of beams at all nodes [N], N, NaN where
+    there is none.
 
     Sleeves hold means over their bore, and are left out; so are sliders on switches.
     """
@@ -153,14 +154,15 @@ def ripple_of(contact: Contact, finer: int = 1) -> Ripple:
 
 
 def worst_of(model: Any, state: Any, tension: Array, free: Array) -> list[Contact]:
-    """Contacts of sliders that are free, bool [S], those with the largest forces."""
+    """Return the contacts of sliders that are free, bool [S], those with the largest forces."""
     found = [contact for contact in contacts_of(model, state, tension) if free[contact.slider]]
     return sorted(found, key=lambda contact: -contact.force * contact.total)[:MOST]
 
 
 def rest_events(model: Any, state: Any, tension: Array, free: Array,
                 compliance: Callable[[int], Array | None]) -> list[dict[str, Any]]:
-    """Events where sliders that are free, bool [S], rest at places, or with a stiffness, of the mesh more than of the beam.
+    """Return events where sliders that are free, bool [S], rest at places, or with a stiffness, of the mesh more than of the
+    beam.
 
     `compliance(k)` are the motions [S] of all sliders by a force of 1 N along the beam on slider k, None where there are none.
     """
@@ -190,8 +192,8 @@ def rest_events(model: Any, state: Any, tension: Array, free: Array,
 
 
 def mode_events(model: Any, state: Any, tension: Array, slides: Array, squared: Array) -> list[dict[str, Any]]:
-    """Events where w^2 of modes, squared [n], are those of the mesh more than of the beam; slides: motions of sliders [n, S] in
-    modes of modal mass 1."""
+    """Return events where w^2 of modes, squared [n], are those of the mesh more than of the beam; slides: motions of sliders [n,
+    S] in modes of modal mass 1."""
     out = []
     for contact in worst_of(model, state, tension, np.any(slides != 0.0, axis=0)):
         ripple = ripple_of(contact)
@@ -271,7 +273,7 @@ class Contacts:
         return {k: known[self.sliders[k].beam] for k in self.masses if known[self.sliders[k].beam]}
 
     def remember(self, t: float, s: Array, h: float, state: Callable[[], Any]) -> None:
-        """Places [S] of a row of a run with steps of h, some of which may lie behind kinks."""
+        """Keep the places [S] of a row of a run with steps of h, some of which may lie behind kinks."""
         before = self.before[1]
         if before.size and t > self.before[0]:
             np.maximum(self.speed, np.abs(s - before) / (t - self.before[0]), out=self.speed)
@@ -313,13 +315,13 @@ class Contacts:
             self._passing[k] = force, usual, rows, place, max(left - 1, 0)
 
     def _tangent(self, k: int, s: float, state: Any) -> Array:
-        """Unit tangent [3] of what slider k runs on."""
+        """Return the unit tangent [3] of the curve of slider k at s."""
         nodes, values = shapes_at(self.model, k, s)
         tangent = values[1] @ state.q.reshape(-1, 4, 3)[nodes, 0]
         return np.asarray(tangent / np.linalg.norm(tangent))
 
     def _angle(self, k: int, place: float, state: Any) -> float:
-        """Return the angle, rad, of the kink at a place of what slider k runs on."""
+        """Return the angle, rad, of the kink at a place of the curve of slider k."""
         track = self.sliders[k].beam
         way = [self._tangent(k, s, state) for s in (place - SMALL_WAY * track.length, place + SMALL_WAY * track.length)]
         return float(2.0 * np.arcsin(min(1.0, 0.5 * np.linalg.norm(way[1] - way[0]))))
@@ -458,8 +460,8 @@ class Contacts:
 
 
 def held_length(beam: Beam, s: float, bore: float, curve: str) -> float:
-    """The length of a beam, m, that a sleeve at s keeps from bending: EI times the difference of the turn by a unit moment there
-    of a beam on two pins and of its elements, of which the mean over the bore is taken."""
+    """Return the length of a beam, m, that a sleeve at s keeps from bending: EI times the difference of the turn by a unit moment
+    there of a beam on two pins and of its elements, of which the mean over the bore is taken."""
     basis, around = beam.basis, AROUND if beam.interpolation == "lagrange" else AROUND_SPLINE
     sides = [element_at(beam, min(max(s + side * bore, 0.0), beam.length)) for side in (-0.5, 0.5)]
     ends = basis.element_ends[max(sides[0] - around, 0):sides[1] + around + 2]
@@ -482,7 +484,7 @@ def held_length(beam: Beam, s: float, bore: float, curve: str) -> float:
 
 
 def kinks_of(scene: Scene, slider: Slider) -> list[float]:
-    """Arc lengths, m, of what a slider runs on where that may have a kink: joints of a path, and nodes inside of beams at which
+    """Return arc lengths, m, at which the curve of a slider may have a kink: joints of a path, and nodes inside of beams at which
     other parts act."""
     beams = slider.beams
     starts = slider.beam.starts if isinstance(slider.beam, Path) else np.array([0.0, slider.beam.length])
@@ -498,12 +500,12 @@ def kinks_of(scene: Scene, slider: Slider) -> list[float]:
 
 
 def _owner(slider: Slider) -> Any:
-    """The part that a slider is a point of."""
+    """Return the part that a slider is a point of."""
     return getattr(slider.point, "owner", slider.point)
 
 
 def _exact(W: float, GA: float, N: float, s: Array) -> Array:
-    """Compliance at s of a taut Reissner beam with EI = 1 on two pins, W apart."""
+    """Return the compliance at s of a taut Reissner beam with EI = 1 on two pins, W apart."""
     length = np.sqrt(GA / (N * (GA - N)))
     a, b = s / length, (W - s) / length
     # sinh a sinh b / sinh(a + b)

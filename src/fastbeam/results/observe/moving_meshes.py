@@ -41,7 +41,7 @@ class MeshRows:
         return self.slider and self.some.size > 0
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shape of one row of every series."""
+        """Return the shape of one row of every series."""
         n = 0 if self.moving is None else len(self.moving.names)
         out: dict[str, tuple[int, ...]] = {}
         if self.slider:
@@ -119,6 +119,6 @@ def moving_weight(model: Model, q: Array) -> float:
 
 
 def place_rows(model: Model) -> Array:
-    """Rows of the places of contacts, and of the begin of their line, which are no positions in space."""
+    """Return rows of the places of contacts, and of the begin of their line, which are no positions in space."""
     moving = model.moving
     return model.pattern.row_of[np.zeros(0, np.int64) if moving is None else np.concatenate((moving.line, moving.places))]

@@ -92,7 +92,7 @@ class Observer:
         self._angles = np.zeros(0)
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shape of one row of every series."""
+        """Return the shape of one row of every series."""
         out: dict[str, tuple[int, ...]] = {"iterations": (), "step_size": ()}
         if self.energy:
             out |= dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total"), ())
@@ -308,8 +308,8 @@ class Observer:
         kernels.motion(q, v, self._p, self._out)
 
     def _inner(self, state: State) -> dict[str, Any]:
-        """Mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away before
-        anything is squared, so that no digits are lost to it."""
+        """Compute mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away
+        before anything is squared, so that no digits are lost to it."""
         weight = self.model.gravity_weight / np.sum(self.model.gravity_weight)
         q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
         # from the first node: differences of large coordinates are exact
@@ -324,7 +324,7 @@ class Observer:
                 "inner_spin": self._out[4:7].copy()}
 
     def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
-        """Header of the result; moving: of a run in time, whose shapes may have velocities."""
+        """Form the header of the result; moving: of a run in time, whose shapes may have velocities."""
         model = self.model
         names = {**model.names, "points": list(self.points.places)}
         if self.reactions:

@@ -47,7 +47,7 @@ class PointRows:
         self._kept: list[Array] = []
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shape of one row of every series."""
+        """Return the shape of one row of every series."""
         n = len(self.places)
         given = {"points": n > 0, "point_velocity": self.velocity, "point_spin": self.spin,
                  "point_acceleration": self.acceleration, "section_force": bool(self.sections),
@@ -76,12 +76,12 @@ class PointRows:
         return out
 
     def _along(self, x: Array) -> Array:
-        """Positions or velocities [P, 3] from coordinates or their rates [N, 4, 3]."""
+        """Return positions or velocities [P, 3] from coordinates or their rates [N, 4, 3]."""
         return np.array([np.einsum("ma,mac->c", weights, x[nodes]) for nodes, weights in self.places.values()])
 
     @staticmethod
     def _triad(x: Array, nodes: Array, weights: Array) -> Array:
-        """Directors, or their rates, [3, 3]."""
+        """Return directors, or their rates, [3, 3]."""
         return np.einsum("m,mkc->kc", weights[:, 0], x[nodes, 1:])
 
     # --- what steps tell --------------------------------------------------------------------------------------------------
@@ -123,26 +123,26 @@ def _put(out: dict[str, Any], k: int, section: Sections, q: Array, rates: Array 
 
 
 def _spin(d: Array, rates: Array) -> Array:
-    """Angular velocity [3], rad/s, that fits the rates of three directors best; exact for rigid motions also where interpolated
-    directors are no triad."""
+    """Return the angular velocity [3], rad/s, that fits the rates of three directors best; exact for rigid motions also where
+    interpolated directors are no triad."""
     return np.linalg.solve(np.sum(d * d) * np.eye(3) - d.T @ d, np.cross(d, rates).sum(axis=0))
 
 
 def _orthonormal(d: Array) -> Array:
-    """The triad nearest to three directors [3, 3]."""
+    """Return the triad nearest to three directors [3, 3]."""
     u, _, v = np.linalg.svd(d)
     return np.asarray(u @ v)
 
 
 def _section(model: Model, name: str, what: Any) -> Sections | None:
-    """The section of an observed point; None where it lies on no beam."""
+    """Return the section of an observed point; None where it lies on no beam."""
     if isinstance(what, NodeRef) and isinstance(what.owner, Beam):
         what = what.owner, float(what.owner.basis.node_s[what.index])
     return Sections(model, *what) if isinstance(what, tuple) else None
 
 
 def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
-    """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
+    """Return nodes [m] of an observed point, and weights [m, 4] of their positions and directors in it."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]
         require(Analysis.POINT_INSIDE, model, name, part=owner)

@@ -235,7 +235,7 @@ class Resolution:
                 "resolves: end the beam there and begin another one, or round the curve")
 
     def _place(self, first: int, last: int) -> tuple[str, str, int]:
-        """(beam, which part of it, number of its elements or 0) of the element between two nodes."""
+        """Return (beam, which part of it, number of its elements or 0) of the element between two nodes."""
         label = self.model.node_label(first)
         for beam in self.model.names["beams"]:
             if beam["first"] <= first < beam["first"] + beam["count"]:
@@ -247,8 +247,8 @@ class Resolution:
 
 
 def mesh_events(model: Model, state: State, slides: Array | None = None, squared: Array | None = None) -> list[dict[str, Any]]:
-    """Events where elements do not resolve one state, in space, of a model, nor modes about it: their w^2 [n], and motions of
-    sliders in those of modal mass 1 [n, S]."""
+    """Return events where elements do not resolve one state, in space, of a model, nor modes about it: their w^2 [n], and motions
+    of sliders in those of modal mass 1 [n, S]."""
     resolution = Resolution(model)
     resolution.look(0.0, state)
     out = resolution.events()
@@ -262,7 +262,7 @@ _KNOWN: WeakKeyDictionary[Model, list[tuple[Any, Any, list[_Elements]]]] = WeakK
 
 
 def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
-    """Tables and strains of a model, with their elements as they are in the reference."""
+    """Return tables and strains of a model, with their elements as they are in the reference."""
     out = []
     for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
         if tables is not None:
@@ -277,7 +277,7 @@ def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
 
 
 def _elements(model: Model, tables: Any) -> Any:
-    """_Elements of the tables of one strain set, for every number of nodes."""
+    """Yield _Elements of the tables of one strain set, for every number of nodes."""
     meta = tables.meta
     lanes = np.arange(8)
     for nn in np.unique(meta[:, NODES]).tolist():
@@ -303,7 +303,8 @@ def _elements(model: Model, tables: Any) -> Any:
 
 @lru_cache
 def _terms(p: int) -> Array:
-    """Values at the nodes of an element of degree p -> coefficients of Legendre polynomials [p + 1, p + 1]."""
+    """Return the map from values at the nodes of an element of degree p to coefficients of Legendre polynomials [p + 1, p +
+    1]."""
     return np.asarray(np.linalg.inv(np.polynomial.legendre.legvander(2.0 * build_basis("lagrange", p, 1, 1.0).node_s - 1.0, p)))
 
 

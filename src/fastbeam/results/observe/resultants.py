@@ -170,7 +170,7 @@ class Sections:
         return np.einsum("tsgixc,tsgxc->tsgi", gradient, np.concatenate((f[..., None, :], d, k), axis=-2))
 
     def _slopes(self, phi: Array, d: Array) -> tuple[Array, Array, Array]:
-        """phi' [n, m, g, 3], directors and their derivatives [n, m, g, 3, 3] at the points of the quadrature."""
+        """Return phi' [n, m, g, 3], directors and their derivatives [n, m, g, 3, 3] at the points of the quadrature."""
         f = np.einsum("sgn,tsgnc->tsgc", self.phi_s, phi[:, self.nodes])
         return (f, *(np.einsum("sgn,tsgnkc->tsgkc", x, d[:, self.nodes]) for x in (self.dir, self.dir_s)))
 
@@ -180,8 +180,8 @@ class Sections:
 
 
 def _points_about(basis: Basis, s: Array, at: Array) -> tuple[Array, Array]:
-    """Elements [m, 1] or [m, g] and numbers [g] or [m, g] of the points of the strain energy that tell of sections s [m] in
-    elements `at`: those of the element; of splines with points of weight zero the `degree` ones that are nearest."""
+    """Choose the points of the strain energy for sections s [m] in elements `at`: elements [m, 1] or [m, g] and numbers [g] or
+    [m, g] of points. They are those of the element; of splines with points of weight zero the `degree` ones that are nearest."""
     if np.all(basis.weight > 0.0):
         return at[:, None], np.arange(basis.weight.shape[1])
     element, point = np.nonzero(basis.weight > 0.0)
@@ -194,7 +194,8 @@ def _points_about(basis: Basis, s: Array, at: Array) -> tuple[Array, Array]:
 
 
 def forces_of(name: str, stress: Array, f: Array, d: Array, k: Array) -> tuple[Array, Array]:
-    """Force dW/d(phi') and moment sum d_i x dW/d(d_i') of a section [..., 3], from stresses conjugate to the strains [..., 6]."""
+    """Return force dW/d(phi') and moment sum d_i x dW/d(d_i') of a section [..., 3], from stresses conjugate to the strains [...,
+    6]."""
     s = [stress[..., i, None] for i in range(6)]
     d1, d2, d3 = (d[..., i, :] for i in range(3))
     if name == "simo_reissner":

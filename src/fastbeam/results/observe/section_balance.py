@@ -60,7 +60,7 @@ class Piece(NamedTuple):
 
 
 def places_on(section: Sections, s: Array) -> Array:
-    """Shape functions of all nodes of a beam at arc lengths [g]: [g, A]."""
+    """Return shape functions of all nodes of a beam at arc lengths [g]: [g, A]."""
     basis: Basis = section.beam.basis
     first, values, _ = basis.curve("own").evaluate(s)
     out = np.zeros((s.size, basis.n_nodes))
@@ -69,14 +69,14 @@ def places_on(section: Sections, s: Array) -> Array:
 
 
 def nodal(basis: Basis, values: Array) -> Array:
-    """Sums [A, 3] of what all elements have on their nodes [E, n, 3]."""
+    """Sum the values [E, n, 3] of all elements on their nodes, [A, 3]."""
     out = np.zeros((basis.n_nodes, 3))
     np.add.at(out, basis.element_nodes, values)
     return out
 
 
 def lengths_of(basis: Basis, elements: Any = slice(None)) -> Array:
-    """Length that belongs to every node of a beam, or of it what some elements have, m [A]."""
+    """Return the length that belongs to every node of a beam, or the part of it that belongs to some elements, m [A]."""
     out = np.zeros(basis.n_nodes)
     np.add.at(out, basis.element_nodes[elements], basis.mass_phi[elements].sum(axis=2))
     return out
@@ -176,7 +176,7 @@ class FreeBodies:
         return len(self.cuts) - 1
 
     def _elements(self, term: Beams, wanted: dict[tuple[int, int], Array], rows: int) -> Beams | None:
-        """The groups of elements that are wanted, each with rows of its own."""
+        """Return the groups of elements that are wanted, each with rows of its own."""
         tables = term.tables
         # elements of splines may have the same nodes: which of these it is, in their order along the beam, as in tables
         by_nodes = {}
@@ -238,7 +238,7 @@ class FreeBodies:
         return next(k for k, known in enumerate(self.model.load_times) if known is time)
 
     def _distributed(self, beam: Any) -> list[tuple[int, DistributedLoad]]:
-        """Dead loads along a beam, each with the number of its load vector."""
+        """Return dead loads along a beam, each with the number of its load vector."""
         return [(self._group(load.time), load) for load in self.model.load_parts.values()
                 if isinstance(load, DistributedLoad) and load.beam is beam and not load.follower]
 
@@ -264,7 +264,7 @@ class FreeBodies:
 
     # --- one evaluation ---------------------------------------------------------------------------------------------------
     def forces(self, system: Any, q: Array, h: float, factors: Array, second: Array | None, pushes: Any) -> Array:
-        """Force and moment [C, 2, 3] that the part behind each section exerts on the part before it.
+        """Return force and moment [C, 2, 3] that the part behind each section exerts on the part before it.
 
         Parameters
         ----------
@@ -314,7 +314,7 @@ class FreeBodies:
         return np.array(found)
 
     def _assembled(self, terms: Calls, h: float) -> Array:
-        """Forces and moments [rows, 6] that terms put on rows of their own."""
+        """Assemble forces and moments [rows, 6] that terms put on rows of their own."""
         self._r[:] = 0.0
         kernels.assemble_some(*terms.on(self._system), h)
         return self.in_space(self._r.reshape(-1, 8))
@@ -337,7 +337,7 @@ class FreeBodies:
         return out
 
     def in_space(self, r: Array) -> Array:
-        """Forces and moments [rows, 6] of residuals [rows, 8]."""
+        """Return forces and moments [rows, 6] of residuals [rows, 8]."""
         if self.plane is None:
             return r[:, :6]
         axes = self.plane.axes
@@ -354,7 +354,7 @@ class FreeBodies:
         self._under_of = np.repeat(np.arange(len(self._touched)), [len(x) for x in self._touched])
 
     def _line(self, k: int) -> tuple[Array, Array]:
-        """Nodes of the curve of slider k, and their arc lengths on it."""
+        """Return nodes of the curve of slider k, and their arc lengths on it."""
         c = int(self._curve[k])
         if c not in self._lines:
             self._lines[c] = nodes_of_curve(self.model.curves, c), self.model.curve_s[c]

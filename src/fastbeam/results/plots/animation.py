@@ -27,7 +27,7 @@ SOME, MOST = 6, 48
 
 
 def which_modes(value: Any) -> int | tuple[int, ...]:
-    """A mode, or several.
+    """Check that an argument is a mode, or several.
 
     Raises
     ------
@@ -47,10 +47,10 @@ class Film(Protocol):
     n: int
 
     def begin(self) -> Any:
-        """The figure of the first frame."""
+        """Return the figure of the first frame."""
 
     def show(self, i: int) -> None:
-        """Frame i."""
+        """Show frame i."""
 
 
 @checked(result=SHOWN, path=FilePath(), plane=PLANE, fps=Number(above=0.0, most=120.0, unit="1/s"), speed=Number(above=0.0),
@@ -180,7 +180,7 @@ class ResultFilm:
         self.n = len(self.picks)
 
     def begin(self) -> Any:
-        """The figure of the first snapshot."""
+        """Return the figure of the first snapshot."""
         shapes = self.shapes
         figure = _canvas(new_figure((8.0, 6.0)))
         self.axes = space_axes(figure, 111, shapes.everything, self.plane)
@@ -192,7 +192,7 @@ class ResultFilm:
         return figure
 
     def show(self, i: int) -> None:
-        """The snapshot of frame i."""
+        """Show the snapshot of frame i."""
         k = self.picks[i]
         self.shapes.move(self.lines, k, self.axes.axes_of_space)
         put_title(self.axes, _time(self.result, k))
@@ -231,7 +231,7 @@ class ModeFilm:
                                     directors=np.tile(modes.directors, (len(phi), 1, 1, 1))))
 
     def begin(self) -> Any:
-        """The figure with the equilibrium, and the modes at phase 0."""
+        """Return the figure with the equilibrium, and the modes at phase 0."""
         shapes = self.shapes
         if len(self.which) == 1:
             figure = new_figure((8.0, 6.0))
@@ -250,7 +250,7 @@ class ModeFilm:
         return _canvas(figure)
 
     def show(self, i: int) -> None:
-        """All modes at frame i of their period."""
+        """Show all modes at frame i of their period."""
         self._take(i)
         for j, (lines, axes) in enumerate(zip(self.lines, self.panels)):
             self.shapes.move(lines, 1 + j, axes.axes_of_space)
@@ -261,7 +261,7 @@ class ModeFilm:
 
 
 def _frames(times: np.ndarray, fps: float, speed: float | None) -> np.ndarray:
-    """Snapshots that the frames show."""
+    """Choose the snapshots that the frames show."""
     if speed is None:
         return np.arange(len(times))
     n = int(min((times[-1] - times[0]) / (speed / fps), MOST_FRAMES)) + 1
@@ -294,7 +294,7 @@ def _writer(kind: str, fps: float) -> Any:
 
 
 def _canvas(figure: Any) -> Any:
-    """The figure, with something that draws it."""
+    """Return the figure, with a canvas that draws it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     FigureCanvasAgg(figure)
     return figure

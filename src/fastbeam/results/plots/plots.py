@@ -380,6 +380,6 @@ def _need_any(result: Result, names: tuple[str, ...], what: str) -> None:
 
 
 def _cycle(n: int) -> list[Any]:
-    """n colours, all different."""
+    """Return n colours, all different."""
     import matplotlib as mpl
     return list(COLOURS[:n]) if n <= len(COLOURS) else list(mpl.colormaps["turbo"](np.linspace(0.03, 0.97, n)))
