@@ -191,8 +191,9 @@ def _forces(result: Result, n: int, where: Array) -> Callable[[int], Array]:
 
 
 def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
-    """Return name and values [N, 3] (m/s) of the velocities of all nodes at snapshot k: those that the run kept, else slopes of
-    the parabola through three shapes, at the first and last the nearest three; None where shapes are not those of a motion."""
+    """Return the name of the velocities of all nodes, and a function of snapshot k that returns them [N, 3] (m/s): those that the
+    run kept, else slopes of the parabola through three shapes, at the first and last the nearest three; None where shapes are not
+    those of a motion."""
     if result.velocities is not None:
         kept = result.velocities
         return "velocity", lambda k: kept[k]
@@ -212,8 +213,8 @@ def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
 
 
 def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Callable[[int], Array]]:
-    """Return forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3], linear between the arc lengths
-    that are given; NaN on beams without section forces.
+    """Return functions of snapshot k: forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3],
+    linear between the arc lengths that are given; NaN on beams without section forces.
 
     Raises
     ------

@@ -171,7 +171,7 @@ class PathSolver(SlidingSolver):
         return None if self.along is None else (laws.time, laws.first + self.factor * laws.change)
 
     def saved(self) -> tuple[Any, ...]:
-        """State and load factor, for `restore`."""
+        """Return state and load factor, for `restore`."""
         return (*self._saved(), self.factor)
 
     def restore(self, saved: tuple[Any, ...]) -> None:
@@ -182,7 +182,8 @@ class PathSolver(SlidingSolver):
             self._strains.put(self.factor)
 
     def place(self) -> Array:
-        """Coordinates, arc lengths of sliders and load factor such that differences have the length of steps, to first order."""
+        """Return coordinates, arc lengths of sliders and load factor such that differences have the length of steps, to first
+        order."""
         state, size = self.state, self.core.length
         q = state.q.reshape(-1, 4, 3)
         nodes = np.concatenate((q[:, 0] / size, q[:, 1:].reshape(len(q), -1) / np.sqrt(2.0)), axis=1) / np.sqrt(len(q))
@@ -217,7 +218,7 @@ class PathSolver(SlidingSolver):
         return saddle, right, push
 
     def _at(self, factor: float, ahead: float = 0.0) -> None:
-        """Loads, prestrains, laws and supports at a load factor, and by `ahead` further, supports to first order."""
+        """Set loads, prestrains, laws and supports at a load factor, and by `ahead` further, supports to first order."""
         if self.motion is not None:
             self.motion.share, self.motion.ahead = factor, ahead
         factor += ahead
@@ -230,8 +231,7 @@ class PathSolver(SlidingSolver):
             self.stepper.load_at(laws.time, laws.first, laws.shares[0] + factor * laws.shares[1])
 
     def _bordered(self, saddle: Saddle, column: Array, row: Array, corner: float, right: Array, last: float) -> Array | None:
-        """Solution of [K, -column; row, corner]; None where none is found that leaves no more than round-off of the right-hand
-        side out."""
+        """Solve [K, -column; row, corner]; None where no solution leaves only round-off of the right-hand side."""
         from scipy import sparse
         inner, n = saddle.matrix, column.size
         kind = inner.indptr, inner.indices, column != 0.0, row != 0.0
@@ -321,8 +321,8 @@ class PathSolver(SlidingSolver):
         return float(np.sqrt(np.sum(self.weight * off * off) + (self.factor - first - step * along.factor)**2))
 
     def test_of(self, v: Array) -> float:
-        """A number that vanishes with the determinant of the tangent, and changes its sign with the eigenvalue whose vector is
-        near v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000). NaN where it is not found."""
+        """Return a number that vanishes with the determinant of the tangent, and changes its sign with the eigenvalue whose
+        vector is near v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000). NaN where it is not found."""
         self.work.increment.control[0] = 0.0
         saddle, right, _ = self.equations()
         border = self.weight * v
@@ -330,8 +330,8 @@ class PathSolver(SlidingSolver):
         return np.nan if x is None else float(x[-1])
 
     def eigenvalue(self, k: int) -> float:
-        """The k-th lowest eigenvalue of the tangent, counted from 0, in the metric of the steps; NaN where it is not found. That
-        of number k changes its sign where k + 1 directions become unstable after k."""
+        """Return the k-th lowest eigenvalue of the tangent, counted from 0, in the metric of the steps; NaN where it is not
+        found. Eigenvalue number k changes its sign where k + 1 directions become unstable after k."""
         found = self._eigen(k + 1 + self.free)
         if found is None:
             return np.nan
@@ -339,7 +339,7 @@ class PathSolver(SlidingSolver):
         return float(values[k]) if values.size > k else np.nan
 
     def nearest(self, m: int) -> Array:
-        """Vectors [n, m] of the m real eigenvalues nearest to zero, fewer where so many are not found."""
+        """Return vectors [n, m] of the m real eigenvalues nearest to zero, fewer where so many are not found."""
         found = self._eigen(NUMBERS[0] + m)
         if found is None:
             return np.zeros((self.weight.size, 0))
@@ -372,7 +372,7 @@ class PathSolver(SlidingSolver):
         return np.asarray(v * np.sign(v[peak, np.arange(v.shape[1])]))
 
     def _moving(self, v: Array) -> Array:
-        """Vectors [n, m] without the spins that move nothing among their combinations, if anything is left."""
+        """Remove from vectors [n, m] the spins that move nothing among their combinations, if anything is left."""
         n, size = self.core.pattern.n, len(self.core.dofs)
         places = v[:n * size].reshape(n, size, -1)[:, :self.core.dim].reshape(n * self.core.dim, -1)
         moves = np.concatenate((places, v[n * size:n * size + self.sliding.size])) / self.core.length / np.sqrt(n)
@@ -381,7 +381,7 @@ class PathSolver(SlidingSolver):
         return v @ rows.T if 0 < len(rows) < v.shape[1] else v
 
     def branches(self, k: int, step: float) -> tuple[list[Direction], bool]:
-        """Directions in which other paths leave a critical point, and whether they are some of a continuum.
+        """Find directions in which other paths leave a critical point; return them, and whether they are some of a continuum.
 
         Where several eigenvalues vanish together, steps into many directions of their vectors are tried; each that ends in an
         equilibrium tells the direction of its path.
@@ -415,9 +415,9 @@ class PathSolver(SlidingSolver):
         return [Direction(v @ way, 0.0) for way in (ways[:1] + [-ways[0]] if is_continuum else ways)], is_continuum
 
     def _eigen(self, n: int, below_zero: float = 0.0, left: bool = False) -> tuple[Array, Array] | None:
-        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: looked for so
-        far below zero, next to the largest stiffness, where several may vanish; left: vectors of the transposed tangent. Those
-        asked for last are kept: the same critical point is looked at several times."""
+        """Find the lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: distance
+        below zero, relative to the largest stiffness, from which they are computed where several may vanish; left: vectors of the
+        transposed tangent. The last ones are kept, because the same critical point is looked at several times."""
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
         assert self._known is not None
@@ -484,8 +484,8 @@ def _are_real(values: Array) -> Array:
 
 def _bordered_places(inner_indptr: Array, inner_indices: Array, column: Array, row: Array
                      ) -> tuple[Array, Array, Array, Array]:
-    """Structure by rows of a matrix [n, n] with one more column and row, of whose entries these masks [n] tell, and a corner:
-    ends of rows, columns, and where entries of the matrix and of the column stand."""
+    """Form the structure by rows of a matrix [n, n] with one more column and row, whose entries these masks [n] mark, and a
+    corner: ends of rows, columns, and where entries of the matrix and of the column stand."""
     n = column.size
     more = np.concatenate(([0], np.cumsum(column)))
     indptr = np.append(inner_indptr + more, inner_indices.size + more[-1] + np.sum(row) + 1).astype(np.int32)

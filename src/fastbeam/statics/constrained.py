@@ -161,8 +161,8 @@ class SaddleSolver(StaticSolver):
         state.q[:], state.s[:], state.force[:] = saved
 
     def _of_constraints(self, rubs: bool = True) -> Equations:
-        """Equations of the constraints at the present shape, with friction of sliders that slip or without; their residuals are
-        kept for messages."""
+        """Evaluate the equations of the constraints at the present shape, with friction of sliders that slip or without; their
+        residuals are kept for messages."""
         if self._without is not None:
             return self._without
         state, contact, along = self.stepper.core_state, self.stepper.contact, self.along
@@ -181,12 +181,12 @@ class SaddleSolver(StaticSolver):
         return found
 
     def _shape(self) -> Array:
-        """Coordinates in space [12 N]; nothing where no equation asks for them."""
+        """Return coordinates in space [12 N]; nothing where no equation asks for them."""
         return self.state.q if self.steady is not None or self.motion is not None else np.zeros(0)
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
     def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
-        """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
+        """Assemble tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
         model, work = self.core, self.work
         size, n = len(model.dofs), model.pattern.n
         equations, q = self._of_constraints(), self._shape()
@@ -274,7 +274,7 @@ class SaddleSolver(StaticSolver):
         return moved + float(np.maximum.reduce(np.abs(x.s), initial=0.0)) / core.length
 
     def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
-        """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
+        """Iterate by Newton's method with these sliders [S] free; not patient: give up where increments do not become smaller."""
         self.work.increment.control[0] = 0.0
         is_whole, carries = False, self._follows and self._led is None
 

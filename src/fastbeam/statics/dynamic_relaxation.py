@@ -165,7 +165,7 @@ def _way(model: Model, start: State | None, at_time: float | None) -> _Way | Non
 
 
 def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
-    """The model with loads that are constant and supports that go their way, or stand still."""
+    """Return the model with loads that are constant and supports that go their way, or stand still."""
     def constant(one: Model) -> Model:
         loads = one.loads * factors[:, None] if one.loads.size else one.loads
         features = tuple(_Still(x, way) if isinstance(x, PrescribedMotions) else x for x in one.features)
@@ -219,13 +219,14 @@ class _Still(PrescribedMotions):
         self._of, self._way = of, way
 
     def schedule(self, times: Array, tables: Any, plane: Any = None) -> Array:
-        """Increments of a step, as `PrescribedMotions.schedule`."""
+        """Return increments of a step, as `PrescribedMotions.schedule`."""
         if self._way is None or self._way.is_done:
             return np.zeros((len(times) - 1, len(self._of.motions), 6 if plane is None else 3))
         return self._of.schedule(self._way.times(), tables, plane)
 
     def vectors(self, t: float) -> Array:
-        """Rotation vectors [3 K] of supports where they are on their way, less those at t = 0; zeros where they stand still."""
+        """Return rotation vectors [3 K] of supports where they are on their way, less those at t = 0; zeros where they stand
+        still."""
         return np.zeros(self._of.history_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
 
 
@@ -260,7 +261,7 @@ class _Motion:
 
     # --- states -------------------------------------------------------------------------------------------------------
     def state(self) -> State:
-        """The present shape at rest, as one of the model."""
+        """Return the present shape at rest, as a state of the model."""
         now, history = self.stepper.state, self.model.state().history
         found = State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
         self.model.keep_turns(history, now.history)
@@ -287,7 +288,7 @@ class _Motion:
         return result
 
     def energies(self, state: State | None = None) -> tuple[float, float, float]:
-        """Kinetic, strain and potential, J: the last one of forces, moments have none."""
+        """Return kinetic, strain and potential energy, J: the last one of forces, moments have none."""
         model = self.stepper.model
         state = self.stepper.state if state is None else state
         row = self.meter.row(self.at_time, state)
@@ -370,7 +371,7 @@ class _Motion:
             bar.close()
 
     def _first_step(self) -> float:
-        """A share of the time in which the loads, or the stresses of the start, move the scene by its size."""
+        """Return a share of the time in which the loads, or the stresses of the start, move the scene by its size."""
         model = self.stepper.model
         mass = float(model.gravity_weight.sum())
         push = float(np.abs(model.loads.reshape(len(model.loads), -1, 8)[:, :, :3]).sum()) if model.loads.size else 0.0
@@ -446,14 +447,14 @@ class _Motion:
         return self.result()
 
     def _stuck(self) -> ConvergenceError:
-        """The error of a motion that has come to rest where Newton's method does not finish."""
+        """Form the error of a motion that has come to rest where Newton's method does not finish."""
         text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, its last one moved it by "
                 f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it "
                 "is in .state, everything until then in .result")
         return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
 
     def _restless(self, most_steps: int) -> ConvergenceError:
-        """The error of a scene that does not come to rest."""
+        """Form the error of a scene that does not come to rest."""
         text = (f"relax: scene {self.model.scene_name!r} did not come to rest in {most_steps} steps, {self.swings} swings; the "
                 f"last "
                 f"swing moved it by {self.info['residual']:.2g} of its size. Give more most_steps, damping (damping= of "

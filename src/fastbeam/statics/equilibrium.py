@@ -113,7 +113,7 @@ class StaticSolver:
             kernels.external_forces(self.core.loads, factors, self.work.f_ext)
 
     def load_all(self, factors: Array) -> None:
-        """All that acts on nodes at the present shape, under load factors [K], into `work.f_ext`."""
+        """Assemble all loads on nodes at the present shape, under load factors [K], into `work.f_ext`."""
         self._load(factors)
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
@@ -265,6 +265,6 @@ class StaticSolver:
         return self.counts(self.linear.superlu.signs(blocks, self.has_potential(in_plane), self.hold_free))
 
     def counts(self, found: tuple[int, int] | None) -> Counts | None:
-        """Numbers of negative and of zero eigenvalues with what is known of the latter."""
+        """Return the numbers of negative and of zero eigenvalues, with the names of free motions among the latter."""
         names = self.free_motions.names
         return None if found is None else Counts(*found, names if len(names) <= found[1] else ())

@@ -96,7 +96,7 @@ class ExactSolver(SlidingSolver):
         return status, sizes + more
 
     def _sharpened(self, factors: Array) -> tuple[int, list[float]]:
-        """The equilibrium with cut beams, and which contacts stick, slip and rest at stops in it."""
+        """Find the equilibrium with cut beams, and which contacts stick, slip and rest at stops in it."""
         at = self.state
         cut = self.found.cut if self.found is not None and np.array_equal(at.s, self.found.cut.s) else Cut(self.scene, at.s)
         solver = self._open(cut, at)
@@ -188,7 +188,8 @@ class ExactSolver(SlidingSolver):
         return own._replace(sliding=np.where(has, found.slope - known, push), normal=np.where(has, normal, own.normal))
 
     def _no_slope(self, cut: Cut, free: Array) -> int:
-        """A contact came to a node that other parts refer to, to another contact or to an end."""
+        """Note why a contact has no slope: it came to a node that other parts refer to, to another contact or to an end. Return
+        SLIDER_END."""
         names = self.stepper.model.names["sliders"]
         for k in free.tolist():
             slot = next(x for x in cut.slots[cut.places[k].beam] if k in x.contacts)
@@ -212,7 +213,7 @@ class ExactSolver(SlidingSolver):
         return np.asarray(push - self.along.known(found.cut.s)[0][free] + rub)
 
     def _newton_way(self, found: Found, free: Array, push: Array, bend: Array) -> Array:
-        """Newton's increments of the free s [F] where some slip with friction; bend: without it."""
+        """Return Newton's increments of the free s [F] where some slip with friction; bend: without it."""
         assert self.along is not None
         slip, (normal, force) = self.along.slip[free], self._normal(found)
         ahead = np.array([x.force[:force.size].reshape(force.shape)[free] for x in found.ahead])
@@ -220,7 +221,7 @@ class ExactSolver(SlidingSolver):
         return np.linalg.solve(bend + slip[:, None] * change / normal[free, None], -push)
 
     def _way(self, found: Found, free: Array, push: Array) -> Array | None:
-        """Increments of the free s [F], downhill; None where a contact runs off its beam."""
+        """Return increments of the free s [F], downhill; None where a contact runs off its beam."""
         bend = found.bend if self.along is None else found.bend - np.diag(self.along.known(found.cut.s)[1][free])
         size, axes = np.linalg.eigh(bend)
         along = axes.T @ push
@@ -244,7 +245,7 @@ class ExactSolver(SlidingSolver):
         return np.asarray(way * min(1.0, float(np.min(most / np.maximum(np.abs(way), 1e-300)))))
 
     def _moved(self, found: Found, s: Array, way: Array, factors: Array, free: Array) -> Found | None:
-        """The equilibrium with contacts at s [S]; None where there is none near."""
+        """Find the equilibrium with contacts at s [S]; None where there is none near."""
         cut = Cut(self.scene, s, found.cut)
         before = found.solver
         if cut.same_mesh and way.size:
@@ -266,7 +267,7 @@ class ExactSolver(SlidingSolver):
         return self._looked_at(cut, solver, factors, free) if status == OK else None
 
     def _open(self, cut: Cut, at: State, on_cut: bool = False) -> SlidingSolver:
-        """A solver with everything held where it is; at: a state of the given mesh, or of the cut one."""
+        """Make a solver with everything held where it is; at: a state of the given mesh, or of the cut one."""
         flat = self.stepper.plane is not None
         model = self._compiled(cut, flat)
         start = model.state()
@@ -318,8 +319,8 @@ class ExactSolver(SlidingSolver):
         return Found(cut, solver, along.slope, 0.5 * (bend + bend.T), ahead, stretch)
 
     def _bend(self, cut: Cut, solver: SlidingSolver, acting: dict[Any, Acting], k: int, ahead: Increment) -> float:
-        """Derivative of the slope of contact k by its place, with all nodes in equilibrium: a difference along the way that they
-        take, because in the sum of derivatives that of the normal force of a stiff beam is left as round-off."""
+        """Return the derivative of the slope of contact k by its place, with all nodes in equilibrium: a difference along the way
+        that they take, because in the sum of derivatives that of the normal force of a stiff beam is left as round-off."""
         step, saved, slope = BEND_STEP * cut.length_at(k), solver._saved(), []
         for way in (step, -step):
             solver.move(Increment(way * ahead.nodes, ahead.s, way * ahead.force))
@@ -340,7 +341,7 @@ class ExactSolver(SlidingSolver):
             along.slope[k] -= float(row[:way.size] @ way)
 
     def _by_unknowns(self, solver: SlidingSolver, along: Along, free: Array) -> Array:
-        """Derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""
+        """Return derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""
         from scipy import sparse
         return (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
 
@@ -397,7 +398,7 @@ class ExactSolver(SlidingSolver):
                                 free=counted.free + int(np.sum(np.abs(size) <= least)))
 
     def row(self, observed: Observed, t: float, factors: Array, share: float) -> dict[str, Any]:
-        """A row of the result at time t, s, under load factors [K]; share: the load factor."""
+        """Return the row of the result at time t, s, under load factors [K]; share: the load factor."""
         found = self.found
         assert found is not None
         solver, model = found.solver, found.solver.stepper.model
@@ -420,7 +421,7 @@ class ExactSolver(SlidingSolver):
         return row
 
     def _share_out(self, row: dict[str, Any], found: Found) -> None:
-        """Friction and rigid stops share what drives and elastic stops leave of the force along the beam."""
+        """Split the force along the beam that drives and elastic stops leave into friction and force of rigid stops."""
         assert self.along is not None
         at_stop, exact = self.along.modes.at_stop != 0, self._exact_equations(found)
         most = self.along.friction * exact.normal

@@ -184,7 +184,7 @@ class FreeMotions:
         return spins.pivots
 
     def _loose(self, whole: Any, q: Array, spins: _Spins) -> list[_Near]:
-        """Parts that supports let move otherwise than by free spins."""
+        """Return parts that supports let move otherwise than by free spins."""
         out = []
         for alike, spin in zip(self._alike, spins.by_part):
             rest = _without(alike.rigid(self, q), spin)
@@ -200,7 +200,7 @@ class FreeMotions:
         return out
 
     def on_unknowns(self, rows: Array, motion: Array) -> Array:
-        """Velocities and spins [k, 6, m] of nodes that have these rows [k] in their unknowns [k, size, m]."""
+        """Return velocities and spins [k, 6, m] of nodes that have these rows [k] in their unknowns [k, size, m]."""
         motion = motion * self.own[rows][:, :, None]
         if self.axes is None:
             return motion
@@ -381,14 +381,14 @@ class _Near:
 
 
 def _spin(signs: Array, axes: Array) -> Array:
-    """Velocities and spins [k, 6, 1] of nodes that spin about their axes [k, 3]."""
+    """Return velocities and spins [k, 6, 1] of nodes that spin about their axes [k, 3]."""
     out = np.zeros((len(axes), 6, 1))
     out[:, 3:, 0] = np.nan_to_num(signs)[:, None] * axes
     return out
 
 
 def _rigid(x: Array, length: float) -> Array:
-    """Velocities and spins [k, 6, 6] of nodes at x [k, 3] that move together: shifts, and turns about their middle."""
+    """Return velocities and spins [k, 6, 6] of nodes at x [k, 3] that move together: shifts, and turns about their middle."""
     off = x - x.mean(axis=0)
     reach = float(np.max(np.linalg.norm(off, axis=1), initial=0.0)) or length
     out = np.zeros((len(x), 6, 6))
@@ -398,14 +398,14 @@ def _rigid(x: Array, length: float) -> Array:
 
 
 def _scaled(matrix: Any, nodes: Nodes, x: Array) -> Array:
-    """K x of motions [n, m], every row next to the sum of the sizes of its terms."""
+    """Return K x of motions [n, m], every row relative to the sum of the sizes of its terms."""
     product, size = strained(matrix, nodes, x)
     total = size.sum(axis=1)
     return product[total > 0.0] / total[total > 0.0, None]
 
 
 def _null(matrix: Any, nodes: Nodes, x: Array, round_off: float) -> Array:
-    """Combinations [k, m] of motions x [n, k] that nothing resists but round-off."""
+    """Return the combinations [k, m] of motions x [n, k] that only round-off resists."""
     product = _scaled(matrix, nodes, x)
     turn = _singular(product)[1]
     left = np.max(np.abs(product @ turn.T), axis=0, initial=0.0)
@@ -454,7 +454,8 @@ def _parts(model: Model) -> list[Part]:
 
 
 def _signs(beams: list[Array], triad: Array, d1: Array) -> Array:
-    """1 or -1 for each of some beams that are joined, such that they spin about their axes together where they are in line."""
+    """Return 1 or -1 for each of some beams that are joined, such that they spin about their axes together where they are in
+    line."""
     shared: dict[int, list[tuple[int, int]]] = {}
     for k, nodes in enumerate(beams):
         for node in nodes.tolist():
@@ -471,7 +472,8 @@ def _signs(beams: list[Array], triad: Array, d1: Array) -> Array:
 
 
 def _without(x: Array, known: Array) -> Array:
-    """Motions [parts, n, m] without their parts along a known one [parts, n], all of size 1; zero where nothing is left."""
+    """Return motions [parts, n, m] without their parts along a known one [parts, n], all of size 1; zero where nothing is
+    left."""
     def unit(y: Array) -> Array:
         size = np.linalg.norm(y, axis=1, keepdims=True)
         return y / np.where(size > 0.0, size, 1.0)
@@ -484,7 +486,7 @@ def _without(x: Array, known: Array) -> Array:
 
 
 def _singular(x: Array) -> tuple[Array, Array]:
-    """Singular values [..., m] and right vectors by rows [..., m, m] of matrices [..., n, m]."""
+    """Return singular values [..., m] and right vectors by rows [..., m, m] of matrices [..., n, m]."""
     short = max(x.shape[-1] - x.shape[-2], 0)
     x = np.concatenate((x, np.zeros((*x.shape[:-2], short, x.shape[-1]))), axis=-2)
     return np.linalg.svd(np.linalg.qr(x, mode="r"))[1:]

@@ -71,7 +71,7 @@ class JointCoordinates:
         self.solver.resting = values
 
     def most(self) -> Array:
-        """Largest friction under the present forces, [R]."""
+        """Return the largest friction under the present forces, [R]."""
         out = self.holds.limits.copy()
         force, q = self.solver.stepper.core_state.force, self.solver.state.q.reshape(-1, 4, 3)
         kept = self.solver.map.model.kept
@@ -119,7 +119,7 @@ class SectionAngles:
         self.solver.constraints.angles = dict(zip(self.of.tolist(), values.tolist()))
 
     def most(self) -> Array:
-        """Largest moment of friction under the present forces, N m [R]."""
+        """Return the largest moment of friction under the present forces, N m [R]."""
         state = self.solver.stepper.core_state
         every = sections(self.model, state.s, state.q.reshape(-1, 4, 3))
         press, _ = edges_of(self.model, state.force)
@@ -195,7 +195,7 @@ class StaticJoints:
         return loose[:sum(x.values.size for x in self._parts if isinstance(x, JointCoordinates))]
 
     def hold(self) -> None:
-        """Have them where they are in the next equilibrium."""
+        """Prescribe the present values of all coordinates in the next equilibrium."""
         for part, values in zip(self._parts, np.split(self.values, self._cuts)):
             part.hold(values)
 
@@ -208,11 +208,11 @@ class StaticJoints:
         return float(np.max(np.abs(self.solver.stepper.core_state.force) / self._arms, initial=0.0))
 
     def most(self) -> Array:
-        """Largest friction under the present forces, [R]."""
+        """Return the largest friction under the present forces, [R]."""
         return np.concatenate([x.most() for x in self._parts])
 
     def _slopes(self, moving: Array) -> Array | None:
-        """dG/dx of the coordinates that move, [n, n]; None where the equations are singular."""
+        """Return dG/dx of the coordinates that move, [n, n]; None where the equations are singular."""
         solver = self.solver
         saddle, right = solver._assembled(solver.sliding)
         at = self.rows[moving]

@@ -57,7 +57,7 @@ class Response(SlidingSolver):
         return self.nodes + self.sliding.size + self.core.n_forces
 
     def weighed(self, x: Array) -> Array:
-        """Motions of the nodes and sliders among unknowns [n], in sizes of the scene and rad."""
+        """Return motions of the nodes and sliders among unknowns [n], in sizes of the scene and rad."""
         size = len(self.core.dofs)
         moved = x[:self.nodes].reshape(-1, size) / np.where(np.arange(size) < self.core.dim, self.core.length, 1.0)
         return np.append(moved.reshape(-1), x[self.nodes:self.nodes + self.sliding.size] / self.core.length)
@@ -94,11 +94,11 @@ class Response(SlidingSolver):
         self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:]))
 
     def unbalanced(self) -> Array:
-        """Forces, forces along beams and gaps that are left [n]; held unknowns have none."""
+        """Return residual forces, sliding forces and gaps [n]; fixed unknowns have none."""
         return self.linearised()[1]
 
     def linearised(self) -> tuple[Saddle, Array]:
-        """Tangent and what is unbalanced."""
+        """Return tangent and residual."""
         self.work.increment.control[0] = 0.0
         self.stepper.forget_failures()
         found = self._assembled(self.sliding)
@@ -114,17 +114,17 @@ class Response(SlidingSolver):
         return found
 
     def lift(self) -> Any:
-        """Unknowns of the nodes -> rates of the 12 coordinates of all nodes, sparse [12 N, m]."""
+        """Return the map from unknowns of the nodes to rates of the 12 coordinates of all nodes, sparse [12 N, m]."""
         return self.map.rates(self.state.q)
 
     def spread(self, x: Array) -> Array:
-        """Displacements and spins of the nodes that the unknowns [n] of nodes are of, [N, 6]; tied nodes have none."""
+        """Return displacements and spins of the nodes that the unknowns [n] of nodes belong to, [N, 6]; tied nodes have none."""
         return np.asarray(self.map.rows @ x[:self.nodes]).reshape(-1, 6)
 
 
 def at_shape(like: Response, model: Model, factors: Array, way: Array, length: float,
              load_factor: float | None = None) -> Response:
-    """The response of another scene of the family at the shape of the first, moved with its reference and along a way.
+    """Return the response of another scene of the family at the shape of the first, moved with its reference and along a way.
 
     Parameters
     ----------
@@ -169,7 +169,8 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
 
 
 def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
-    """Events where sliders that are free in the equilibrium of a model, at which the solver is, rest where the mesh lets them."""
+    """Return events where sliders that are free in the equilibrium of a model, at which the solver is, rest where the mesh lets
+    them."""
     if not np.any(solver.sliding):
         return []
     saddle, free = solver.at_places()

@@ -36,7 +36,7 @@ class LawPath(NamedTuple):
 
 
 def user_forces(model: Model) -> list[UserForce]:
-    """Forces by laws on nodes and along beams, and loads that turn."""
+    """Return forces by laws on nodes and along beams, and loads that turn."""
     return model.uneliminated.scene.user_forces if model.user_forces else []  # type: ignore[union-attr]
 
 

@@ -103,7 +103,7 @@ class StaticTask:
     steady: Spin | Travel | None
 
     def solver(self) -> StaticSolver:
-        """The solver for its kind of scene, at the start.
+        """Make the solver for this type of scene, at the start.
 
         Raises
         ------
@@ -342,7 +342,7 @@ class LoadSteps:
         return result
 
     def _look_at_mesh(self, factor: float) -> str:
-        """Events where elements are too coarse for the last equilibrium; the first as a text."""
+        """Add events where elements are too coarse for the last equilibrium; return the first as a text."""
         resolution = Resolution(self.task.model)
         resolution.look(factor, self.solver.state)
         found = resolution.events()
@@ -353,7 +353,7 @@ class LoadSteps:
 
 @contextmanager
 def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
-    """Ctrl-C waits for the end of a load step, or of an iteration where these are called from Python, and brings the result.
+    """Let Ctrl-C wait for the end of a load step, or of an iteration where these are called from Python, and return the result.
 
     Raises
     ------
@@ -389,7 +389,7 @@ def _slack(model: Model, state: State) -> str:
 
 
 def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
-    """The error of a slider that finds no place on its beam."""
+    """Form the error of a slider that finds no place on its beam."""
     names = solver.stepper.model.names["sliders"]
     name = names[max(solver.runaway, solver.stuck)]
     if solver.runaway >= 0:

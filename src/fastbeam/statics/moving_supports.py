@@ -48,10 +48,10 @@ class _Moving(ABC):
 
     @abstractmethod
     def moved(self, q: Array, given: Array) -> Array:
-        """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by what is `pending`."""
+        """Return coordinates [12 N] with the supports, and what hangs rigidly on them, moved by increments `given`."""
 
     def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
-        """Gaps (a function of coordinates) where the supports have gone on by that, with `ahead` to first order."""
+        """Return gaps (a function of coordinates) with the supports moved by increments `given`, with `ahead` to first order."""
         if not self.ahead:
             return gaps(self.moved(q, given))
         rate = self.ahead * self.moves
@@ -104,7 +104,7 @@ class StaticMotion(_Moving):
         self._off = [np.zeros(3) if between else self._start[0][k] - self._at(k, 0.0)[0] for k in range(len(motions))]
 
     def _at(self, k: int, t: float) -> tuple[Array, Array]:
-        """Place and triad of support k at time t."""
+        """Return place and triad of support k at time t."""
         motion, (place, turn, _) = self.of.motions[k], self._first[k]
         now = motion.place(t)
         triad = self._triads[k] if motion.rotation is None else self._triads[k] @ turn @ motion.turn(t).T
@@ -153,7 +153,7 @@ class StaticMotion(_Moving):
                              "with the supports there, as in start=solve_static(model, at_time=...).state")
 
     def targets(self) -> tuple[Array, Array]:
-        """Places [M, 3] and triads [M, 3, 3] at the load factor `share`."""
+        """Return places [M, 3] and triads [M, 3, 3] at the load factor `share`."""
         places, triads = self._start[0].copy(), self._start[1].copy()
         for k in range(len(places)):
             if self.from_start:
@@ -171,7 +171,7 @@ class StaticMotion(_Moving):
         return places, triads
 
     def _turned(self, k: int, vectors: Array) -> Array:
-        """The triad of support k where supports have turned by these vectors since t = 0."""
+        """Return the triad of support k after supports have turned by these vectors since t = 0."""
         _, turn, first = self._first[k]
         return np.asarray(self._triads[k] @ turn @ _turned_by(first + vectors[self._counts[k]]).T)
 
@@ -303,7 +303,7 @@ class StaticShift(_Moving):
 
 
 def _turns_left(triads: Array, now: Array) -> Array:
-    """Cayley vectors [T, 3] from triads now [T, 3, 3] to these; NaN where one would turn too far at once."""
+    """Return Cayley vectors [T, 3] from triads now [T, 3, 3] to these; NaN where one would turn too far at once."""
     # rows are directors: D' = D R^T
     turn = triads.transpose(0, 2, 1) @ now
     size = 1.0 + np.trace(turn, axis1=1, axis2=2)
@@ -333,13 +333,13 @@ def leave_plane(model: Model, moves: dict[int, Array]) -> bool:
 
 
 def coordinates_of(stepper: Any, nodes: Array) -> Array:
-    """Coordinates in space [M, 4, 3] of some nodes of a stepper."""
+    """Return coordinates in space [M, 4, 3] of some nodes of a stepper."""
     q = stepper.core_state.q
     return q.reshape(-1, 4, 3)[nodes] if stepper.plane is None else stepper.plane.vectors_of(q[None], nodes, True)[0]
 
 
 def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float, label: Callable[[int], str]) -> Array:
-    """Motions [M, 6] of nodes as increments of rows."""
+    """Return motions [M, 6] of nodes as increments of rows."""
     x = np.zeros((core.pattern.n, 6 if axes is None else 3))
     flat = given
     if axes is not None:
@@ -377,8 +377,8 @@ class Carrying:
         self.row, self.column = pattern.rows[self.block], columns[self.block]
 
     def assemble(self, stepper: Any, system: SystemRecord, x: Array) -> None:
-        """Half the static tangent and the residual of the rows, as `Iteration.assemble` does, for increments of which those of
-        held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
+        """Assemble half the static tangent and the residual of the rows, as `Iteration.assemble` does, for increments of which
+        those of held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
         work, size = stepper.work, x.shape[1]
         kernels.assemble_all(*self.free.on(system), 0.0)
         blocks = work.blocks[:8 * size * stepper.core.pattern.keys.size].reshape(-1, size, 8)[self.block, :, :size]
@@ -388,18 +388,18 @@ class Carrying:
 
 
 def _axial(turn: Array) -> Array:
-    """Twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
+    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
     x = turn - np.swapaxes(turn, -1, -2)
     return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
 
 
 def _vector(turn: Array) -> Array:
-    """Rotation vector (3,) of a rotation (3, 3)."""
+    """Return the rotation vector (3,) of a rotation (3, 3)."""
     from scipy.spatial.transform import Rotation
     return Rotation.from_matrix(turn).as_rotvec()
 
 
 def _turned_by(vector: Array) -> Array:
-    """Rotations [..., 3, 3] of rotation vectors [..., 3]."""
+    """Return the rotations [..., 3, 3] of rotation vectors [..., 3]."""
     from scipy.spatial.transform import Rotation
     return Rotation.from_rotvec(vector).as_matrix()

@@ -29,7 +29,7 @@ class Wanted(NamedTuple):
     section: Any = None    # where that is one of a beam
 
     def off(self, state: State) -> float:
-        """The quantity less its value."""
+        """Return the quantity less its value."""
         return self.of(state) - self.value
 
 

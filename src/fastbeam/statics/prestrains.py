@@ -36,7 +36,7 @@ def check_beam(who: str, model: Model, beam: Any) -> None:
 
 
 def prestrains_of(model: Model, prestrains: Any) -> dict[Beam, float]:
-    """Changes of prestrains until load factor 1.
+    """Return changes of prestrains until load factor 1.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class StrainPath:
         self.model = replace(self._own(model), uneliminated=uneliminated)
 
     def _own(self, model: Model) -> Model:
-        """The model with tables of its own."""
+        """Return the model with tables of its own."""
         plane = None if model.plane is None else replace(model.plane, model=self._own(model.plane.model))
         return replace(model, simo=self._tables(model.simo, model.dim), green=self._tables(model.green, model.dim), plane=plane)
 

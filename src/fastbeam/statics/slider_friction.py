@@ -96,7 +96,7 @@ class StaticAlong:
 
     # --- one load step ------------------------------------------------------------------------------------------------
     def begin(self, s: Array) -> Array:
-        """Places [S] at the load factor of sliders whose motion is prescribed, those of the others as they are, at `s`."""
+        """Return places [S] at the load factor of sliders whose motion is prescribed, those of the others as they are, at `s`."""
         self.before = s.copy()
         self.modes.sign[:] = 0
         self.modes.changes[:] = 0
@@ -114,7 +114,7 @@ class StaticAlong:
         return np.asarray((1.0 - self.reserve) * self.friction * self.modes.sign)
 
     def known(self, s: Array) -> tuple[Array, Array]:
-        """Drives and elastic stops at s [S]: forces on the points, N, and their derivatives by s, N/m, [S] each."""
+        """Evaluate drives and elastic stops at s [S]: forces on the points, N, and their derivatives by s, N/m, [S] each."""
         table = self.forces.tables
         stiff = table.stops[:, STIFFNESS]
         low, high = (np.where(stiff > 0.0, self.elastic[:, i], s) for i in (0, 1))
@@ -167,7 +167,8 @@ class StaticAlong:
         return np.isfinite(np.where(way > 0.0, self.stops[:, 1], self.stops[:, 0]))
 
     def meets(self, s: Array, steps: Array, way: Array) -> Array:
-        """-1 or 1 for sliders on their ways [S] that steps [S] from s bring to a rigid stop at the start or the end, else 0."""
+        """Return -1 or 1 for sliders with increments `way` [S] that steps [S] from s bring to a rigid stop at the start or the
+        end, else 0."""
         slack = AT_STOP * self.lengths
         low = (way < 0.0) & (s + steps <= self.stops[:, 0] + slack)
         high = (way > 0.0) & (s + steps >= self.stops[:, 1] - slack)

@@ -118,9 +118,9 @@ class SlidingSolver(SaddleSolver):
         return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
 
     def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
-        """Arc lengths between which slider k rests under load factors [K] by its friction, the others that rub staying where they
-        are: from the last equilibrium to both ends, where friction is all that it can be; NaN where none is found. The state is
-        the same after it."""
+        """Find the arc lengths between which slider k rests under load factors [K] by its friction, the others with friction
+        staying where they are: from the last equilibrium to both ends, where friction is fully used; NaN where none is found. The
+        state is the same after it."""
         along, state = self.along, self.stepper.core_state
         assert along is not None
         self._load(factors)
@@ -167,8 +167,8 @@ class SlidingSolver(SaddleSolver):
         return self.counts(found)
 
     def at_places(self) -> tuple[Saddle, Array]:
-        """Tangent at the present equilibrium, with spins of beams held and the sliders free that move without friction and away
-        from stops, and which these are, bool [S]."""
+        """Return the tangent at the present equilibrium, with spins of beams held and the sliders free that move without friction
+        and away from stops, and which these are, bool [S]."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self._unhindered)
         return self._with_spins_held(saddle, right[:len(self.core.dofs) * self.core.pattern.n]), self._unhindered
@@ -256,7 +256,7 @@ class SlidingSolver(SaddleSolver):
         return NOT_CONVERGED, sizes
 
     def _met(self, way: Array, steps: Array) -> Array:
-        """-1 or 1 for sliders that steps [S] along their ways [S] bring to a rigid stop, else 0."""
+        """Return -1 or 1 for sliders that steps [S] along their increments `way` [S] bring to a rigid stop, else 0."""
         if self.along is None:
             return np.zeros(steps.size, np.int64)
         return self.along.meets(self.stepper.core_state.s, steps, way)
@@ -274,8 +274,8 @@ class SlidingSolver(SaddleSolver):
         return x is None or bool(way @ x[n:n + way.size] >= 0.0)
 
     def _steps(self, s: Array, slope: Array, beyond: Array) -> tuple[Array, int]:
-        """Increments of the sliding coordinates, none too long, none beyond an end, and half the way to places [S] that lay too
-        far (NaN: none is known); and a slider that stands at the end that it is pushed to, or -1."""
+        """Return increments of the sliding coordinates, none too long, none beyond an end, and half the way to places [S] that
+        lay too far (NaN: none is known); and a slider that stands at the end that it is pushed to, or -1."""
         now = self.stepper.core_state.s
         to_end = np.where(s > 0.0, self.ends[:, 1] - now, now - self.ends[:, 0])
         rigid = np.zeros(s.size, bool) if self.along is None else self.along.is_rigid(s)

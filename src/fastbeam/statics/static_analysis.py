@@ -31,7 +31,7 @@ CONTACTS = ("mesh", "exact")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
-    """True, False, a name or names.
+    """Check that an argument is True, False, a name or names of sliders.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def _more_stable(task: StaticTask, found: Result, load_step: float, largest: flo
 
 
 def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
-    """Numbers of the sliders whose intervals of rest are asked for; given: the argument.
+    """Return the numbers of the sliders whose intervals of rest are asked for; given: the argument.
 
     Raises
     ------

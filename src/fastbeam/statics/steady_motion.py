@@ -99,7 +99,7 @@ class Travel:
 
 
 def which_motion(value: Any) -> Spin | Travel:
-    """A steady motion.
+    """Check that an argument is a steady motion.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
 
 
 def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
-    """First node of a beam and their number.
+    """Return the first node of a beam and the number of its nodes.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
 
 
 def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
-    """The matrices of a steady motion of a model in space.
+    """Form the matrices of a steady motion of a model in space.
 
     Raises
     ------
@@ -187,8 +187,8 @@ def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
 
 
 def _along(who: str, model: Model, motion: Travel) -> tuple[Any, Any]:
-    """int v m N N' ds and int v^2 m N' N' ds of beams that travel with speed v, m the inertia of positions and directors, sparse
-    [4 N, 4 N] each."""
+    """Form int v m N N' ds and int v^2 m N' N' ds of beams that travel with speed v, m the inertia of positions and directors,
+    sparse [4 N, 4 N] each."""
     from scipy import sparse
     n = model.n_nodes
     speed = np.zeros(n)
@@ -262,15 +262,15 @@ class SteadyForces:
         return np.asarray(self.share * (self.field.pull @ (q.reshape(-1) - self.field.origin)))
 
     def rates(self, q: Array) -> Array | None:
-        """Second rates in time of the coordinates q [N, 4, 3] in space, as far as they act; None of beams that travel, whose
-        inertia is not that of a motion of the nodes."""
+        """Return second rates in time of the coordinates q [N, 4, 3] in space, as far as they act; None of beams that travel,
+        whose inertia is not that of a motion of the nodes."""
         if isinstance(self.motion, Travel):
             return None
         turn = self.motion.rate * np.cross(self.motion.axis, np.eye(3)).T
         return np.asarray(self.share * (q - self.field.origin.reshape(q.shape)) @ (turn @ turn).T)
 
     def stiffness(self, q: Array) -> Any:
-        """Minus the derivative of these forces by the unknowns of the rows, sparse [m, m]."""
+        """Return minus the derivative of these forces by the unknowns of the rows, sparse [m, m]."""
         from scipy import sparse
         x, of = q.reshape(-1, 4, 3), self._map
         lead = of.rates(q)

@@ -133,7 +133,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
 
 
 def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], int]:
-    """The number of a slider that friction can hold, or of a coordinate of a joint.
+    """Return the number of a slider that friction can hold, or of a coordinate of a joint.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
 
 
 def _twists(model: Model) -> list[str]:
-    """Names of the twists of beams in sleeves that rub, as in `info["friction"]`."""
+    """Return names of the twists of beams in sleeves that rub, as in `info["friction"]`."""
     return [twist_label(model.names["sliders"][k]) for k in model.sleeve_pairs[model.twisting, 0]] if model.twisting.size else []
 
 
@@ -182,7 +182,7 @@ class _Held(ABC):
         """Return the share of its friction that is left."""
 
     def saved(self) -> tuple[Any, ...]:
-        """Everything that a later equilibrium depends on."""
+        """Return everything that a later equilibrium depends on."""
         along, joints = self.solver.along, self.solver.joints
         return (self.solver._saved(), None if along is None else along.modes.at_stop.copy(),
                 None if joints is None else (joints.values.copy(), joints.at_stop.copy()))
@@ -230,7 +230,7 @@ class _HeldSlider(_Held):
 
 
 def _end_of(held: _Held, load: Callable[..., bool], start: float, end: float) -> tuple[float, State]:
-    """The load factor between `start` and `end` where friction gives way, and the equilibrium there."""
+    """Find the load factor between `start` and `end` where friction gives way, and the equilibrium there."""
     if not load(held.solver, start):
         return np.nan, held.state
     a, left = start, held.margin()
@@ -257,7 +257,7 @@ def _end_of(held: _Held, load: Callable[..., bool], start: float, end: float) ->
 
 def _root(held: _Held, load: Callable[..., bool], saved: tuple[Any, ...], low: tuple[float, float],
           high: tuple[float, float]) -> tuple[float, State]:
-    """The load factor between two, with friction left and without, where there is none left (regula falsi, with the halved
+    """Find the load factor between two, with friction left and without, where there is none left (regula falsi, with the halved
     ordinate of the Illinois method); every equilibrium is found from the last one with some left."""
     (a, left), (b, beyond), side = low, high, 0
     for _ in range(MOST_ROUNDS):

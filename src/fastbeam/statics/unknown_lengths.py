@@ -89,7 +89,8 @@ class LengthTables(StrainPath):
 
 
 def _shares(model: Model, beam: Beam, first: float) -> tuple[Array, Array]:
-    """Nodes of a beam and how their masses, kg, change with its prestrain, which is `first` with the mass of the scene."""
+    """Return the nodes of a beam and how their masses, kg, change with its prestrain, which is `first` with the mass of the
+    scene."""
     q = model.q0.reshape(-1, 4, 3)
     part = elements_of(beam, model.numbers.start(beam), q[:, 0], q[:, 1:])
     mass = part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)
@@ -107,7 +108,7 @@ class Condition(NamedTuple):
     part: str                        # of a section force
 
     def slope(self, state: State) -> tuple[Array, Array]:
-        """Numbers of coordinates of nodes and the derivatives by them, of places and section forces."""
+        """Return numbers of coordinates of nodes and the derivatives by them, of places and section forces."""
         if self.at is not None:
             nodes, weights = self.at
             return (12 * nodes[:, None] + 3 * np.arange(4) + self.axis).reshape(-1), weights.reshape(-1)
@@ -217,8 +218,8 @@ class LengthSolver(Response):
             self._loads[:] = self.work.f_ext
 
     def bordered(self) -> tuple[Saddle, Array, Array, Any, Array]:
-        """Tangent [n, n], what is left of the equations [n], their derivatives by the prestrains [n, m], and those of the
-        conditions by the unknowns [m, n] and by the prestrains [m, m]."""
+        """Assemble the tangent [n, n], the residual [n], its derivatives by the prestrains [n, m], and those of the conditions by
+        the unknowns [m, n] and by the prestrains [m, m]."""
         saddle, right = self.linearised()
         m, size, rows = self.change.size, len(self.core.dofs), self.core.pattern.n
         state, outer = self.state, self.work.f_ext - self._loads
@@ -241,7 +242,7 @@ class LengthSolver(Response):
         return saddle, right, push, self._slopes(state, right.size), direct
 
     def _slopes(self, state: State, n: int) -> Any:
-        """Derivatives of the conditions by all unknowns, sparse [m, n]."""
+        """Return derivatives of the conditions by all unknowns, sparse [m, n]."""
         from scipy import sparse
         m = len(self.conditions)
         by_q, by_s = sparse.lil_matrix((m, state.q.size)), sparse.lil_matrix((m, n - self.nodes))
@@ -254,9 +255,9 @@ class LengthSolver(Response):
         return sparse.hstack((by_q.tocsr() @ self.lift(), by_s)).tocsr()
 
     def influence(self) -> tuple[Array, Array] | None:
-        """Derivatives of all conditions by all prestrains at the present equilibrium, each in sizes of its quantity [m, m], and
-        how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions, and prestrains
-        push along what has no stiffness."""
+        """Return derivatives of all conditions by all prestrains at the present equilibrium, each in sizes of its quantity [m,
+        m], and how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions, and
+        prestrains push along motions without stiffness."""
         saddle, _, push, slopes, direct = self.bordered()
         columns = []
         for k in range(push.shape[1]):
@@ -284,7 +285,7 @@ class LengthSolver(Response):
         return status, sizes
 
     def _find(self) -> tuple[int, list[float]]:
-        """Newton's method for the conditions of the present share of their way."""
+        """Iterate by Newton's method for the conditions of the present share of their way."""
         self.runaway = self.stuck = -1
         state, n = self.stepper.core_state, self.nodes + self.sliding.size
         wanted = self.begun + self.part * (self.asked - self.begun) if self.part < 1.0 else self.asked
@@ -318,11 +319,12 @@ class LengthSolver(Response):
         return OK, sizes
 
     def _extent(self, x: Array) -> float:
-        """The largest motion, in sizes of the scene and rad, and change of a prestrain among all unknowns [n + m]."""
+        """Return the largest motion, in sizes of the scene and rad, and change of a prestrain among all unknowns [n + m]."""
         return self.size_of(x) + float(np.max(np.abs(x[self.unknowns:])))
 
     def _solved(self, off: Array) -> Array | None:
-        """Increments of all unknowns and prestrains [n + m], conditions being off by so much [m]; None where there are none."""
+        """Solve for increments of all unknowns and prestrains [n + m], conditions being off by so much [m]; None where there are
+        none."""
         from scipy import sparse
         saddle, right, push, slopes, direct = self.bordered()
         m = off.size

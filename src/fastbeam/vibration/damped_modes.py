@@ -38,7 +38,7 @@ class Damped(NamedTuple):
 
 
 def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Damped:
-    """The motions that n undamped modes, the first of those found, become.
+    """Find the motions that n undamped modes, the first of those found, become.
 
     Raises
     ------
@@ -71,8 +71,8 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
 
 
 def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
-    """Rates [m] of the equation in the span of modes of unit mass, and vectors [modes, m]: those that belong to the first n
-    modes, of complex pairs one."""
+    """Solve the equation in the span of modes of unit mass: rates [m], and vectors [modes, m] that belong to the first n modes,
+    of complex pairs one."""
     m = len(damping)
     zero, one = np.zeros((m, m)), np.eye(m)
     # in a unit of time of the modes
@@ -96,7 +96,7 @@ def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
 
 
 def _solved(system: DynamicStiffness, rate: complex, right: Array) -> Array | None:
-    """Solution at a rate, by the best factors that there are; None where there are none."""
+    """Solve the equation at a rate, by the best factors that there are; None where there are none."""
     for rough in ROUGH:
         try:
             return system.factored(rate, rough).solve(right)
@@ -107,8 +107,8 @@ def _solved(system: DynamicStiffness, rate: complex, right: Array) -> Array | No
 
 def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Array, rate: complex, x: Array, least: float,
               before: list[tuple[complex, Array, float]]) -> tuple[complex, Array, float]:
-    """Rate, vector and residual after inverse iteration; scale: of rows and columns [n], with which residuals are measured;
-    least: of rates that are not zero.
+    """Improve a mode by inverse iteration: rate, vector and residual; scale: of rows and columns [n], with which residuals are
+    measured; least: of rates that are not zero.
 
     Raises
     ------

@@ -207,7 +207,7 @@ class _Response:
                                  about.q[:, 0].copy())
 
     def _put(self, j: int, x: Array, out: tuple[Array, Array, Array], motions: Array | None) -> None:
-        """Amplitudes of points and sliders at frequency j."""
+        """Put amplitudes of points and sliders at frequency j into the arrays."""
         about = self.about
         k = about.free.size
         rates = (about.lift @ x[:k]).reshape(-1, 4, 3)
@@ -241,7 +241,7 @@ class _Response:
 
 def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: float, highest: float,
             backend: str) -> tuple[Array, Array, Array] | None:
-    """M times the modes up to an angular frequency, in the unknowns that respond; their frequencies and ratios.
+    """Return M times the modes up to an angular frequency, in the unknowns that respond; their frequencies and ratios.
 
     Raises
     ------
@@ -295,7 +295,7 @@ def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: 
 
 # --- what excites -----------------------------------------------------------------------------------------------------------
 def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors: dict[int, Array]) -> Excitation:
-    """Amplitudes on the unknowns; vectors: as of `_base`.
+    """Form the amplitudes of excitation on the unknowns; vectors: as of `_base`.
 
     Raises
     ------
@@ -342,7 +342,7 @@ def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors
 
 
 def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLoad, complex]]:
-    """Loads with their factors.
+    """Return loads with their factors.
 
     Raises
     ------
@@ -370,8 +370,8 @@ def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLo
 
 def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
           places: Array) -> tuple[Array | None, dict[int, Array]]:
-    """Bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements [3] of nodes, of those that turn
-    displacements and turns [6]; places: of the nodes [N, 3].
+    """Return bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements [3] of nodes, of those
+    that turn displacements and turns [6]; places: of the nodes [N, 3].
 
     Raises
     ------
@@ -411,7 +411,7 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
 
 
 def _vector(who: str, value: Any) -> Array:
-    """Three finite numbers, or six, which may be complex."""
+    """Return three finite numbers, or six, which may be complex."""
     flat = isinstance(value, (tuple, list)) or isinstance(value, np.ndarray) and value.ndim == 1
     items = list(value) if flat and not is_masked(value) else []
     if len(items) not in (3, 6):
@@ -421,7 +421,7 @@ def _vector(who: str, value: Any) -> Array:
 
 
 def _complex(who: str, value: Any) -> complex:
-    """A finite number, which may be complex."""
+    """Return a finite number, which may be complex."""
     x = complex(value) if isinstance(value, (complex, np.complexfloating)) else real(value)
     if x is None or not np.isfinite(x) or abs(x) > 1e60:
         raise SceneError(f"frequency_response: {who} must be a finite number, which may be complex, got {shown(value)}")

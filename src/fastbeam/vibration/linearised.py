@@ -161,14 +161,15 @@ class Linearisation:
         return (keep < self.size * self.core.pattern.n) & (keep % self.size >= self.core.dim)
 
     def _diagonal(self, matrix: Any, keep: Array) -> Array:
-        """Sizes of the diagonal entries of a stiffness, by which its entries are scaled; keep: places of its rows."""
+        """Return the sizes of the diagonal entries of a stiffness, by which its entries are scaled; keep: places of its rows."""
         found = np.abs(matrix.diagonal())
         turns = self._turns(keep)
         least = [LEAST_DIAGONAL * np.max(found, where=kind, initial=0.0) for kind in (~turns, turns)]
         return np.where(found > 0.0, np.maximum(found, np.where(turns, least[1], least[0])), 0.0)
 
     def _idle_spins(self, matrix: Any, keep: Array, sparse: Any) -> Any:
-        """Spins of beams of nets about their axes where that changes no stress, sparse [k, j]; keep: places of the rows."""
+        """Return spins of beams of nets about their axes where that changes no stress, sparse [k, j]; keep: places of the
+        rows."""
         k = self.free.size
         none = sparse.csr_matrix((k, 0))
         base, static = self.model, self.model.static_held
@@ -233,7 +234,7 @@ class Linearisation:
         return rates.T @ sparse.diags(resting.damping(found)) @ rates
 
     def _pressed(self) -> Equations:
-        """Equations of the sliders without forces along beams, and what presses on them."""
+        """Return the equations of the sliders without forces along beams, with their normal forces."""
         return with_friction(self.constraints, self.constraints.at(), np.zeros(self._sliding.size))
 
     def frees(self, who: str) -> bool:
@@ -248,12 +249,12 @@ class Linearisation:
         return self.resting is not None and self.resting.judge(who, self._pressed(), self.load_size)
 
     def coriolis(self) -> Any:
-        """Forces of the steady motion against velocities, sparse [k, k], skew."""
+        """Return forces of the steady motion against velocities, sparse [k, k], skew."""
         assert self.steady is not None
         return self._on_unknowns(self.steady.field.coriolis)
 
     def material(self) -> Any:
-        """Stiffness of the material of beams alone, sparse [k, k]."""
+        """Return the stiffness of the material of beams alone, sparse [k, k]."""
         return self._on_unknowns(material_map(self.own, self.q))
 
     @property
@@ -268,7 +269,7 @@ class Linearisation:
         return (self.lift.T @ (matrix @ self.lift)).tocsr()
 
     def on_rows(self, of_nodes: Array) -> Array:
-        """Forces and moments on nodes [N, 6] as forces on the unknowns [k]."""
+        """Convert forces and moments on nodes [N, 6] to forces on the unknowns [k]."""
         # what ties hand on from positions and directors; moments of followers act on the spin that they share
         rates = np.zeros((len(of_nodes), 4, 3))
         rates[:, 0] = of_nodes[:, :3]
@@ -278,7 +279,7 @@ class Linearisation:
 
     # --- shapes ---------------------------------------------------------------------------------------------------------
     def spread(self, vectors: Array) -> tuple[Array, Array]:
-        """Unknowns [k, m] as displacements and spins of all nodes [m, N, 3] each."""
+        """Convert unknowns [k, m] to displacements and spins of all nodes [m, N, 3] each."""
         rates = (self.lift @ vectors).T.reshape(vectors.shape[1], len(self.q), 4, 3)
         d, spins = self.q[:, 1:], np.empty((len(rates), len(self.q), 3), rates.dtype)
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -288,14 +289,14 @@ class Linearisation:
         return rates[:, :, 0].copy(), spins
 
     def base_motion(self) -> Array:
-        """Products of the masses with unit motions of everything along x, y, z [k, 3], and the mass itself, kg."""
+        """Return products of the masses with unit motions of everything along x, y, z [k, 3], and the mass itself, kg."""
         unit = np.zeros((len(self.q), 4, 3, 3))
         unit[:, 0] = np.eye(3)
         return np.asarray(self._shift_mass @ unit.reshape(-1, 3))
 
     def moved(self, displacement: Array, spin: Array, slide: Array, velocity: Array, turning: Array) -> State:
-        """The equilibrium with its nodes moved [N, 3], triads turned by spins [N, 3] and sliders along their beams [S], and with
-        velocities and spins [N, 3]; joints and sliders are closed, which they are to first order."""
+        """Return the equilibrium with its nodes moved [N, 3], triads turned by spins [N, 3] and sliders along their beams [S],
+        and with velocities and spins [N, 3]; joints and sliders are closed, which they are to first order."""
         start = self.stepper.state
         q = self.q.copy()
         q[:, 0] += displacement
@@ -312,7 +313,7 @@ class Linearisation:
         return mended(self.model, state)
 
     def in_motion(self, displacement: Array, velocity: Array, turning: Array) -> tuple[Array, Array]:
-        """Velocities and spins [N, 3] in space of those in the frame of the steady motion, of nodes moved by so much.
+        """Return velocities and spins [N, 3] in space of those in the frame of the steady motion, of nodes moved by so much.
 
         Raises
         ------
@@ -360,7 +361,7 @@ class Linearisation:
         return np.abs(change) / np.where(self.free % self.size < self.core.dim, self.core.length, 1.0)
 
     def label(self, unknown: int) -> tuple[str, str]:
-        """The node of an unknown, and the unit of its force."""
+        """Return the node of an unknown, and the unit of its force."""
         row, component = divmod(int(self.free[unknown]), self.size)
         node = int(np.flatnonzero(self.core.pattern.row_of == row)[0])
         return self.model.labels[node], "N" if component < self.core.dim else "N m"
@@ -370,7 +371,8 @@ class Linearisation:
         return float(np.linalg.norm(forces / np.where(self._turns(self.free), self.core.length, 1.0)))
 
     def round_off(self, pencil: Pencil) -> float:
-        """Force, N, that round-off of coordinates makes of the stiffness; of moments as forces at the size of the scene."""
+        """Return the force, N, that round-off of coordinates makes of the stiffness; moments count as forces at the size of the
+        scene."""
         forces = np.abs(pencil.stiffness.diagonal()[:self.free.size])
         return 1e-13 * float(np.max(np.where(self._turns(self.free), forces / self.core.length, forces * self.core.length),
                                     initial=0.0))

@@ -114,7 +114,7 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
 
 
 def events_about(about: Linearisation, found: Eigen) -> list[dict[str, Any]]:
-    """Events where elements do not resolve an equilibrium, or sliders in its modes."""
+    """Return events where elements do not resolve an equilibrium, or sliders in its modes."""
     k, state = about.free.size, about.stepper.state
     slides = found.vectors[k:k + about.core.n_sliders].T * about.sliding
     return mesh_events(about.model, state, slides, np.real(found.values))
@@ -272,7 +272,7 @@ def _steady_modes_of(about: Linearisation, found: SteadyEigen, at_rest: Eigen, s
 
 
 def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
-    """Shapes of unit size, the largest displacement real and positive."""
+    """Scale damped modes to shapes of unit size, the largest displacement real and positive."""
     k, s = about.free.size, about.core.n_sliders
     moved, spins = about.spread(found.vectors[:k])
     flat, turns = (x.reshape(len(found.rates), 3 * about.model.n_nodes) for x in (moved, spins))
@@ -292,7 +292,7 @@ def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
 
 
 def _modes_of(about: Linearisation, found: Eigen) -> Modes:
-    """Shapes of unit size."""
+    """Scale modes to shapes of unit size."""
     k, s = about.free.size, about.core.n_sliders
     pencil = found.factors.pencil
     values, vectors = found.values, found.vectors

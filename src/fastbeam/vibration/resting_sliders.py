@@ -50,7 +50,7 @@ class RestingSliders:
         self._at = at_time, factor, s.copy()
 
     def _by_drives(self, by_rate: bool) -> Array:
-        """Derivatives of the forces of drives on those that are free, by place, N/m, or by rate, N s/m, [S]."""
+        """Return derivatives of the forces of drives on sliders that are free, by place, N/m, or by rate, N s/m, [S]."""
         t, factor, s = self._at
         out = np.zeros(s.size)
         for k in np.intersect1d(self.along.driven, np.flatnonzero(self.free)).tolist() if factor else []:
@@ -75,11 +75,11 @@ class RestingSliders:
         return self._by_drives(by_rate=False) - np.where((stiff > 0.0) & ((s < low) | (s > high)), stiff, 0.0)
 
     def put(self, equations: Equations) -> Equations:
-        """Equations of sliders with these forces."""
+        """Add these forces to equations of sliders."""
         return equations._replace(sliding=equations.sliding - self.force, bend=equations.bend - self.slope)
 
     def damping(self, equations: Equations) -> Array:
-        """Minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; equations: with what presses.
+        """Return minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; equations: with normal forces.
 
         Raises
         ------

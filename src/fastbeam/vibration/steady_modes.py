@@ -75,7 +75,7 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
 
 
 def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -> tuple[Array, Array]:
-    """Rates and vectors [k, m] of the motions with rates next to the shift, both of each pair."""
+    """Find rates and vectors [k, m] of the motions with rates next to the shift, both of each pair."""
     from scipy import sparse
     k = mass.shape[0]
     whole = factors.pencil.multiplier.size
@@ -87,7 +87,7 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
         return factors.solve(grown)[:k]
 
     def applied(z: Array) -> Array:
-        """(x, r x / shift) from its like, in scaled unknowns."""
+        """Return (x, r x / shift) from its like, in scaled unknowns."""
         u, w = z[:k] * scale[:, None], z[k:] * scale[:, None]
         x = -solved(with_rate @ u + shift * (mass @ w))
         return np.concatenate((x / scale[:, None], z[:k] / shift))
@@ -127,7 +127,7 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
 
 def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, shift: float, rate: complex, x: Array,
               conserves: bool) -> tuple[complex, Array, float]:
-    """Rate, vector of all coordinates and multipliers, and residual."""
+    """Improve a motion: rate, vector of all coordinates and multipliers, and residual."""
     k, mass = pencil.mass.shape[0], pencil.mass
     for again in range(2):
         more = rate - shift

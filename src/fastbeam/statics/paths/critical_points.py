@@ -137,7 +137,7 @@ class PathStep:
 
     # --- what is looked for -------------------------------------------------------------------------------------------
     def first(self, rates: tuple[float, float] | None, unstable: int | None, counted: int | None) -> CriticalPoint | None:
-        """The first critical point, with the solver there; None, with the solver at the end, where there is none.
+        """Find the first critical point, with the solver there; None, with the solver at the end, where there is none.
 
         Parameters
         ----------
@@ -207,8 +207,8 @@ class PathStep:
         return bool(np.linalg.norm(weighed @ vectors) >= SAME_WAY * np.sqrt(weighed @ way + factor**2))
 
     def _around(self, limit: float) -> tuple[float, int | None, int | None]:
-        """Part of the step that ends shortly before a limit point, and the numbers of negative eigenvalues there and as far
-        behind it: so near that one direction changes between, if that is possible."""
+        """Return the part of the step that ends shortly before a limit point, and the numbers of negative eigenvalues there and
+        as far behind it: so near that one direction changes between, if that is possible."""
         found = []
         for near in NEARBY:
             size = limit - near * self.size
@@ -306,7 +306,8 @@ def type_of_bifurcation(solver: PathSolver, vectors: Array, step: float, sign: f
 
 
 def mode_of(solver: PathSolver, vector: Array) -> tuple[Array, Array] | None:
-    """Displacements of all nodes [N, 3] and of sliders [S] by a vector [n], the largest of them 1; None where nothing moves."""
+    """Return displacements of all nodes [N, 3] and of sliders [S] by a vector [n], the largest of them 1; None where nothing
+    moves."""
     before, places = solver.saved(), []
     n, s = vector.size - solver.core.n_forces, solver.sliding.size
     for sign in (1.0, -1.0):

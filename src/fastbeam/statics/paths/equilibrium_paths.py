@@ -39,7 +39,7 @@ KINDS = ("limit", "bifurcation")
 
 
 def which_branch(value: Any) -> int:
-    """1 or -1.
+    """Check that a side is 1 or -1.
 
     Raises
     ------
@@ -187,7 +187,7 @@ class _Task:
     growing: _Growing
 
     def solver(self, at: State | None, factor: float, flat: bool | None) -> PathSolver:
-        """One that begins at a state of this load factor."""
+        """Make a solver that begins at a state of this load factor."""
         model, grows = self.model, self.growing
         found = PathSolver(model, at, self.max_iterations, self.stays, flat, self.backend, grows.factors, factor, grows.laws,
                            grows.strains)
@@ -202,7 +202,7 @@ class _Task:
         return found
 
     def first_solver(self, at_time: float | tuple[float, float] | None) -> tuple[PathSolver, str]:
-        """One at the start, which has what judges it in space, or why nothing does.
+        """Make a solver at the start, with a judge in space, or with the reason why there is none.
 
         Raises
         ------
@@ -232,7 +232,7 @@ class _Task:
 
 
 def _first_step(to: float, load_factor: float, step: float, largest_step: float, smallest_step: float) -> float:
-    """Length of the first step.
+    """Return the length of the first step.
 
     Raises
     ------
@@ -277,7 +277,7 @@ def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | 
 
 def _checked_start(model: Model, start: State | None, growing: _Growing, branch: int | None, side: int | None
                    ) -> tuple[State | None, list[tuple[str, str]]]:
-    """A start, and its events.
+    """Check a start; return it and its events.
 
     Raises
     ------
@@ -300,7 +300,8 @@ def _checked_start(model: Model, start: State | None, growing: _Growing, branch:
 
 
 def _rides(model: Model, at_time: float | tuple[float, float] | None, moves: Any, grow: bool) -> tuple[float, float] | None:
-    """Times at load factors 0 and 1 at which supports that move are where their functions have them; None where they stay."""
+    """Return times at load factors 0 and 1 at which supports that move are where their functions have them; None where they
+    stay."""
     if model.prescribed is None or at_time is None:
         return None
     if isinstance(at_time, tuple):
@@ -312,7 +313,7 @@ def _rides(model: Model, at_time: float | tuple[float, float] | None, moves: Any
 
 
 def _moves(model: Model, moves: Any) -> dict[int, Array]:
-    """Displacements and rotation vectors of nodes that supports hold, (6,) each.
+    """Return displacements and rotation vectors of nodes that supports hold, (6,) each.
 
     Raises
     ------

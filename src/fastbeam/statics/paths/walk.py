@@ -112,7 +112,7 @@ class PathWalk:
         self.iterations += iterations
 
     def finish(self) -> Result:
-        """The result so far."""
+        """Return the result so far."""
         for event in self.resolution.events():
             self.buffer.event(event)
         if self.open:
@@ -195,7 +195,7 @@ class PathWalk:
         self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
 
     def _taken(self, before: tuple[Any, ...], along: Direction) -> _Step | None:
-        """The next step, up to the first wanted quantity within it; None where it fails or the path turns too far."""
+        """Take the next step, up to the first wanted quantity within it; None where it fails or the path turns too far."""
         solver = self.solver
         iterations = solver.go(along, self.step)
         after = solver.direction(along) if iterations else None
@@ -277,8 +277,8 @@ class PathWalk:
         return np.array([x.off(self.solver.state) for x in self.wanted])
 
     def _met(self, before: tuple[Any, ...], along: Direction) -> tuple[Wanted | None, Array]:
-        """The first wanted quantity that the present step brings to its value, with the solver there and `size` the part of the
-        step; and how far all are off at its end."""
+        """Find the first wanted quantity that the present step brings to its value, with the solver there and `size` the part of
+        the step; return it, and how far all quantities are off at its end."""
         off, met = self._off_values(), None
         # one that begins at its value goes on from there
         passed = np.flatnonzero((self.off != 0.0) & (self.off * off <= 0.0))
@@ -302,7 +302,7 @@ class PathWalk:
         return met[1], after
 
     def _first(self, to: float) -> Direction:
-        """The first direction.
+        """Find the first direction.
 
         Raises
         ------
@@ -323,7 +323,7 @@ class PathWalk:
         return along
 
     def _off(self, branch: int) -> Direction:
-        """The first direction on another path through a bifurcation.
+        """Find the first direction on another path through a bifurcation.
 
         Raises
         ------
@@ -389,7 +389,8 @@ class PathWalk:
         self.step = max(self.smallest, 0.5 * self.step)
 
     def _back(self, first: tuple[Any, ...], before: tuple[Any, ...], along: Direction, size: float) -> float | None:
-        """The part of the present step that leads back to the first equilibrium, with the solver there; None where it does not.
+        """Return the part of the present step that leads back to the first equilibrium, with the solver there; None where it does
+        not.
 
         Newton's method is asked for a little before and behind it only: where the path begins at a bifurcation its matrix is
         singular.
@@ -421,7 +422,7 @@ class PathWalk:
         return self.step > max(self.smallest, 0.0 if stop_at else FINEST * self.undivided)
 
     def _lost(self, step: PathStep, what: str, stop_at: str | None, bar: Progress) -> None:
-        """An event about something that changes within a step and was not located; the next step is as long as before.
+        """Add an event about a change within a step that was not located; the next step is as long as before.
 
         Raises
         ------
