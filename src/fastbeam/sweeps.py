@@ -169,7 +169,7 @@ def sweep(build: Callable[..., Built], cases: Iterable[Mapping[str, object]] | M
         Processes, default one for every processor that this process may use; 1: none but this one. An executor of yours is handed
         four times as many cases at once.
     threads : int
-        Of each run, the same everywhere, so that results do not depend on where it runs.
+        Threads of each run, the same everywhere, so that results do not depend on where it runs.
     file : path
         Rows go to this HDF5 file as they come (`load_sweep`). Where it holds rows of the same sweep already, from one that was
         cut short, only what is missing is run.

@@ -22,7 +22,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     state : State
     k : int
     t : float

@@ -210,8 +210,8 @@ class StepControl:
     ----------
     accepted, rejected : int
     passed : dict
-        What steps of the smallest size have missed: number of a spring, damper or line force whose ends passed each other on a
-        long way -> whether an event has told so.
+        Passages that steps of the smallest size have missed: number of a spring, damper or line force whose ends passed each
+        other on a long way -> whether an event has told so.
     radius : float64 [N], optional
         Radii of gyration of all nodes, m, from the first step on.
 

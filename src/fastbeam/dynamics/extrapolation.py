@@ -106,7 +106,7 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     Parameters
     ----------
     coarse, fine : Result
-        With steps `step` and half of it, s.
+        Runs with steps `step` and half of it, s.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any
     Parameters
     ----------
     runs : list of Result
-        Those that are complete.
+        Runs that are complete.
     step : float
         Step of the first run, s.
     """

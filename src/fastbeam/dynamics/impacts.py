@@ -30,7 +30,7 @@ class Impacts:
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     times : float64 [S + R, 2], optional
         Times of an earlier run.
 
@@ -151,9 +151,9 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     state : State
-        With sliding points on their curves.
+        State with sliding points on their curves.
     k : int
     at_end : bool
         Whether the stop is the one towards the end of the beam.

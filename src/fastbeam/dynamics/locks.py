@@ -60,7 +60,7 @@ class Locking:
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     """
 
     def __init__(self, model: Model) -> None:
@@ -253,7 +253,7 @@ class Locking:
         Parameters
         ----------
         slack : float
-            What is due within this time is due now, s.
+            Events that are due within this time, s, are due now.
         found : sequence of Awaited
             Conditions that hold, located by the caller.
         """

@@ -40,7 +40,7 @@ class Finder:
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     work : Contact
         Work arrays.
     """

@@ -45,7 +45,7 @@ class Reactions:
     Parameters
     ----------
     stepper : Stepper
-        With the conserving step, or in statics; its state is left alone.
+        Stepper with the conserving step, or in statics; its state is left alone.
     static : bool
     sections : sequence of Sections or None
     """

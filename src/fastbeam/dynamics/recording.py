@@ -32,7 +32,7 @@ class Rows:
     snapshots : int
         About how many shapes to keep, one a row at most.
     file, overwrite : path or None, bool
-        Where to write everything besides.
+        File for everything besides.
 
     Attributes
     ----------

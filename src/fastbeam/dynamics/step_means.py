@@ -91,7 +91,7 @@ def measuring(make: type[Stepper], method: Method, points: PointRows) -> Any:
     Raises
     ------
     SceneError
-        Of a method whose rows hold forces of their own time there are none.
+        A method whose rows hold forces of their own time has no such means.
     """
     if method.at_end and points.acceleration:
         raise SceneError(f"observe: accelerations are means of the steps around a row, which method {method.name!r} does not "

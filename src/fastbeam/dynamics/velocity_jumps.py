@@ -36,16 +36,16 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
          rest: dict[int, float] | None = None) -> tuple[State, float]:
     """Return the state after an impact at slider k, and the energy that it dissipated, J.
 
-    Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
-    the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
-    alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam;
+    The jump has the least kinetic energy of all that connections, supports, sliders and joints allow and with which the velocity
+    of the point of k relative to its curve changes by `change` in the directions `lead`: it is the
+    effect of the impulse of that contact alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam;
     impulses of supports that move and of drives and motors that prescribe a motion do work, which counts as theirs. Joints that
     stand at a stop are at rest behind it where that takes an impulse that pushes, and leave it else.
 
     Parameters
     ----------
     k : int or None
-        Of a slider; -1 - i: of coordinate i of joints that may stick; None: of a support.
+        Number of a slider; -1 - i: coordinate i of joints that may stick; None: a support.
     lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N]
     change : float64 [m]
         m/s, of joints and supports m/s or rad/s.
@@ -98,7 +98,7 @@ def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State]
     Parameters
     ----------
     k, lead
-        As of `jump`, of a slider.
+        As in `jump`, for a slider.
     change : callable
         The change of rates from a state.
     """

@@ -46,12 +46,12 @@ class RunSectionGradient(NamedTuple):
     Attributes
     ----------
     stiffness : float64 [beams, 6, 6]
-        By C.
+        Derivatives by C.
     rhoA, rhoI2, rhoI3 : float64 [beams]
     viscosity : float64 [beams, 6, 6]
-        By D of theory.md (2.5), where a section has damping; else 0.
+        Derivatives by D of theory.md (2.5), where a section has damping; else 0.
     prestrain : float64 [beams, 6]
-        By e of theory.md (2.8), as of `SectionGradient`: unstressed lengths, with the motion of the start as it is.
+        Derivatives by e of theory.md (2.8), see `SectionGradient`: unstressed lengths, with the motion of the start as it is.
     """
 
     stiffness: Array
@@ -76,14 +76,15 @@ class RunSliderGradient(NamedTuple):
     Attributes
     ----------
     forces : float64 [n]
-        By a force in the direction of growing s during every step, N; 0 where its motion is given, or friction holds it. Of a
-        parameter of a drive: times the derivatives of its force by the parameter, at the middle of steps.
+        Derivatives by a force in the direction of growing s during every step, N; 0 where its motion is prescribed, or friction
+        holds it. Multiply by derivatives of the force of a drive by a parameter, at the middle of steps, for that parameter.
     places : float64 [n]
-        Of a drive with `position`: by its place at the end of every step, m; with `speed`: by the way in every step, m.
+        Derivatives by a drive with `position`: by its place at the end of every step, m; with `speed`: by the way in every
+        step, m.
     friction : float
-        By the coefficient of friction.
+        Derivative by the coefficient of friction.
     viscous : float
-        By its viscous part, per N s/m.
+        Derivative by its viscous part, per N s/m.
     """
 
     forces: Array
@@ -98,27 +99,28 @@ class RunGradient(NamedTuple):
     Attributes
     ----------
     sections : dict of str to RunSectionGradient
-        By the sections of all beams and of the beams of all nets.
+        Derivatives by the sections of all beams and of the beams of all nets.
     masses : dict of str to float
-        By the masses of bodies and point masses, per kg.
+        Derivatives by the masses of bodies and point masses, per kg.
     forces, moments : float64 [N, 3]
-        By dead forces and moments that act on a node from the start to the end.
+        Derivatives by dead forces and moments that act on a node from the start to the end.
     velocities, spins : float64 [N, 3]
-        By the initial velocity and spin of a node, those of its row where several share one, 0 where it follows others.
+        Derivatives by the initial velocity and spin of a node, those of its row where several share one, 0 where it follows
+        others.
     positions, turns : float64 [N, 3]
-        By the position and orientation (rotation vector in space, rad) of a node at the start, in the same way; velocities and
-        spins, the reference and supports stay. Sliders and joints have to allow what moves.
+        Derivatives by the position and orientation (rotation vector in space, rad) of a node at the start, in the same way;
+        velocities and spins, the reference and supports stay. Sliders and joints have to allow the change.
     gravity : float64 [3]
-        By the gravity of the scene, as it is before its time function.
+        Derivatives by the gravity of the scene, as it is before its time function.
     factors : dict of str to float64 [n]
-        By the mean factor over every step of a time function: of the loads that have it, by their names as in
+        Derivatives by the mean factor over every step of a time function, under the names of the loads that have it, as in
         "load 'pull'", several with a comma between them.
     pushes : dict of str to float64 [n, 3]
-        By a dead force on an observed point during every step, for loads that change in time.
+        Derivatives by a dead force on an observed point during every step, for loads that change in time.
     sliders : dict of str to RunSliderGradient
-        By forces along the beam on all sliders and sleeves.
+        Derivatives by forces along the beam on all sliders and sleeves.
     by : dict of str to float
-        By the parameters of `build`.
+        Derivatives by the parameters of `build`.
     """
 
     sections: dict[str, RunSectionGradient]
@@ -259,7 +261,7 @@ class AdjointRun(Doubts):
         points, velocities : mapping of str to (3,) or (n + 1, 3)
             Weights of the last row, or of all rows; for a function of the run its derivatives by positions and velocities.
         build, values, scale : optional
-            As of `sensitivity`: a function that builds the scene of the run, and returns it with the points, (scene, points);
+            See `sensitivity`: a function that builds the scene of the run, and returns it with the points, (scene, points);
             its parameters, anything that the scene depends on smoothly (positions, lengths, offsets, densities), for `.by`. Each
             takes about as long as three or four runs. A `start` of the run goes along with the reference. Needs all steps
             (keep_every=1).

@@ -94,9 +94,9 @@ class Sums(NamedTuple):
     forces, moments, velocities, spins, positions, turns : float64 [N, 3]
     gravity : float64 [3]
     factors : float64 [n, K]
-        By the mean factors of load vectors in every step.
+        Derivatives by the mean factors of load vectors in every step.
     pushes : float64 [n, P, 3]
-        By forces on observed points in every step.
+        Derivatives by forces on observed points in every step.
     sliders : Sliders
     """
 

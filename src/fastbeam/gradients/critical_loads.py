@@ -38,7 +38,7 @@ class CriticalSlopes(NamedTuple):
         'limit' or 'bifurcation'.
     load_factor : float
     by : dict of str to float
-        By every parameter, per unit; NaN of an imperfection, which turns a bifurcation into a limit point or none.
+        Derivatives by every parameter, per unit; NaN of an imperfection, which turns a bifurcation into a limit point or none.
     displacements, spins : float64 [N, 3]
         The critical direction, its largest displacement 1 m, or where nothing moves its largest spin 1 rad.
     """

@@ -58,11 +58,11 @@ class Gradient(NamedTuple):
     Attributes
     ----------
     by : dict of str to float
-        By the parameters of `sensitivity`.
+        Derivatives by the parameters of `sensitivity`.
     sections : dict of str to SectionGradient
-        By the sections of all beams and of the beams of all nets.
+        Derivatives by the sections of all beams and of the beams of all nets.
     forces, moments : float64 [N, 3]
-        By dead forces and moments on the nodes, per N and N m; 0 where a support holds.
+        Derivatives by dead forces and moments on the nodes, per N and N m; 0 where a support holds.
     """
 
     by: dict[str, float]
@@ -85,12 +85,12 @@ class Sensitivity(Doubts):
     state : State
         The equilibrium.
     accuracy : dict of str to float
-        Of every parameter: how far the equilibria along its derivatives are from being ones, as a share of them; an estimate of
+        Residual of the equilibria along the derivatives by every parameter, as a share of the derivatives; an estimate of
         their error from above.
     factorisations : int
         Number of factorisations of the tangent and its transpose until now.
     events : list of dict
-        Where the equilibrium is not to be trusted, as in a `Result`.
+        Events where the equilibrium is not to be trusted, as in a `Result`.
     """
 
     def __init__(self, family: Family, base: Response, solver: Saddle, observe: tuple[str, ...], result: Result | None,

@@ -31,10 +31,10 @@ class FrequencySlopes(NamedTuple):
     by : dict of str to float64 [n]
         Derivatives of the frequencies by every parameter, Hz per unit; NaN where the frequency is 0.
     squared_by : dict of str to float64 [n]
-        Of w^2.
+        Derivatives of w^2.
     multiplicity : int64 [n]
-        How many modes share this frequency. Their derivatives are those of the frequencies into which a change of this parameter
-        alone parts them, in ascending order.
+        Number of modes that share this frequency. Their derivatives are those of the frequencies into which a change of this
+        parameter alone parts them, in ascending order.
     """
 
     frequencies: Array
@@ -107,7 +107,7 @@ def frequency_slopes(modes: Linearised, n: int, around: Mapping[str, Callable[[]
     modes : Linearised
     n : int
     around : mapping
-        From names of parameters to functions that give models, equilibria and load factors around.
+        Maps names of parameters to functions that give models, equilibria and load factors around.
     slope : callable
         Derivative by a parameter of what was evaluated there.
     """

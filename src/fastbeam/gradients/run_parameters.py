@@ -32,7 +32,7 @@ class RunFamily:
     Parameters
     ----------
     model : Model
-        Of the run.
+        Model of the run.
     names : sequence of str
         Points that the number is made of.
     build, values, scale

@@ -26,12 +26,12 @@ class SectionGradient(NamedTuple):
     Attributes
     ----------
     stiffness : float64 [beams, 6, 6]
-        By C (theory.md (2.3)): the change is the sum of its products with those of a symmetric change of C.
+        Derivatives by C (theory.md (2.3)): the change is the sum of its products with those of a symmetric change of C.
     rhoA : float64 [beams]
-        By the mass per length, through gravity.
+        Derivatives by the mass per length, through gravity.
     prestrain : float64 [beams, 6]
-        By e of theory.md (2.8): its first column by `prestrain=`, and minus that over the length of a beam by its unstressed
-        length, with the same mass; e of `prestress=` P is C^-1 (P, 0, 0, 0, 0, 0).
+        Derivatives by e of theory.md (2.8): the first column is that by `prestrain=`, and minus it over the length of a beam that
+        by its unstressed length, with the same mass; e of `prestress=` P is C^-1 (P, 0, 0, 0, 0, 0).
     """
 
     stiffness: Array
@@ -148,7 +148,7 @@ def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gra
     Parameters
     ----------
     model : Model
-        In space, without condensed beams.
+        Model in space, without condensed beams.
     q : float64 [N, 4, 3]
         The equilibrium.
     adjoint : float64 [N, 4, 3]

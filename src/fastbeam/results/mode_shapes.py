@@ -141,7 +141,7 @@ class Modes(Doubts):
     info, names : dict
         Facts; names of parts as in a `Result`.
     events : list of dict
-        Where the modes are not to be trusted, as in a `Result`.
+        Events where the modes are not to be trusted, as in a `Result`.
     positions : float64 [N, 3]
         Positions of the equilibrium.
     directors : float64 [N, 3, 3]
@@ -273,7 +273,7 @@ class Modes(Doubts):
 class DampedModes(Doubts):
     """Motions Re(x e^(r t)) of a scene with damping about an equilibrium, by |r| (theory.md 14).
 
-    Of a vibration the motion with positive Im r is listed. One with more than critical damping is two motions without vibration,
+    A vibration is listed by its motion with positive Im r; with more than critical damping it is two motions without vibration,
     each with a rate of its own.
 
     Attributes
@@ -297,7 +297,7 @@ class DampedModes(Doubts):
     info, names : dict
         Facts; names of parts as in a `Result`.
     events : list of dict
-        Where the modes are not to be trusted, as in a `Result`.
+        Events where the modes are not to be trusted, as in a `Result`.
     positions, directors : float64 [N, 3], [N, 3, 3]
         Shape of the equilibrium.
     """

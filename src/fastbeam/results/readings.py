@@ -122,7 +122,7 @@ class Readings:
         (N m) about them; the part behind the section, at larger arc lengths, exerts them on the part before it. Needs
         `observe=("section", ...)`; NaN where the point lies on no beam. Along whole beams: `fb.section_forces`.
 
-        Of damped sections (`damping=`) with the stresses of rates of strains, means of the steps around a row as contact forces
+        Damped sections (`damping=`) add the stresses of rates of strains, means of the steps around a row as contact forces
         are, of second order in the step.
 
         With `observe=("section", "reaction", ...)` also 'force' (N) and 'moment' about the section (N m) in space, [n, 3] each,

@@ -42,7 +42,7 @@ class FrequencyResponse(Doubts):
     info, names : dict
         Facts; names of parts as in a `Result`, and `points`.
     events : list of dict
-        Where the response is not to be trusted, as in a `Result`.
+        Events where the response is not to be trusted, as in a `Result`.
     positions : float64 [N, 3]
         Positions of the equilibrium.
     """

@@ -73,7 +73,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     Parameters
     ----------
     model : Model
-        With every part that hangs together held at a point at least, about which it may turn. With `at_time` supports that
+        Every part has to be held at one point at least, about which it may turn. With `at_time` supports that
         move go to their place at that time first, along their functions; without a time they stand still.
     start : State
         Begin from this shape instead of the reference; its velocities do not count.

@@ -57,7 +57,7 @@ class FreeMotions:
     Parameters
     ----------
     model : Model
-        In space, without elimination of inner nodes.
+        Model in space, without elimination of inner nodes.
     axes : float64 [3, 3], optional
         Axes of the plane where nodes have 3 unknowns.
 

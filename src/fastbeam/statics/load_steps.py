@@ -353,7 +353,8 @@ class LoadSteps:
 
 @contextmanager
 def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
-    """Let Ctrl-C wait for the end of a load step, or of an iteration where these are called from Python, and return the result.
+    """Let Ctrl-C wait for the end of a load step, or of an iteration where these are called from Python, and raise Interrupted
+    with the result.
 
     Raises
     ------

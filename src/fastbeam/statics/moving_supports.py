@@ -67,9 +67,9 @@ class StaticMotion(_Moving):
     Parameters
     ----------
     model : Model
-        With supports that move; tables in space.
+        Model with supports that move; tables in space.
     state : State
-        At load factor 0, in space.
+        State at load factor 0, in space.
     from_start : bool
         Whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go straight,
         and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
@@ -234,9 +234,9 @@ class StaticShift(_Moving):
     Parameters
     ----------
     model : Model
-        In space.
+        Model in space.
     moves : dict of int -> float64 (6,)
-        Of nodes that are held along them: displacement, m, and rotation vector in space, rad, at load factor 1.
+        Increments of nodes that are held along them: displacement, m, and rotation vector in space, rad, at load factor 1.
     q : float64 [12 N]
         The shape at the load factor `share`.
     share : float

@@ -66,7 +66,7 @@ class StrainPath:
     ----------
     model : Model
     changes : dict of Beam -> float
-        Until load factor 1.
+        Changes of prestrains until load factor 1.
 
     Attributes
     ----------

@@ -230,10 +230,10 @@ class SteadyForces:
     who : str
         The function that was called.
     model : Model
-        In space.
+        Model in space.
     motion : Spin or Travel
     of : RowMap
-        Of the same model.
+        Map of the rows of the same model.
     size : int
         Unknowns a row.
 

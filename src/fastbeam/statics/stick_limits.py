@@ -68,7 +68,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
         those of that time, or of the second one, supports stay; drives by force grow with the load factor of all loads, and
         with two times act in full.
     start : State, optional
-        That equilibrium, as of `solve_static`; default: found from the reference, all loads raised together.
+        Equilibrium of `load_factor`, as of `solve_static`; default: found from the reference, all loads raised together.
     held, max_iterations, backend
         As in `solve_static`.
 

@@ -85,12 +85,12 @@ class Constraints:
     Parameters
     ----------
     stepper : Stepper
-        In statics.
+        Stepper in statics.
 
     Attributes
     ----------
     loose : bool [R] or None
-        Which coordinates of joints that friction or rigid stops may hold are free.
+        True for coordinates of joints that are free though friction or rigid stops may hold them.
     angles : dict
         Angles at which friction holds sections, by the number of their sleeve, rad.
     """
@@ -324,7 +324,7 @@ class SaddleMatrix:
         Parameters
         ----------
         sliding : bool [S]
-            Which sliders are free; the others have an increment of zero.
+            Sliders that are free; the others have an increment of zero.
         drag : float
             Stiffness against increments of sliding coordinates, N/m.
         """

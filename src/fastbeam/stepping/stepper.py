@@ -371,9 +371,9 @@ class Stepper:
         ----------
         error : ConvergenceError
         text : str
-            What was attempted.
+            Text that names the attempt.
         rest : str
-            Where the results are.
+            Text that tells where the results are.
         """
         failed = self.failed_law
         if failed.text:

@@ -96,7 +96,7 @@ class Sections:
     ----------
     model : Model
     beam : Beam
-        Of the compiled scene; also a beam of a net, `net.beam(k)`.
+        Beam of the compiled scene; also a beam of a net, `net.beam(k)`.
     s : float or array_like [m], optional
         Arc lengths, m; default: the ends of all elements.
 
@@ -227,11 +227,11 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLik
     Parameters
     ----------
     model : Model
-        That of the run.
+        Model of the run.
     shapes : Result or State
         All shapes of a result (`t_snap`), or one state.
     beam : Beam
-        Of the scene; also a beam of a net, `net.beam(k)`.
+        Beam of the scene; also a beam of a net, `net.beam(k)`.
     s : float or array_like [m]
         Arc lengths in the reference, m; default: the ends of all elements. Behind a point load where it stands on an element end.
 

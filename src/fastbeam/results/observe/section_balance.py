@@ -113,13 +113,13 @@ class FreeBodies:
     Parameters
     ----------
     model : Model
-        In space.
+        Model in space.
     terms : sequence of kernels/terms.py
         Terms of the run, with equations of the nodes themselves.
     sections : sequence of Sections
         One arc length each.
     plane : Plane or None
-        Where nodes have three unknowns.
+        Plane where nodes have three unknowns.
     idle : int
         Row of idle lanes in the tables of elements, behind those of nodes.
     """

@@ -64,7 +64,7 @@ def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, 
     The shape at the first snapshot stays behind in grey. Snapshots are shown as they are, nothing is interpolated in time: record
     enough of them, ``simulate(..., snapshots=200)``.
 
-    Of modes the film is one period of each, which goes on where it begins, before the equilibrium in grey; a GIF repeats it.
+    A film of modes is one period of each, which goes on where it begins, before the equilibrium in grey; a GIF repeats it.
     Damped modes, and those about a steady motion in the frame that spins, have the phases of their complex shapes. Motions
     without a period (free, growing, more than critically damped) go to and fro once (see `Modes.motion`).
 
@@ -79,17 +79,17 @@ def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, 
     fps : float
         Frames per second of the film; players of GIF take 50 at most.
     speed : float
-        Of a result: seconds of the run in a second of the film, 1: as it was; each frame then shows the snapshot nearest to its
+        For a result: seconds of the run in a second of the film, 1: as it was; each frame then shows the snapshot nearest to its
         time. Default: every snapshot is a frame.
     mode : int or sequence of int
-        Of modes: the number of one, from 0, or of several, at most 48, a panel for each. Default: the first 6.
+        For modes: the number of one, from 0, or of several, at most 48, a panel for each. Default: the first 6.
     amplitude : float
-        Of modes: largest displacement, as a share of the size of the scene, default 0.12 as in `plot_modes`; largest angle, rad,
+        For modes: largest displacement, as a share of the size of the scene, default 0.12 as in `plot_modes`; largest angle, rad,
         where nothing but triads turns.
     frames : int
-        Of modes: frames of the period, default 24.
+        For modes: frames of the period, default 24.
     decay : bool
-        Of modes: whether they decay or grow as they do, from or to `amplitude`; default: not.
+        For modes: whether they decay or grow at their rate, from or to `amplitude`; default: not.
     overwrite : bool
         Replace an existing file.
     progress : bool
@@ -166,7 +166,7 @@ class ResultFilm:
     ----------
     result : Result
     plane, fps, speed
-        Of `animate`.
+        See `animate`.
 
     Raises
     ------
@@ -208,7 +208,7 @@ class ModeFilm:
     which : sequence of int
         Modes, from 0.
     amplitude : float
-        As of `Motion`.
+        See `Motion`.
     n : int
         Frames.
     decay : bool

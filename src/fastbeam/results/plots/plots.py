@@ -198,7 +198,7 @@ def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, firs
     plane : str
         'xy', 'xz', 'yz', '3d', or 'auto': the plane that scene and drawn modes lie in, else '3d'.
     n, first : int
-        How many modes, and the first of them, counted from 0.
+        Number of modes, and the first of them, counted from 0.
     amplitude : float
         Largest displacement drawn, as a share of the size of the scene.
 

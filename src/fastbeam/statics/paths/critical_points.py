@@ -46,9 +46,9 @@ class PathStep:
     Parameters
     ----------
     solver : PathSolver
-        At the end of the step. Eigenvalues are those of its judge.
+        Solver at the end of the step. Eigenvalues are those of its judge.
     before : tuple
-        What the solver has saved at its beginning.
+        State of the solver saved at the beginning of the step.
     along : Direction
     size : float
     """

@@ -77,7 +77,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     start : State
         An equilibrium, that of `load_factor`; default: the reference, without loads.
     load_factor : float
-        Of the start. The path sets out towards `to`.
+        Load factor of the start. The path sets out towards `to`.
     step, largest_step, smallest_step : float
         First, largest and smallest length of a step: the root of the squares of the change of the load factor and of the mean
         motion of the nodes, in sizes of the scene and rad.
