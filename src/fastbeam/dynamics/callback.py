@@ -51,7 +51,7 @@ def given_places(model: Model) -> list[tuple[str, Any]]:
 
 
 class Callback:
-    """Calls a function of (t, state) at rows.
+    """Caller of a function of (t, state) at rows.
 
     Parameters
     ----------

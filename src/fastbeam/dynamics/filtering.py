@@ -71,7 +71,7 @@ def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], l
 
 
 class FilteringStepper(Stepper):
-    """Runs conserving steps with filters. As `Stepper`; what they know of the strains belongs to the memory of a run.
+    """Stepper for conserving steps with filters; rates and states of filters belong to the memory of a run.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ Handler = Callable[[int, FrameType | None], Any]
 
 
 class Interrupts:
-    """While this is entered the first Ctrl-C is only noted, until `serve` hands it to the handler that was there before (Python's
+    """Context in which the first Ctrl-C is only noted, until `serve` hands it to the handler that was there before (Python's
     raises KeyboardInterrupt). A second one goes to that handler at once, as does one during compilation, which takes seconds and
     changes nothing, and one inside `at_once`.
 
@@ -97,8 +97,8 @@ def _never() -> bool:
 
 
 class Calls:
-    """Takes a stepper over many steps in calls that are short enough for Ctrl-C to be seen between them. Results do not depend on
-    how steps are cut into calls.
+    """Calls of a stepper over many steps, short enough for Ctrl-C to be seen between them. Results do not depend on how steps are
+    cut into calls.
 
     Attributes
     ----------

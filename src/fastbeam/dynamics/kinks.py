@@ -30,7 +30,7 @@ MOST_NODES, SLOW = 500, 1e-3
 
 
 class Quantity(NamedTuple):
-    """A number of a scene whose borders are kinks: what it does there, its unit, and borders with the order behind."""
+    """Quantity whose borders are kinks: what it does there, its unit, and borders with the order behind."""
 
     label: str
     unit: str

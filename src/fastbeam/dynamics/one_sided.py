@@ -35,7 +35,7 @@ class Place:
 
 
 class Finder:
-    """Finds the places of points beside their beams.
+    """Search for the places of points beside their beams.
 
     Parameters
     ----------

@@ -17,8 +17,8 @@ Array = np.ndarray
 
 
 class Rows:
-    """Takes what a run computes. A row waits until the next step is known: the contact force of a row is the mean of the steps
-    around it (theory.md (4.5)).
+    """Rows of a run on their way to memory and file. A row waits until the next step is known: the contact force of a row is the
+    mean of the steps around it (theory.md (4.5)).
 
     Parameters
     ----------

@@ -231,7 +231,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
 
 
 class _Run(Encounters):
-    """One run: drives the stepper and feeds rows to memory and file."""
+    """One run, which drives the stepper and feeds rows to memory and file."""
 
     def __init__(self, model: Model, stepper: Stepper, observer: Observer, clock: Clock, t_end: float, order: int,
                  snapshots: int, file: Any, overwrite: bool, callback: Any, control: StepControl | None,

@@ -38,9 +38,10 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
 
     The jump has the least kinetic energy of all that connections, supports, sliders and joints allow and with which the velocity
     of the point of k relative to its curve changes by `change` in the directions `lead`: it is the
-    effect of the impulse of that contact alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam;
-    impulses of supports that move and of drives and motors that prescribe a motion do work, which counts as theirs. Joints that
-    stand at a stop are at rest behind it where that takes an impulse that pushes, and leave it else.
+    effect of the impulse of that contact alone. Sliders whose motion is prescribed, that are locked or at rest against a stop
+    keep their velocities along the beam; impulses of supports that move and of drives and motors that prescribe a motion do work,
+    which counts as theirs. Joints that stand at a stop are at rest behind it where that takes an impulse that pushes, else they
+    leave it.
 
     Parameters
     ----------
@@ -168,7 +169,7 @@ def values_of(model: Model, state: State) -> Array:
 
 
 class Least(NamedTuple):
-    """A jump of least kinetic energy.
+    """Jump of least kinetic energy.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ MOST_NAMED, MOST_BLOWS = 100, 5
 
 
 class Watch:
-    """Looks at a run now and then.
+    """Checks of a run now and then.
 
     Parameters
     ----------

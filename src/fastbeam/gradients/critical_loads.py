@@ -51,11 +51,11 @@ class CriticalSlopes(NamedTuple):
 
 
 class _NotCritical(Exception):
-    """The tangent is not singular there, or it is no equilibrium."""
+    """Error: the tangent is not singular there, or the state is no equilibrium."""
 
 
 class _Critical:
-    """A critical point: the tangent K, its null vectors of both sides, the loads."""
+    """Critical point: the tangent K, its null vectors of both sides, the loads."""
 
     def __init__(self, base: Response, plus: Response, backend: str) -> None:
         self.base = base

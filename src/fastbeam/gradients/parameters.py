@@ -170,7 +170,7 @@ class Family:
 
 
 class _Itself:
-    """Stands for the compiler in a model that has nothing eliminated."""
+    """Compiler of a model that has nothing eliminated: it returns the model itself."""
 
     def __init__(self, model: Model) -> None:
         self._model, self._in_space = model, replace(model, plane=None)

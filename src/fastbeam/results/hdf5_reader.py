@@ -82,7 +82,8 @@ def _load(h5py: Any, path: Path, left_open: bool) -> Result:
 
 
 class Reader:
-    """Reads one open file. Whoever wrote it may have meant harm: types, layouts and sizes are checked before anything is read."""
+    """Reader of one open file. Whoever wrote it may have meant harm: types, layouts and sizes are checked before anything is
+    read."""
 
     def __init__(self, h5py: Any, file: Any, path: Path, left_open: bool) -> None:
         self.h5py, self.file, self.path, self.left_open = h5py, file, path, left_open

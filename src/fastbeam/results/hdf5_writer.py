@@ -74,7 +74,7 @@ class _Waiting:
 
 
 class ResultWriter:
-    """Writes a run to a file while it goes; takes the same calls as `result.ResultBuffer`.
+    """Writer of a run to a file while it goes; takes the same calls as `result.ResultBuffer`.
 
     After a kill at any moment the file opens and holds everything flushed before.
 

@@ -92,7 +92,7 @@ class Lines:
 
     @property
     def beam_of(self) -> Array:
-        """The line that every point belongs to, int [M]."""
+        """Number of the line that every point belongs to, int [M]."""
         return np.repeat(np.arange(len(self.parts)), np.diff(self.starts))
 
     def points(self, x: Array) -> Array:

@@ -25,7 +25,7 @@ DECAYS = 3.0
 
 
 class Motion:
-    """A mode as it moves, over one period of it.
+    """Motion of a mode over one period.
 
     Shapes at phase p, from 0 to 2 pi, are a Re(x e^(i p)), triads turned by finite rotations about a Re(spin e^(i p)). With decay
     times exp(Re r t), next to the largest of that.

@@ -84,7 +84,7 @@ class ResultHeader:
 
 
 class ResultBuffer:
-    """Collects a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
+    """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
 
     Parameters
     ----------

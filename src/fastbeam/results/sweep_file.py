@@ -48,7 +48,7 @@ class Row(TypedDict):
 
 
 class SweepFile:
-    """Writes rows of a sweep as they come.
+    """Writer of the rows of a sweep as they come.
 
     Parameters
     ----------

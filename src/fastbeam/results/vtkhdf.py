@@ -42,7 +42,7 @@ RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
 
 @dataclass
 class _Shape:
-    """Poly data: what stays and what changes in time.
+    """Poly data: arrays that are constant and arrays that change in time.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ class Direction(NamedTuple):
 
 
 class PathSolver(SlidingSolver):
-    """An equilibrium with its load factor as one more unknown.
+    """Solver for equilibria with the load factor as one more unknown.
 
     Parameters
     ----------
@@ -110,8 +110,8 @@ class PathSolver(SlidingSolver):
 
     @property
     def judge(self) -> PathSolver:
-        """The solver, at the present equilibrium, whose tangent tells what is stable: in space where the scene may leave the
-        plane in which the path runs."""
+        """Solver, at the present equilibrium, whose tangent decides on stability: in space where the scene may leave the plane in
+        which the path runs."""
         if self.in_space is None:
             return self
         state = self.state

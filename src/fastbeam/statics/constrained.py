@@ -315,7 +315,7 @@ class SaddleSolver(StaticSolver):
 
     @property
     def no_increment(self) -> int:
-        """Why Newton's method has found no increment, as a status."""
+        """Status that tells why Newton's method has found no increment."""
         return SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE
 
     def beyond_ends(self, s: Array) -> bool:

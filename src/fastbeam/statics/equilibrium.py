@@ -37,7 +37,7 @@ class Counts(NamedTuple):
 
 
 class StaticSolver:
-    """Newton iterations of one model; keeps the last equilibrium."""
+    """Newton solver for equilibria of one model; it keeps the last equilibrium."""
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None) -> None:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
@@ -80,7 +80,7 @@ class StaticSolver:
 
     @property
     def state(self) -> State:
-        """The present shape."""
+        """Present shape."""
         return self.stepper.state
 
     def count_turns(self) -> None:

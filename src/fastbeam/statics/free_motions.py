@@ -40,7 +40,7 @@ SMALL = 1e-6
 
 
 class Part(NamedTuple):
-    """Beams and bodies joined rigidly."""
+    """Part of a model: beams and bodies joined rigidly."""
 
     name: str         # of its first beam or body
     several: bool     # whether there are others

@@ -37,7 +37,7 @@ IN_VAIN, SAME = 5, 1e-6
 
 
 class JointCoordinates:
-    """R coordinates of joints with friction or rigid stops.
+    """Coordinates of joints, R of them, with friction or rigid stops.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class JointCoordinates:
 
 
 class SectionAngles:
-    """Angles of the sections of beams in R sleeves that rub as they turn; as `JointCoordinates`, in space."""
+    """Angles of the sections of beams in R sleeves with friction as they turn; as `JointCoordinates`, in space."""
 
     def __init__(self, solver: SlidingSolver) -> None:
         self.solver, self.model = solver, solver.map.model
@@ -161,8 +161,8 @@ def static_joints(solver: SlidingSolver) -> StaticJoints | None:
 
 
 class StaticJoints:
-    """R coordinates of joints with friction or rigid stops, and of sections that rub in their sleeves, in the equilibria of a
-    solver.
+    """Coordinates of joints with friction or rigid stops, and of sections with friction in their sleeves, R of them, in the
+    equilibria of a solver.
 
     Parameters
     ----------

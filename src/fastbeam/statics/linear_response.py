@@ -23,11 +23,11 @@ NOISE = 1e-13
 
 
 class OutOfPlane(Exception):
-    """A scene around a planar one is not in its plane."""
+    """Error: a scene around a planar one is not in its plane."""
 
 
 class Response(SlidingSolver):
-    """A scene at a shape, linearised on all its unknowns: those of the rows of nodes, sliding coordinates, multipliers.
+    """Linear response of a scene at a shape on all its unknowns: those of the rows of nodes, sliding coordinates, multipliers.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ LONG = 9
 
 @dataclass(frozen=True)
 class StaticTask:
-    """An equilibrium that `solve_static` is asked for, its arguments tested.
+    """Task of `solve_static`, its arguments tested.
 
     Attributes
     ----------
@@ -151,7 +151,7 @@ def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space:
 
 
 class LoadSteps:
-    """One way through load steps to the equilibrium, with a row for each.
+    """Load steps to the equilibrium, with a row for each.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class _Moving(ABC):
     @property
     @abstractmethod
     def moves(self) -> Array:
-        """Displacements and rotation vectors in space that supports go by with the load factor, [M, 6]."""
+        """Displacements and rotation vectors in space of supports by the load factor, [M, 6]."""
 
     @abstractmethod
     def begin(self, share: float) -> None:

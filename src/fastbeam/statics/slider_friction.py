@@ -45,7 +45,7 @@ class Modes(NamedTuple):
 
 
 class StaticAlong:
-    """Forces along the beam on S sliders, of which one at least has some.
+    """Forces along the beam on S sliders, at least one of which has such forces.
 
     Parameters
     ----------

@@ -172,7 +172,7 @@ def _twists(model: Model) -> list[str]:
 
 
 class _Held(ABC):
-    """The equilibria of a scene with one part where it is, whatever that takes; k: its number; t: time of its drive."""
+    """Equilibria of a scene with one part held by whatever force that needs; k: its number; t: time of its drive."""
 
     def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
         self.solver, self.k, self.t = solver, k, t
@@ -198,7 +198,7 @@ class _Held(ABC):
 
     @property
     def state(self) -> State:
-        """A copy of the present one."""
+        """Copy of the present state."""
         return State(*(x.copy() for x in self.solver.state))
 
 

@@ -98,7 +98,7 @@ def _shares(model: Model, beam: Beam, first: float) -> tuple[Array, Array]:
 
 
 class Condition(NamedTuple):
-    """A quantity that has to have a value."""
+    """Quantity with a wanted value."""
 
     wanted: Wanted
     size: float                      # of the quantity
@@ -159,8 +159,8 @@ def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, f
 
 
 class LengthSolver(Response):
-    """An equilibrium with conditions, on all its unknowns and prestrains of beams; `move_to` leads the conditions from what they
-    are at the start to what they are to be.
+    """Solver for equilibria with conditions, on all unknowns and prestrains of beams; `move_to` leads the conditions from their
+    values at the start to the wanted ones.
 
     Parameters
     ----------

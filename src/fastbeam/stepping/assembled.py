@@ -80,7 +80,7 @@ class Equations(NamedTuple):
 
 
 class Constraints:
-    """Reads the equations of the constraints of a stepper in statics.
+    """Reader of the equations of the constraints of a stepper in statics.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ class Constraints:
     # --- what holds coordinates -----------------------------------------------------------------------------------------
     @property
     def given(self) -> Array | None:
-        """Values of coordinates of joints that are given, or that friction and rigid stops hold, in their order; None: they stay
-        where they are."""
+        """Values of coordinates of joints that are prescribed, or that friction and rigid stops hold, in their order; None: they
+        stay where they are."""
         return self._given
 
     @given.setter
@@ -268,7 +268,7 @@ class Constraints:
 
 
 class SaddleMatrix:
-    """Puts blocks of nodes and what constraints add into one matrix by rows: nodes, sliding coordinates, multipliers.
+    """Matrix by rows of nodes, sliding coordinates and multipliers, from blocks of nodes and entries of constraints.
 
     Parameters
     ----------

@@ -276,7 +276,7 @@ class Group:
 
     @property
     def singular(self) -> int:
-        """A slider without a pivot, or -1."""
+        """Number of a slider without a pivot, or -1."""
         k = int(self.rows.factors.failed[1])
         return -1 if k < 0 else int(self.constraints[k])
 

@@ -306,7 +306,7 @@ class CondensedIteration(Iteration):
 
     @property
     def _singular(self) -> int:
-        """The first slider without a pivot on a carrier, or -1."""
+        """Number of the first slider without a pivot on a carrier, or -1."""
         return min((group.singular for group in self._carriers if group.singular >= 0), default=-1)
 
     def solve_panel(self) -> bool:

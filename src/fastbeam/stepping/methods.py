@@ -27,7 +27,7 @@ RHO_INF = 0.8
 
 @dataclass(frozen=True)
 class Method:
-    """One way to step.
+    """Method of time integration.
 
     Attributes
     ----------

@@ -59,7 +59,7 @@ SAME_TURN = 1e-9
 
 
 class Stepper:
-    """Runs steps of one model; owns the state and the work arrays.
+    """Stepper of one model; it owns the state and the work arrays.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ class Stepper:
 
     @property
     def state(self) -> State:
-        """The present state: the arrays themselves, or what they mean in space where the run is planar."""
+        """Present state: the arrays themselves, or what they mean in space where the run is planar."""
         return self.core_state if self.plane is None else self.plane.expand(self.core_state)
 
     @property
@@ -228,7 +228,7 @@ class Stepper:
 
     @property
     def memory(self) -> Array:
-        """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
+        """Copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
         increments, and the state as a planar run keeps it."""
         rates, past, *increments = self._remembered
         if past[3] == 0.0:

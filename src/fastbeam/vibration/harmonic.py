@@ -48,7 +48,7 @@ NO_DAMPING = 1e-15
 
 
 class Excitation(NamedTuple):
-    """Complex amplitudes."""
+    """Complex amplitudes of an excitation."""
 
     forces: Array     # [k], on the unknowns
     number: Array     # int64 [j]: unknowns of supports that move

@@ -21,7 +21,7 @@ OF_CONTACT, OF_LOADS = 1e-8, 1e-12
 
 
 class RestingSliders:
-    """S sliders about a state at rest.
+    """Sliders, S of them, about a state at rest.
 
     Those that are held, locked, or whose motion is prescribed stay where they are, and those that friction or a rigid stop holds;
     on the others act drives and elastic stops, with the derivatives of their forces, and viscous and smoothed friction.
@@ -64,7 +64,7 @@ class RestingSliders:
 
     @property
     def slope(self) -> Array:
-        """Derivatives by s of the forces of drives and stops on those that are free, N/m, [S].
+        """Derivatives by s of the forces of drives and stops on sliders that are free, N/m, [S].
 
         Raises
         ------

@@ -87,7 +87,7 @@ class PointRows:
     # --- what steps tell --------------------------------------------------------------------------------------------------
     @property
     def measured(self) -> int:
-        """Numbers that a step tells."""
+        """Number of values that a step gives for points."""
         rates = sum(section.through.size * 6 for _, section in self.damped)
         return (3 * len(self.places) if self.acceleration else 0) + rates
 

@@ -33,7 +33,7 @@ ON_NODES = Drag, AddedMass, UserForces, PlanarFollowers
 
 
 class Cut(NamedTuple):
-    """A beam cut at the end of an element; what the elements on one side of it put on the nodes that both sides have."""
+    """A beam cut at the end of an element, and the elements on one side of it that act on the nodes that both sides have."""
 
     section: Sections
     s: float          # arc length, m

@@ -41,7 +41,7 @@ Found = tuple[float, int, tuple[Any, ...]]
 
 
 class PathStep:
-    """A step along a path, of which parts can be gone.
+    """Step along a path, of which parts can be taken.
 
     Parameters
     ----------

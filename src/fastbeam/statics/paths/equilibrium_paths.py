@@ -176,7 +176,7 @@ class _Growing(NamedTuple):
 
 @dataclass(frozen=True)
 class _Task:
-    """A path that is asked for, its arguments tested."""
+    """Task of a path, its arguments tested."""
 
     model: Model
     start: State | None
