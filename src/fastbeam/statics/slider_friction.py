@@ -39,7 +39,7 @@ MOST_CHANGES = 6
 class Modes(NamedTuple):
     """States of sliders in a load step: sticking, slipping, at a stop."""
 
-    sign: Array     # int64 [S]: -1 or 1, direction in which one slips that rubs; 0: it sticks
+    sign: Array     # int64 [S]: -1 or 1, slip direction of sliders with friction; 0: sticking
     at_stop: Array  # int64 [S]: -1 or 1 at a rigid stop at the start or the end, else 0
     changes: Array  # int64 [S]: how often a slider has changed from slipping to sticking in this load step
 
@@ -197,7 +197,7 @@ class StaticAlong:
 
 
 def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Equations:
-    """Add to equations what presses and rubs; slip [S]: coefficients of friction with the sign of the slip."""
+    """Add normal forces and friction to equations; slip [S]: coefficients of friction with the sign of the slip."""
     core, force = constraints.stepper.core, constraints.stepper.core_state.force
     t, (s, d) = found.tangent, found.tangent.shape
     f = force[:s * d].reshape(s, d)

@@ -102,7 +102,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         prescribed places of sliders, have gone; for a `start` that is in equilibrium with the loads.
     contacts : {'mesh', 'exact'}
         Whether the force along the beam of sliders and sleeves is that of the elements in which they stand, or exact: beams are
-        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points, and may not rub; on
+        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points, without friction; on
         beams with Lagrange elements that are no part of a net.
     steady : Spin or Travel, optional
         The equilibrium in a steady motion, under its forces of inertia, which grow with the load factor (theory.md 17): in the
@@ -122,12 +122,11 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         are not 0, and there is no `start`, and a load step was larger than 0.2, the equilibrium is looked for a second time with
         steps of a fifth, because a large one may end in a remote equilibrium, and that of both with fewer is returned.
         `info["counted_in"]` is "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True,
-        and one whose moments
-        leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
-        0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
-        (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for all that rubs,
-        sliders, joints and twists in sleeves ("s: twist"), its friction `force`, the most that it could be, `cone`, and whether
-        it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the others
+        and one whose moments leave it undecided in space are counted in the plane. Moments make the tangent in space
+        unsymmetric; then the number is 0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant
+        is negative, else None (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for
+        all sliders, joints and twists in sleeves ("s: twist") with friction its `force`, the most that it could be, `cone`, and
+        whether it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the others
         with friction staying where they are; NaN where that is not found.
 
     Raises

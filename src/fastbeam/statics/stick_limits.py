@@ -56,7 +56,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     slider : str
         One with Coulomb friction, or a joint with friction= or coefficient=; of a joint with several such coordinates one of them
         as `solve_static` names it in `info["friction"]`, "distance of cylindrical joint 'c'"; the twist of a beam in the sleeve
-        "s" that rubs with `radius=` is "s: twist". Where the loads of `load_factor` make it slip, it comes to rest first, which
+        "s" with friction by `radius=` is "s: twist". Where the loads of `load_factor` make it slip, it comes to rest first, which
         leaves it at the end of its interval.
     load_factor : float
         Load factor of the equilibrium in the interval.
@@ -167,7 +167,7 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
 
 
 def _twists(model: Model) -> list[str]:
-    """Return names of the twists of beams in sleeves that rub, as in `info["friction"]`."""
+    """Return names of the twists of beams in sleeves with friction, as in `info["friction"]`."""
     return [twist_label(model.names["sliders"][k]) for k in model.sleeve_pairs[model.twisting, 0]] if model.twisting.size else []
 
 

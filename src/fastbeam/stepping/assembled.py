@@ -73,7 +73,7 @@ class Equations(NamedTuple):
     idle: Array        # int64 [I]: multipliers that stay as they are
     loads: Array       # float64 [8 (rows + 1)]: forces and moments of the constraints on the rows
     bent: Entries = NO_ENTRIES      # [m, m]: stiffness that the blocks of the nodes do not have, N/m
-    normal: Any = None              # float64 [S], N: F_n |c'|, what presses and rubs, with the moments of sleeves
+    normal: Any = None              # float64 [S], N: F_n |c'|, normal force with the moments of sleeves
     size: Any = None                # float64 [S], N: of the contact forces
     rubbing: Entries = NO_ENTRIES   # [S, m]: of friction in the sliding equations, by the unknowns of the nodes
     by_force: Entries = NO_ENTRIES  # [S, F]: the same by the multipliers
