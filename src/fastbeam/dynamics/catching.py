@@ -41,7 +41,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     begin, before = settled(model, state, None)
     after, lost = jump(model, begin, None, rows, target[new] - rows @ begin.v)
     after.history[model.place("released") + k] += 1.0
-    # what rests does so to the last bit
+    # velocities that become zero are so to the last bit
     mine = np.flatnonzero(model.pattern.row_of == model.pattern.row_of[node])
     v = after.v.reshape(-1, 4, 3)
     v[mine[:, None], 0, new[new < 3]] = target[new[new < 3]]

@@ -228,7 +228,7 @@ def _replace(path: Path, data: bytes) -> None:
         raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was; choose another "
                               "path") from error
     if hasattr(os, "O_DIRECTORY"):
-        # where that cannot be done the file itself is safe
+        # the file itself is safe without this
         with suppress(OSError):
             folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
             try:

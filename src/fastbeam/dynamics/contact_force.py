@@ -42,7 +42,7 @@ class ContactForces:
         self.timed = any(time is not None for time in stepper.model.load_times) or (forces is not None and forces.timed)
         motions = stepper.model.motions
         self.timed = self.timed or (motions is not None and motions.holds.given.size > 0)
-        # at the first row, of what a checkpoint does not know
+        # forces at the first row that a checkpoint does not know
         self.ahead = np.zeros(0)
         self.looks_back = bool(stepper.model.losses)
         # size and mean forces [F] of up to three steps, the last first

@@ -89,12 +89,12 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
                 "End before that time (t_end=...)")
     others, smaller = "supports, connections or other sliders hold", "Try a smaller step, or step control with tolerance=..."
     if outcome.status == BORDER_SINGULAR:
-        # a negative size stands for the slider
+        # a negative size is the number of the slider
         cause = f"the equations of {names[int(-min(outcome.sizes)) - 1]} are singular"
         if max(outcome.sizes) > 0.1:
-            # far from any solution that says nothing about the scene
+            # far from a solution a singular border says nothing about the scene
             return cause, smaller
-        # whether the parts that it joins can move towards each other is all that is known
+        # known is only that no force moves the parts towards each other
         return (f"{cause}: no force of it moves anything, as where {others} it already",
                 "Leave out one of what holds it, or give what it joins mass and room to move.")
     last = [x for x in outcome.sizes if x > 0.0][-1:]
@@ -259,7 +259,7 @@ class StepControl:
             halves = whole
             if whole.status == SLIDER_END:
                 size, error = self._to_the_end(stepper, start, t, h)
-                # where friction takes another branch short of the end no smaller step tells more
+                # if friction changes its branch short of the end, smaller steps do not help
                 if error <= self.tolerance or not np.isfinite(error) and h <= self.smallest * (1.0 + 1e-12):
                     return h, h, stepper.advance(t, h, 1)
             elif whole.status == OK:
@@ -272,7 +272,7 @@ class StepControl:
                 if halves.status == SLIDER_END:
                     stepper.load(start)
                     if h > self.smallest * (1.0 + 1e-12):
-                        # beyond the end and back within a step: a shorter one meets it
+                        # the slider went beyond the end and back: a shorter step meets the end
                         h = max(self.smallest, 0.5 * h)
                         continue
                     return h, h, stepper.advance(t, h, 1)

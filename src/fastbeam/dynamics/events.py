@@ -23,7 +23,7 @@ from fastbeam.results.progress import Progress
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
 
-# what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
+# share of a step up to which the rest of a run behind an impact is dropped: its velocities would be round-off
 NEXT_TO_NOTHING = 1e-6
 # a point that is back on its beam after this share of a step has not been away
 SHORT_FLIGHT = 1.0 / 64.0
@@ -93,7 +93,7 @@ class Encounters:
             except Exception as failed:
                 if whole is None or not self.calls.intact:
                     raise
-                # what was done counts
+                # steps done so far count
                 self.calls.failed = failed
                 break
             before = part.force[1]
@@ -151,7 +151,7 @@ class Encounters:
         last, final, found = run_to_condition(self.stepper, t, h, parts, least, self.locking.reached)
         if final.status != OK:
             raise failure(self.stepper, final, t, self.steps, last)
-        # what comes back without having been away does not bounce
+        # a point that comes back without having been away does not bounce
         yield from self.behind(t, last, final, [replace(x, rests=last == 0.0) for x in found])
         return True
 
@@ -208,7 +208,7 @@ class Encounters:
             self.stepper.load(start)
             last, final = 0.0, replace(final, steps=0)
         if (is_impact or found) and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
-            # where a step a little longer takes another branch of friction, this one ends before the stop
+            # if a slightly longer step takes another branch of friction, this one ends before the stop
             strikes = (slider, end) if arrives and not found else None
             if arrives and found and found[0].action == TRANSFER:
                 passed = Corners(self.stepper, self.locking, self.control).passed(start, t, (last, h), found[0], self.steps)
@@ -217,7 +217,7 @@ class Encounters:
                     yield from self.behind(t, passed.size, passed.outcome, passed=passed)
                     return True
                 if 0.0 < last < TOO_SHORT * h:
-                    # it stands there already: velocities of such a step are round-off
+                    # the slider stands there already: velocities of such a step are round-off
                     self.stepper.load(start)
                     last, final = 0.0, replace(final, steps=0)
             yield from self.behind(t, last, final, found if arrives else (), strikes)

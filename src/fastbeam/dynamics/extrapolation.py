@@ -79,7 +79,7 @@ def state_between(model: Model, coarse: State, fine: State, step: float) -> Stat
     q[:, 1:] = triads_between(q1[:, 1:], q2[:, 1:])
     v[:, 1:] = np.cross(between(_spins(q1, v1), _spins(q2, v2))[:, None], q[:, 1:])
     history = between(coarse.history, fine.history)
-    # of sliders there are flags beside energies
+    # flags of sliders stand beside their energies
     flags = np.setdiff1d(np.arange(HISTORY), (FRICTION_LOSS, DRIVE_WORK, STOP_LOSS, LOCK_LOSS))
     own, known = (model.own(x, "slider_forces").reshape(-1, HISTORY) for x in (history, fine.history))
     own[:, flags] = known[:, flags]
@@ -125,7 +125,7 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     for name, x in fine.series.items():
         a, b = coarse.series[name][rows[0]], x[rows[1]]
         if name == "iterations":
-            # of both runs, a step
+            # iterations of both runs, for one step
             series[name] = a + 2 * b
         elif name == "step_size":
             series[name] = a

@@ -100,7 +100,7 @@ class FilteringStepper(Stepper):
             self.start_filters()
         else:
             if state is not None and self.plane is None:
-                # what the first step of a run does to it has been done
+                # the state of a continued run already has what a first step changes
                 for mine, other in zip(self.core_state, state):
                     mine[:] = other
             self.memory = memory

@@ -18,7 +18,7 @@ from fastbeam.model.model import Model
 Array = np.ndarray
 # time of an impact where there was none, s
 NEVER = -float(np.finfo(float).max)
-# what happens within this share of a step happens at the same time
+# events within this share of a step count as simultaneous
 SAME_TIME = 1e-5
 # steps in a row that end at or before a stop without getting anywhere, besides two for every slider
 MOST_IN_A_ROW = 3

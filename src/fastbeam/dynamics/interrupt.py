@@ -122,7 +122,7 @@ class Calls:
             self.intact = True
             raise self.failed
         if n <= self._burst and not self.slow:
-            # the way of nearly all calls
+            # nearly all calls take this branch
             self.intact = False
             begin = time.perf_counter()
             try:
@@ -131,7 +131,7 @@ class Calls:
                 self.intact = not self.stepper.begun
                 if n == 1 or self.stepper.begun:
                     raise
-                # one by one, up to the step that cannot be taken
+                # steps are taken one by one, up to the one that fails
                 return self._one_by_one(t, h, n, done)
             if time.perf_counter() - begin > CALL_TIME:
                 self._burst, self.slow = 1, True

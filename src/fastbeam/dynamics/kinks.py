@@ -130,7 +130,7 @@ class Turning:
         along = np.sum(speeds * axis, axis=-1)
         both = np.stack((speeds - along[..., None] * axis, along[..., None] * axis))
         if self._tail is not None:
-            # what is exactly 0 at a row turns around between the places beside it
+            # a velocity of exactly 0 at a row turns around between the places beside it
             both = np.concatenate((self._tail[:, None], both), axis=1)
         self._tail = both[:, -2].copy()
         return self._turned(both, last[0], h)
@@ -150,7 +150,7 @@ class Turning:
                 square = np.sum(way * way, axis=-1)
                 near = np.clip(-np.sum(a * way, axis=-1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
                 least = np.linalg.norm(a + near[..., None] * way, axis=-1)
-                # what changes in a step
+                # change in a step
                 a_step = np.sqrt(square) * min(1.0, self.step / (h * (PLACES[1] * (len(x) - len(a)))))
                 found = (np.sum(a * b, axis=-1) < 0.0) & (least <= a_step)
                 when = np.where(~hit & found.any(axis=0), PLACES[np.minimum(found.argmax(axis=0), 16)], when)

@@ -72,11 +72,11 @@ class Locking:
         # sliders that lift off at the end of the last step
         self.lifting: list[Awaited] = []
         self.hits = 0
-        # where points away from their beams are, at one time
+        # places of points away from their beams, at one time
         self._places: dict[tuple[int, float], Place] = {}
         self._contact = contact_of(model) if self.is_present and self.sliders else None
         self._finder = Finder(model, self._contact) if self.sided and self._contact is not None else None
-        # what `reached` compares with: the awaited that are watched, and their values in the state before the step
+        # watched conditions, and their values in the state before the step, for `reached`
         self._watched: list[Awaited] = []
         self._before = np.zeros(0)
 
@@ -88,7 +88,7 @@ class Locking:
         if self.model.released is not None:
             of = self.model.released
             held = self.model.own(state.history, "released") + ~of.waits
-            # what is handed over from one support to another is not held by both
+            # supports let go first: a node handed over is not held by both
             out = [Awaited(k, LET_GO, of.until[k]) for k in np.flatnonzero(held == 1.0).tolist() if of.until[k] is not None]
             out += [Awaited(k, CATCH, of.since[k]) for k in np.flatnonzero(held == 0.0).tolist()]
         own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
@@ -124,7 +124,7 @@ class Locking:
         found = self._values(state, t)
         for i, x in enumerate(self._watched):
             if x.at is not None:
-                # from the side on which it was
+                # seen from the side on which the slider was
                 side = np.sign(self._before[i])
                 found[i] = -side * found[i] if side else -abs(found[i])
         first = float(np.max(found, initial=-np.inf))
@@ -275,7 +275,7 @@ class Locking:
             self.hits += now.action in (LIFT, LAND)
             if now.action not in (LIFT, LAND) or self.hits <= MOST_HITS:
                 events.append(event)
-            # what waits next depends on it
+            # an event changes what is awaited next
             due = [x for x in due if x.action == LIFT or replace(x, rests=False) in self.awaited(state)]
         return state, events
 
@@ -321,7 +321,7 @@ class Locking:
         switch = self.sliders[k].beam
         target = float(switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)])
         own, stored = self.model.along_of(state.history)[k], self._in_stop(state, k)
-        # what is left of the way is left on the other track, too
+        # the distance from the end of a track is kept on the other track
         before = float(switch.spans[number, int(at_end)])
         state.s[k] = target + (state.s[k] - before)
         own[OFFSET] += before - target

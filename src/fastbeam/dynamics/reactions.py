@@ -57,7 +57,7 @@ class Reactions:
         self.holding = holding = stepper.model.holding
         held = core.static_held if static else core.held
         of = self.own if static else stepper
-        # supports that move are not among them: what they do is what is looked for
+        # supports that move are not among the terms, because their forces are wanted
         arrays = {"slider_forces": of.along, "motions": self.own.motion}
         terms = terms_of(OfRun(core, static, None, arrays, of.law_work, known=True))
         running = {type(term): term for term in of.terms}
@@ -80,12 +80,12 @@ class Reactions:
         hanging = np.flatnonzero(holding.parent >= 0)
         of_supports = holding.supports
         self._free = self._left_free(None)
-        # what another holds already
+        # supports of nodes that another holds already
         self._shared = np.zeros(of_supports.size, bool) if core.ties is None else np.diff(core.ties.start)[of_supports] > 0
         self._below: LU | None = None
         if hanging.size and len(holding.joints):
             from scipy.sparse import coo_matrix, identity
-            # x = own + sum of those that hang on it
+            # sum of a node = its own + sums of the nodes that hang on it
             children = coo_matrix((np.ones(hanging.size), (holding.parent[hanging], hanging)), shape=(n, n))
             self._below = lu(identity(n) - children, {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.0})
 
@@ -101,7 +101,7 @@ class Reactions:
         masks = holding.masks.copy()
         turns_freely = self.stepper.model.held_in(state)[holding.supports] & 56 == 0
         if state is not None:
-            # of those that do not hold only round-off is left
+            # forces of supports that do not hold are round-off
             masks[self.own.core.released.reaction[self.own.supports.off(state)]] = 0
             turns_freely |= masks == 0
         return turns_freely, ~held_axes(masks)

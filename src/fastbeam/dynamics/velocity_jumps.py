@@ -211,7 +211,7 @@ class Equations:
         settles, slides = lead is None, k is not None and k >= 0
         self._rows: list[Any] = [] if slides or settles else [lead]
         right: list[Array] = [] if slides or settles else [change]
-        # where the equations of sliders begin whose drives prescribe a motion
+        # first equations of sliders whose drives prescribe a motion
         self._drives: dict[int, int] = {}
         for j, tangent in enumerate(gaps.tangents):
             if model.slider_forces is not None and own[j, HELD] == OFF and (settles or j != k):

@@ -285,7 +285,7 @@ class AdjointRun(Doubts):
         wanted = [Weights(*self._points[name], weights, is_rate) for (name, is_rate), weights in rows.items()]
         family = self._family(rows, build, values, scale)
         plane, n = self._stepper.plane, self.t.size - 1
-        # what points out of the plane depends on what leads out of it
+        # weights out of the plane need derivatives out of the plane
         flat = plane is not None and family is None and all(
             np.max(np.abs(x.rows @ plane.axes[2])) <= TOLERANCE * np.max(np.abs(x.rows)) for x in wanted)
         assert self.model.uneliminated is not None

@@ -62,7 +62,7 @@ class _Critical:
         saddle, right = base.linearised()
         self.loads = plus.unbalanced() - right
         self.matrix, self.multiplier = saddle.matrix, saddle.multiplier
-        # what nothing resists all along is none of the direction
+        # free motions are no part of the critical direction
         base.hold_free(lambda: self.matrix)
         self.free = base.weights[:, None] * base.free_motions.motions(right.size)
         start = np.random.default_rng(0).standard_normal(right.size)
@@ -100,7 +100,7 @@ class _Critical:
         borders = [np.column_stack((x, self.free)) for x in (self.left, self.null)]
         column, row = (sparse.csr_matrix(x) for x in borders)
         matrix = sparse.bmat([[self.matrix, column], [row.T, None]], format="csr")
-        # whether it is singular does not depend on units
+        # scaling makes the test of singularity independent of units
         of_row, of_column = (np.append(self.scale, 1.0 / np.max(self.scale[:, None] * np.abs(x), axis=0)) for x in borders[::-1])
         matrix = sparse.diags(of_row) @ matrix @ sparse.diags(of_column)
         self._whole = Saddle(matrix, np.append(self.multiplier, np.ones(column.shape[1], bool))), of_row, of_column

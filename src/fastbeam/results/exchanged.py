@@ -38,7 +38,7 @@ def balance_of(result: Result) -> dict[str, Array]:
             energies["loads"] = loads
     for name, noun, kind, sign in ACCOUNTS:
         for k, part in enumerate(result.names.get(f"{kind}s", []) if name in series else []):
-            # what acts on places of moving meshes is that of their sliders
+            # energies at places of moving meshes are those of their sliders
             if np.any(series[name][:, k]) and not (kind == "joint" and result.names["coordinates"][k] == "place"):
                 # a joint may have two coordinates
                 key = f"{noun} of {kind} {part!r}"

@@ -30,7 +30,7 @@ class Exports:
     series: dict[str, np.ndarray]
     names: dict[str, list[Any]]
     info: dict[str, Any]
-    # of runs; files hold neither
+    # set by runs; files hold neither
     state: State
     checkpoint: Checkpoint
 

@@ -110,7 +110,7 @@ class ResultWriter:
         self._state = _Waiting(header, dict.fromkeys(COUNTS, 0), 0, zlib.crc32(texts))
         self._events = 0
         self._snapshot_bytes = 8 * (1 + (12 + 3 * header.velocities + 3 * header.spins) * header.n_nodes)
-        # where it is whatever becomes the current folder
+        # absolute, so that a change of the current folder does not matter
         self._where = Path(os.path.realpath(self.path))
         self._raw = _open(self.path, self._where, overwrite)
         try:

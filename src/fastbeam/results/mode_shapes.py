@@ -59,7 +59,7 @@ class Motion:
         swings = self.rate.imag > 0.0
         fades = decay and self.rate.real != 0.0
         self.period = 2.0 * np.pi / self.rate.imag if swings else DECAYS / abs(self.rate.real) if fades else 1.0
-        # of the whole motion in a period
+        # growth and turns of the whole motion in a period
         self.growth = self.rate.real * self.period if fades else 0.0
         self.turns = float(swings or not fades)
         # a motion of nothing but triads has no displacement to scale

@@ -207,7 +207,7 @@ def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
         # derivative at t[k] of the polynomials that are 1 at one of the three times and 0 at the others
         weights = ((2 * t[k] - b - c) / ((a - b) * (a - c)), (2 * t[k] - a - c) / ((b - a) * (b - c)),
                    (2 * t[k] - a - b) / ((c - a) * (c - b)))
-        # from the middle one: what all share cancels before it is weighted
+        # relative to the middle shape: common parts cancel before they are weighted
         return np.asarray(weights[0] * (phi[j - 1] - phi[j]) + weights[2] * (phi[j + 1] - phi[j]))
     return "velocity_from_shapes", slope
 

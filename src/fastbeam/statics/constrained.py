@@ -89,7 +89,7 @@ class SaddleSolver(StaticSolver):
             self.given = core.motions.given_between(self.stepper.core_state.history, core.place("motions"), at_time)
         # part of that increment that was applied at the last equilibrium
         self._reached = 0.0
-        # those that friction or rigid stops may hold, and where those of joints are
+        # coordinates that friction or rigid stops may hold, and places of those of joints
         self.joints, self.resting = static_joints(self), np.zeros(0)
         if self.joints is not None:
             self.hold_joints()
@@ -97,7 +97,7 @@ class SaddleSolver(StaticSolver):
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
-        # what they are without constraints, whatever the shape, and loads with the forces of constraints
+        # equations of a scene without constraints, and loads with the forces of constraints
         self._without: Equations | None = None
         self._all_loads = self.work.f_ext
         # forces of inertia of a steady motion
@@ -225,11 +225,11 @@ class SaddleSolver(StaticSolver):
             if x is None or not np.logical_and.reduce(np.isfinite(x)):
                 return None
             if used.unbalanced > 0.0 and used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
-                # forces push where nothing resists: a little along, and sliders with it
+                # forces push along free motions: follow them a little, sliders too
                 size = self._size(used.drift[:n])
                 if size > 0.0:
                     x[:n + sliding.size] += DRIFT / size * used.drift[:n + sliding.size]
-            # what is soft runs away by itself: it alone is kept back
+            # soft motions grow without bounds: stiffness is added against these alone
             size = self._size(x[:n])
             if size <= LARGEST_MOVE:
                 break

@@ -54,7 +54,7 @@ class StaticSolver:
         # iterations of the last equilibrium, or of the hardest part of it
         self.longest = 0
         self.interrupts = Interrupts()
-        # what slipped in the last equilibrium without anything that resists
+        # label of what slipped in the last equilibrium without resistance
         self.unresisted = ""
         # supports on their way to where they are at the time of the loads
         self.motion: StaticMotion | StaticShift | None = None

@@ -265,7 +265,7 @@ class _Alike:
         """Return shifts and turns [parts, unknowns, 6], zero where there are fewer."""
         motion = np.stack([_rigid(x, of.model.length) for x in q[self._inside, 0]])
         motion = of.on_unknowns(self.rows.reshape(-1), motion.reshape(-1, 6, 6)).reshape(*self.unknowns.shape, 6)
-        # what supports feel of them
+        # parts of the motions at fixed unknowns
         sizes, turn = _singular(motion * self._held[:, :, None])
         allowed = sizes <= HELD * np.maximum(1.0, np.max(sizes, axis=1))[:, None]
         out = motion @ (turn * allowed[:, :, None]).transpose(0, 2, 1)

@@ -29,10 +29,10 @@ Array = np.ndarray
 LARGEST_WAY = 0.3
 # ways below which a coordinate has come to rest, and a force that is round-off of all that hold joints
 SMALL_WAY, ROUND_OFF = 1e-13, 1e-11
-# one that slips comes to rest with this share of its friction in reserve, so that round-off does not move it in a run from there
+# share of friction in reserve where a slipping coordinate comes to rest, so that round-off does not move it in a run from there
 RESERVE = 1e-5
 MOST_ROUNDS, MOST_HALVES, MOST_CHANGES = 100, 8, 4
-# one that went as far as it may so many times in a row, its force the same within this share, is resisted by nothing
+# largest increments in a row, with forces equal within this share, after which nothing resists a coordinate
 IN_VAIN, SAME = 5, 1e-6
 
 
@@ -181,7 +181,7 @@ class StaticJoints:
         # coordinates that are held by whatever force that needs
         self.kept = np.zeros(self.values.size, bool)
         self.labels = [label for x in parts for label in x.labels]
-        # of every constraint force: 1, and the size of the scene of a moment; behind those of joints stand moments of sleeves
+        # arm of every constraint force: 1, of moments the size of the scene; moments of sleeves stand behind those of joints
         begin, length = _begin_of(solver), solver.core.length
         self._arms = np.ones(solver.core.n_forces)
         self._arms[begin[-1]:] = length

@@ -151,7 +151,7 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
     motion = length * like.spread(way)
     q[:, 0] += motion[:, :3]
     q[:, 1:] = turned(q[:, 1:], motion[:, 3:])
-    # those that slide go with the length of what they slide on, those that stay with their place on it
+    # free sliders move with the length of their beam, held ones with their place on it
     s = np.where(like.sliding, state.s * model.slider_lengths / own.slider_lengths, state.s + (model.s0 - own.s0))
     start = State(follow(model, q).reshape(-1), np.zeros(q.size), s, state.force.copy(), model.state().history)
     model.keep_turns(start.history, state.history)

@@ -167,7 +167,7 @@ class LoadSteps:
         self.task, self.solver = task, task.solver()
         model = task.model
         self.flat = self.solver.stepper.plane is not None
-        # what spins may fly freely
+        # a scene in steady motion need not be held
         self.held_in_space = task.steady is not None or check_supports(model, self.flat)
         if not set(task.observe) <= set(RECORDED):
             Observer(model, task.observe, task.points)  # refuses what does not exist

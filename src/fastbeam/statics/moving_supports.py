@@ -96,7 +96,7 @@ class StaticMotion(_Moving):
         self._size = model.length + float(np.max(np.abs(state.q.reshape(-1, 12)[:, :3])))
         motions = self.of.motions
         self._first = [(motion.place(0.0), *motion.turning(0.0)) for motion in motions]
-        # how far they have turned since t = 0 where the way begins, where it ends, and at the last equilibrium
+        # turns of supports since t = 0 at the begin and end of the way, and at the last equilibrium
         self._way = model.turns_of(state.history).reshape(-1, 3).copy(), self.of.vectors(self.at_time).reshape(-1, 3)
         self._reached = self._way[0]
         self._counts = {k: n for n, k in enumerate(self.of.turning)
@@ -251,7 +251,7 @@ class StaticShift(_Moving):
         shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
         self._move_of_node = shared
         self._reached = share
-        # of supports that turn by a function: how far they had
+        # turns at the start of supports that turn by a function
         self._turned: Array | None = None
 
     def begin(self, share: float) -> None:

@@ -213,7 +213,7 @@ def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Eq
     bare = np.where(normal > ALONG_ONLY * size, normal, np.inf)
     by_force = (slip * long / bare)[:, None] * across
     by_tangent = (slip * (normal + edges) / long)[:, None] * t - (slip * part * long / bare)[:, None] * across
-    # what depends on the tangents does as if these were contact forces
+    # terms with the tangents are those of these vectors as contact forces
     other = np.zeros_like(force)
     other[:s * d] = by_tangent.reshape(-1)
     turning = constraints.at(other)

@@ -3,8 +3,8 @@
 Without friction, and where sliders do not go far, Newton's method on all unknowns leads from one equilibrium to the next. But
 a sliding coordinate is only determined once its contact carries a force. Otherwise a load step is found with all sliders held
 first; then they are released and slide downhill, the rest of the scene following in equilibrium, until Newton's method on all
-unknowns squares its increments. Sliders with friction are released where it cannot hold them, in the direction in which they go then
-(`slider_friction.py`).
+unknowns squares its increments. Sliders with friction are released where it cannot hold them, in the direction in which they go
+then (`slider_friction.py`).
 """
 from __future__ import annotations
 

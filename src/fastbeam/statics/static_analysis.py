@@ -126,8 +126,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         unsymmetric; then the number is 0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant
         is negative, else None (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for
         all sliders, joints and twists in sleeves ("s: twist") with friction its `force`, the most that it could be, `cone`, and
-        whether it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the others
-        with friction staying where they are; NaN where that is not found.
+        whether it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the
+        others with friction staying where they are; NaN where that is not found.
 
     Raises
     ------

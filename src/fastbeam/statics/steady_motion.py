@@ -207,7 +207,7 @@ def _along(who: str, model: Model, motion: Travel) -> tuple[Any, Any]:
             place = layout_of(SPACE, nn, nq)
             rho, j2, j3 = tables.tab[co + place.inertia:co + place.masses].reshape(3, 8)[:, live]
             point = tables.tab[co + place.point:co + place.inertia].reshape(nq, -1, 8)[:, :, live]
-            # of positions and directors: Lagrange elements have one basis
+            # basis of positions and directors, the same in Lagrange elements
             weight, shape, slope = point[:, 0], point[:, 2:2 + 3 * nn:3], point[:, 3:3 + 3 * nn:3]
             v = speed[at[0]]
             first = np.einsum("gl,gal,gbl->abl", weight, shape, slope) * v

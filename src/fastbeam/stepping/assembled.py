@@ -121,7 +121,7 @@ class Constraints:
         # numbers of the multipliers of all constraints by the columns of their lines
         self._number = contact.first_force[:, None] + np.arange(8)
         self._entry = (most * np.arange(count)[:, None] + np.arange(most)) * 8 * n
-        # of what the last structure was made
+        # entries of the last structure
         self._touched = b"", b""
         self._inside = np.zeros((count, most), bool)
         forces = contact.forces[contact.pair[:, 1]]
@@ -366,7 +366,7 @@ class SaddleMatrix:
         keys = row.astype(np.int64) * self.n + column
         place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
         if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
-            # what was there before stays for a while: entries that vanish come back
+            # earlier entries stay for a while, because entries that vanish come back
             before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
             self._merge(np.unique(np.concatenate((keys, before))))
             place = np.searchsorted(self._known, keys)

@@ -173,7 +173,7 @@ class CondensedIteration(Iteration):
             least = max(2, NODES_A_CHUNK * len(groups) // max(1, int(np.sum(groups[:, ELEMENTS] * groups[:, NODES_EACH]))))
             self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), least, done, MOST_CHUNKS)]
             done += len(groups)
-        # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
+        # terms that one chunk assembles, in the order of kernels/terms.py; tied nodes come last
         before = (Sliding, Inner) if model.n_bordered else Inner
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
         # links, drag, user forces, what joints leave free: all that has no pass of its own
@@ -274,12 +274,12 @@ class CondensedIteration(Iteration):
         self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
-        # what the kernel takes of state and work: every array that is passed takes time
+        # arrays of state and work that the kernel needs: every array that is passed takes time
         move = motion.implementation(system.method).py_func(system.method, state, work, h)
 
         def condense(thread: int, x: tuple[ElementTables, Any, Chunk] | Group | None) -> bool:
             if x is None:
-                # what acts on inner nodes stands in the residual before they are eliminated
+                # loads on inner nodes enter the residual before these are eliminated
                 step.assemble_some(*self._rest.on(shared), h)
                 return True
             if isinstance(x, Group):

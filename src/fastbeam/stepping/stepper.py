@@ -148,7 +148,7 @@ class Stepper:
         self._scheduled = [x for x in core.features if type(x).schedules is not Feature.schedules]
         if self.motion is not None and memory is None:
             core.motions.settle(self.core_state, self.state, core.place("motions"), None if static else t)
-        # for user forces: the time in the middle of a step, and the load factor in statics
+        # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(OfRun(core, static, self.inner, self.own, self.law_work))
         self.corner: Corner | None = None  # a slider on its way over a corner of a switch
@@ -232,7 +232,7 @@ class Stepper:
         increments, and the state as a planar run keeps it."""
         rates, past, *increments = self._remembered
         if past[3] == 0.0:
-            # they are no rates, but what a failed step left
+            # these are no rates but remainders of a failed step
             increments[:2] = (np.zeros_like(x) for x in increments[:2])
         return np.concatenate((rates, past, *increments))
 
@@ -455,7 +455,7 @@ class Stepper:
             result = self._python_run(factors if self._timed else None, h, n, schedules)
         reached = result.steps
         if self.rows is not None and self.rows.factors.failed[0]:
-            # what the step has done does not count: rows of a run do not depend on when there was room
+            # the step is discarded: rows of a run do not depend on when there was room
             self._enlarge()
             result.iterations = int(counts[4])
             return self._run(t, h, 1, done + reached).after(result)

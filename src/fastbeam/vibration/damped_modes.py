@@ -88,7 +88,7 @@ def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
     rates = np.where(flat, np.real(rates), rates)
     rates[np.abs(rates) <= ZERO * np.max(np.abs(rates), initial=0.0)] = 0.0
     rates, vectors = rates[picks], vectors[:, picks]
-    # of a zero that comes several times a dense solver may return one vector several times: free motions themselves
+    # a dense solver may return one vector of a multiple zero several times: free motions are taken instead
     free = np.flatnonzero(np.diag(stiffness) == 0.0)
     for j, k in zip(np.flatnonzero(rates == 0.0), free[free < n]):
         vectors[:, j] = np.arange(m) == k
@@ -127,7 +127,7 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
         whole[:k] += abs(rate) * (terms[1] @ size[:k]) + abs(rate)**2 * (terms[2] @ size[:k])
         reference = max(float(np.linalg.norm(scale * whole)), 1e-300)
         if rate == 0.0:
-            # of a free motion of a part that nothing strains, where all terms are round-off
+            # a free motion of a part that nothing strains, where all terms are round-off
             reference = max(reference, float(np.linalg.norm(size / scale)))
         return left, float(np.linalg.norm(scale * left)) / reference
 

@@ -252,7 +252,7 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do "
                          "not "
                          "leave; use damping= of sections, or loss_factor=")
-    # how many there are, by one factorisation
+    # number of these modes, by one factorisation
     n = 20
     try:
         counted = Shifted(found.factors.pencil, highest**2, backend).below

@@ -306,7 +306,7 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
     diagonal = np.abs(pencil.stiffness.diagonal())[:, None] + np.zeros(len(values))
     size = np.abs(values) + abs(found.factors.shift)
     diagonal[:k] += pencil.mass.diagonal()[:, None] * size
-    # of multipliers the entries of their rows
+    # multipliers take the entries of their rows
     diagonal[diagonal == 0.0] = 1.0
     diagonal[pencil.multiplier] = (1.0 / found.factors.scale[pencil.multiplier, None])**2
     scale = 1.0 / np.sqrt(diagonal)

@@ -120,7 +120,7 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
                 break
     if not (done or not block.shape[1] or m >= 2 * k - BLOCK):
         raise SingularError
-    # of pairs the vectors are conjugate to the last bit where the projected matrix is real
+    # vectors of pairs are conjugate to the last bit where the projected matrix is real
     u = (basis[:k, :m] @ y[:, order]) * scale[:, None]
     return rates[order], u
 

@@ -244,14 +244,14 @@ class Contacts:
             of.setdefault(_owner(x), []).append((k, x))
         self.pairs = [(j, k, one, other) for some in of.values() for i, (j, one) in enumerate(some[:MOST])
                       for k, other in some[i + 1:MOST]][:5 * MOST]
-        # those that nothing holds along their beam, with the mass that moves along it
+        # sliders that nothing holds along their beam, with the mass that moves along it
         held = () if scene is None else {part.at.owner for part in (*scene.clamps, *scene.pins, *scene.prescribed)}
         self.free = {k: float(owner.mass if isinstance(owner, PointMass | RigidBody) and owner not in held
                               else x.beams[0].section.rhoA * x.beam.length)
                      for k, x in points for owner in (_owner(x),)
                      if x.lock is None and not (x.drive is not None and x.drive.is_prescribed)}
         self.friction = np.array([0.0 if x.friction is None else x.friction.coefficient for x in sliders])
-        # how fast they moved, m/s, where they came to, m, and the last row
+        # speeds of sliders, m/s, their range of places, m, and the last row
         n = len(sliders)
         self.speed, self.least, self.largest = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
         self.before: tuple[float, Array] = 0.0, np.zeros(0)
@@ -310,7 +310,7 @@ class Contacts:
                 if blow > max(BLOW * usual, LEAST_BLOW * self.masses[k] * float(self.speed[k]) / h):
                     self._blow(t, k, place, h, blow, usual)
             if not left:
-                # of quiet rows
+                # mean over rows without kinks
                 usual, rows = (usual * rows + size) / (rows + 1), rows + 1
             self._passing[k] = force, usual, rows, place, max(left - 1, 0)
 
@@ -403,7 +403,7 @@ class Contacts:
             return
         mean = beam.length / beam.basis.n_elements
         is_default = abs(sleeve.length - mean) <= 1e-12 * mean
-        # of a cantilever with a force at its end the compliance L^3/3 changes by L^2 times that
+        # the compliance L^3/3 of a cantilever with a force at its end changes by L^2 times that
         error = 3.0 * (held_length(beam, s, sleeve.length, sleeve.curve) - OF_BORE * sleeve.length * (not is_default)) / arm
         if error > SLEEVE:
             text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the length of {arm:.2g} m that it "

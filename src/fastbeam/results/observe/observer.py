@@ -289,7 +289,7 @@ class Observer:
             off = EPSILON * (1.0 - 2.0 * (np.arange(model.q0.size) * 2654435761 >> 16 & 1))  # signs without a pattern
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
-            # of prestressed beams and springs, whose own energy is no round-off, the strain has parts of first order, too
+            # the strain energy of prestressed beams and springs has parts of first order, too
             own = strain_energy(model, model.q0, self._work)
             ahead, back = (strain_energy(model, model.q0 + sign * off, self._work) - own for sign in (1.0, -1.0))
             strain, pull = 0.5 * abs(ahead + back), 0.5 * abs(ahead - back)
@@ -312,7 +312,7 @@ class Observer:
         before anything is squared, so that no digits are lost to it."""
         weight = self.model.gravity_weight / np.sum(self.model.gravity_weight)
         q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
-        # from the first node: differences of large coordinates are exact
+        # arms are taken from the first node: differences of large coordinates are exact
         first = q[0, 0].copy()
         q[:, 0] -= first
         arm = weight @ q[:, 0]
@@ -336,7 +336,7 @@ class Observer:
         names |= {springs.kind: springs.names for springs in self.springs}
         if self.held:
             names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
-        # what `Result.state_for` finds in the state's history
+        # layout of the history for `Result.state_for`
         if model.slider_forces is not None and model.slider_forces.lets_go:
             names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
         if model.released is not None:

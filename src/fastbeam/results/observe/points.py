@@ -41,7 +41,7 @@ class PointRows:
         self.velocity, self.spin, self.orientation, self.acceleration = (
             kind in kinds and bool(given) for kind in ("velocity", "spin", "orientation", "acceleration"))
         self.sections = [_section(model, name, what) for name, what in given.items()] if "section" in kinds else []
-        # of damped beams: which point, and the section
+        # points on damped beams: number, and section
         self.damped = [(k, x) for k, x in enumerate(self.sections) if x is not None and x.viscosity is not None]
         # coordinates of these beams in the newest row
         self._kept: list[Array] = []

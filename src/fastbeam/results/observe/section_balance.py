@@ -286,7 +286,7 @@ class FreeBodies:
         rows = self._assembled(self.beams, h)
         entry = np.zeros((len(self.node), 6))
         np.add.at(entry, self.slot_entry, rows[self.slot_row])
-        # what distributed loads bring into the equations has the sign of inertia
+        # distributed loads have the sign of inertia in the equations
         on_nodes = self._assembled(self.on_nodes, h) if self.on_nodes.terms else np.zeros_like(rows)
         entry += self.share[:, None] * on_nodes[self.node_row]
         entry -= np.einsum("k,kec->ec", factors, self.loads)

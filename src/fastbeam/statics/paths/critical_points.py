@@ -56,7 +56,7 @@ class PathStep:
     def __init__(self, solver: PathSolver, before: tuple[Any, ...], along: Direction, size: float) -> None:
         self.solver, self.before, self.along, self.size = solver, before, along, size
         self.end = solver.saved()
-        # whether something changes within the step that was not found
+        # whether a change within the step was not located
         self.is_lost = False
 
     def zero(self, f: Callable[[], float], first: float, last: float, size: float | None = None,
@@ -155,9 +155,9 @@ class PathStep:
             self.is_lost |= limit is None
         behind = counted
         if limit is not None and known:
-            # it changes the number, too: what has changed before it are bifurcations
+            # a limit point changes the number, too; earlier changes are bifurcations
             size, ahead, behind = self._around(limit[0])
-            # where another path crosses there, no equilibrium of this one may be found so near
+            # near a crossing with another path there may be no equilibrium of this one
             behind = counted if behind is None else behind
             if ahead == behind:
                 # next to a limit point the number has to differ on both sides: round-off hides where it changes

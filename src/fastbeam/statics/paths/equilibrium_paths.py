@@ -211,7 +211,7 @@ class _Task:
         """
         model = self.model
         may_leave = model.plane is not None and not model.asked_for_plane
-        # where supports leave its plane the scene does, if it may
+        # the scene leaves its plane with its supports, if it may
         solver = self.solver(self.start, self.load_factor,
                              False if may_leave and leave_plane(model, self.growing.moved) else None)
         if self.start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():

@@ -65,7 +65,7 @@ class PathWalk:
         Observer(model, observe, points)  # refuses what does not exist
         self.model, self.solver = model, solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
-        # where the step begins that is under way
+        # state at which the present step begins
         self.begun_at: tuple[Any, ...] | None = None
         self.first_step = self.size = step
         # length of a step before it was divided because something within it was not located
@@ -175,7 +175,7 @@ class PathWalk:
             if step is not None and self._closes(first, step):
                 return
             if step is not None and self.rows == 1 and branch is not None:
-                # what changes on the way off is no event
+                # changes on the first step off a bifurcation are no events
                 self.sign = float(np.sign(step.after.factor))
             elif step is not None and not self._looks(step, stop_at, bar):
                 step = None
@@ -280,7 +280,7 @@ class PathWalk:
         """Find the first wanted quantity that the present step brings to its value, with the solver there and `size` the part of
         the step; return it, and how far all quantities are off at its end."""
         off, met = self._off_values(), None
-        # one that begins at its value goes on from there
+        # a quantity that begins at its value goes on from there
         passed = np.flatnonzero((self.off != 0.0) & (self.off * off <= 0.0))
         solver, whole, end, after = self.solver, self.step, self.solver.saved(), off
         for k in passed.tolist():
@@ -309,7 +309,7 @@ class PathWalk:
         ConvergenceError
         """
         solver = self.solver
-        # from what may not quite be an equilibrium
+        # the start may not quite be an equilibrium
         sign = 1.0 if to > solver.factor else -1.0
         at = Direction(np.zeros_like(solver.weight), 1.0)
         good = solver.go(at, 0.0, solver.factor)
