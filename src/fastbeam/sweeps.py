@@ -372,7 +372,7 @@ class Job:
 
 
 def split(found: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Split what was measured into numbers and texts, and arrays.
+    """Split measured values into numbers and texts, and arrays.
 
     Raises
     ------
@@ -472,7 +472,7 @@ def _begin(job: Job | None, threads: int, parent: int) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process when its parent was killed: nobody would tell it."""
+    """End this process when its parent was killed, which cannot tell it."""
     while os.getppid() == parent:
         time.sleep(0.5)
     os._exit(1)

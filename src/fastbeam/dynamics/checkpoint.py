@@ -301,7 +301,7 @@ class Clock:
 
 
 def _unclear(a: float, b: float, step: float) -> float:
-    """Share of a step below which differences between times a and b are round-off."""
+    """Return the share of a step below which differences between times a and b are round-off."""
     return WHOLE + 0.55 * float(np.spacing(max(abs(a), abs(b)))) / step
 
 

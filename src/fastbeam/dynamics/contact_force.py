@@ -54,7 +54,7 @@ class ContactForces:
         return np.full(self.stepper.recorded, np.nan)
 
     def first(self, clock: Clock) -> Array | None:
-        """Return the force at the first row [F]; None where the run goes on from a checkpoint and the next step will tell."""
+        """Return the force at the first row [F]; None where the run goes on from a checkpoint and the next step gives it."""
         size, self._recent = clock.before_size, []
         if clock.before is not None and size is not None and (self.controlled or is_equal(size, clock.step, ALIKE)):
             self._fit(clock)
@@ -63,8 +63,8 @@ class ContactForces:
         return self._at(clock.now, clock.size)
 
     def _fit(self, clock: Clock) -> None:
-        """Leave out forces of supports and joints of a checkpoint where this run does not record them; what only this run
-        records, and what checkpoints do not keep, steps ahead tell for the first row."""
+        """Leave out forces of supports and joints of a checkpoint where this run does not record them. Forces that checkpoints do
+        not keep come from steps ahead, for the first row."""
         assert clock.before is not None
         before, width = forces_of(self.stepper, clock.before).copy(), self.stepper.recorded
         if before.size < width:

@@ -25,7 +25,7 @@ TOO_SHORT = 1e-8
 
 
 class Passed(NamedTuple):
-    """A step over a corner: its size, s, what it led to, the state behind it, and the event of a change of track; None where the
+    """A step over a corner: its size, s, its outcome, the state behind it, and the event of a change of track; None where the
     slider turned around."""
 
     size: float

@@ -157,7 +157,7 @@ class Encounters:
 
     def behind(self, t: float, last: float, final: Outcome, found: Sequence[Any] = (), strikes: Any = None,
                passed: Passed | None = None) -> Any:
-        """Go on behind what happens after a step from t of size `last`: conditions that hold, a slider that strikes a stop, with
+        """Go on behind the events after a step from t of size `last`: conditions that hold, a slider that strikes a stop, with
         its end, and one that has passed a corner."""
         if last > 0.0:
             t = self.t_end if self.t_end - t - last < NEXT_TO_NOTHING * self.clock.size else t + last

@@ -1,4 +1,4 @@
-"""Order four with what dissipates, and of reactions: conserving steps of h and of h/2, extrapolated (theory.md 6)."""
+"""Order four with dissipation, and for reactions: conserving steps of h and of h/2, extrapolated (theory.md 6)."""
 from __future__ import annotations
 
 import math
@@ -36,7 +36,7 @@ def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
 
 
 def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any, max_step: Any) -> None:
-    """Refuse what needs one state on the way.
+    """Refuse options that need one state on the way.
 
     Raises
     ------

@@ -31,7 +31,7 @@ def filter_factors(rho_inf: float) -> tuple[float, float, float]:
 
 
 def check_filtered(order: int, model: Model, observe: Any) -> None:
-    """Refuse what the filters do not go together with.
+    """Refuse options that filters do not support.
 
     Raises
     ------

@@ -117,7 +117,7 @@ class Impacts:
 
 
 def before_joints(model: Model) -> int:
-    """Number of sliders, or of ways between contacts of moving meshes: what ends bound before coordinates of joints
+    """Return the number of sliders, or of ways between contacts of moving meshes, that stand before coordinates of joints
     (bounds.py)."""
     return model.n_sliders if model.moving is None else int(model.moving.gaps(model.q0.reshape(-1))[0].size)
 

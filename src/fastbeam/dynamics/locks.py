@@ -1,5 +1,5 @@
-"""Locks and releases of sliders in a run, supports that let go or take hold: what they wait for, when it comes, and the state
-behind it (theory.md 5.9)."""
+"""Locks and releases of sliders in a run, supports that let go or take hold: their conditions, times, and states behind them
+(theory.md 5.9)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -55,7 +55,7 @@ class Awaited:
 
 
 class Locking:
-    """Locks and releases of all sliders of a model; what has happened is in `State.history`.
+    """Locks and releases of all sliders of a model; `State.history` keeps those that are done.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contact that pushes only: where a point is beside its beam, when it lifts off and what happens when it comes back
+"""One-sided contact, which pushes only: place of a point beside its beam, lift-off, and impact when it comes back
 (theory.md 5.9)."""
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Forces and moments of supports and joints: what is missing in the equations of the nodes without them (theory.md 4.2)."""
+"""Forces and moments of supports and joints: the residual of the equations of the nodes without them (theory.md 4.2)."""
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Controllers in a run: asked at their times, between steps; what they hold and remember stands in the history of the state."""
+"""Controllers in a run: asked at their times, between steps; their values and memory stand in the history of the state."""
 from __future__ import annotations
 
 import math
@@ -120,7 +120,7 @@ class Sampling:
         return [state.history[a:b] for a, b in zip(ends[:-1], ends[1:])]
 
     def follow(self, state: State) -> None:
-        """Let controllers hold what a state says."""
+        """Set the values of controllers to those in a state."""
         for one, own in zip(self.controllers, self._parts(state)):
             one.held[0] = float(own[0])
 

@@ -1,4 +1,4 @@
-"""Means over steps of what rows hold besides forces: accelerations of points, rates of strains in damped sections."""
+"""Means over steps of quantities of rows besides forces: accelerations of points, rates of strains in damped sections."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""Runs a model in time and records what was asked for."""
+"""Time integration of a model, with the rows of its result."""
 from __future__ import annotations
 
 import sys

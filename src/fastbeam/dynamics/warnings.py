@@ -131,8 +131,7 @@ class Watch:
                                         "with solver='sparse', eliminate_inner=False"})
 
     def mesh(self, t: float, steps: int, h: float = 0.0, last: bool = False) -> None:
-        """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end events say
-        so."""
+        """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end add events."""
         if self._resolution is None:
             self._resolution = Resolution(self.model)
             self._resolution.contacts.before = self.t_start, self._start

@@ -376,7 +376,7 @@ class AdjointRun(Doubts):
 def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None,
                 points: Mapping[str, Place] | None = None, max_iterations: int = 25, backend: str = "auto",
                 keep_every: int = 1) -> AdjointRun:
-    """Run a model in conserving steps of order 2 that are kept, for gradients of what it leads to (theory.md 13).
+    """Run a model in conserving steps of order 2 that are kept, for gradients of its results (theory.md 13).
 
     Parameters
     ----------

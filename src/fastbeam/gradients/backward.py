@@ -336,8 +336,8 @@ class Backward:
                     (self.gravity_factor @ found.weight) @ self.within, found.load, pushes @ self.within, found.sliders)
 
     def _turned_with(self, q: Array, v: Array, rate: Array) -> Array:
-        """Return what rows of `Adjoint.shapes` get because rates of directors turn with them, so that spins stay; rate: adjoint
-        of velocities, of nodes that are not tied."""
+        """Return the additions to rows of `Adjoint.shapes` because rates of directors turn with them, so that spins stay; rate:
+        adjoint of velocities, of nodes that are not tied."""
         core, n = self.core, self.core.n_nodes
         d, u, b = (x.reshape(n, -1, core.dim)[:, 1:] for x in (q, v, rate))
         if self.plane is None:

@@ -85,7 +85,7 @@ class _Critical:
 
     def across(self, right: Array, noise: float = 0.0) -> float:
         """Return the share of a right-hand side that pushes along the critical direction; 0 where that is round-off, `noise`
-        times what it may be of forces."""
+        times the round-off of forces."""
         push = abs(float(self.left @ right))
         if push <= noise * float(np.abs(self.left) @ self.base.noise()):
             return 0.0

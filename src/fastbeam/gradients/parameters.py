@@ -149,13 +149,12 @@ class Family:
         return same and np.array_equal(base.spin_root, other.spin_root) and np.array_equal(base.spinless, other.spinless)
 
     def slope(self, name: str, six: Any) -> Array:
-        """Return the derivative by parameter `name` of what was evaluated in the six scenes, with an error of order 6 in the
-        change."""
+        """Return the derivative by parameter `name` of values in the six scenes, with an error of order 6 in the change."""
         return np.tensordot(SIXTH, np.asarray(six), 1) / self.steps[name]
 
     def check_smooth(self, name: str, six: Any, weights: Array, noise: float) -> None:
-        """Refuse a parameter where differences of order 4 and 6 of what was evaluated in the six scenes disagree by more than
-        noise; weights: of rows.
+        """Refuse a parameter where differences of order 4 and 6 of values in the six scenes disagree by more than noise; weights:
+        of rows.
 
         Raises
         ------

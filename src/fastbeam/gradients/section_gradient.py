@@ -126,7 +126,7 @@ def moduli_of(tables: ElementTables, size: int) -> Array:
 
 
 def beam_numbers(model: Model) -> tuple[Array, dict[str, slice]]:
-    """Number of the beam of every node (-1: none), int [N], and which numbers belong to which beam or net."""
+    """Return the number of the beam of every node (-1: none), int [N], and which numbers belong to which beam or net."""
     of, parts = np.full(model.n_nodes, -1), {}
     count = 0
     for entry in model.names.get("beams", []):

@@ -334,7 +334,7 @@ def save_result(result: Result, path: str | PathLike[str], *, overwrite: bool = 
 
 
 def _open(path: Path, where: Path, overwrite: bool) -> BinaryIO:
-    """Open a file for writing that no other run writes; what it holds stays for now.
+    """Open a file for writing that no other run writes; its contents stay for now.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Beams of a result as lines with directors and the outline of their sections: what pictures and files for other programs share.
+"""Beams of a result as lines with directors and the outline of their sections, for pictures and files for other programs.
 
 Everything is read from the names of a result (`Result`): of beams besides what stands there 's' and 'length' (m), 'degree',
 'half_2', 'half_3' and 'round' of the section (`Section.outline`), and of splines 'spline_ends', arc lengths of the element ends;

@@ -1,4 +1,4 @@
-"""Modes of a scene about an equilibrium, without and with damping: what `modes` returns."""
+"""Modes of a scene about an equilibrium, without and with damping: the results of `modes`."""
 from __future__ import annotations
 
 from collections.abc import Mapping

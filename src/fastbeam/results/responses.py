@@ -1,4 +1,4 @@
-"""Frequency response of a scene about an equilibrium: what `frequency_response` returns."""
+"""Frequency response of a scene about an equilibrium: the result of `frequency_response`."""
 from __future__ import annotations
 
 from typing import Any

@@ -117,7 +117,7 @@ class SweepFile:
         self._text += json.dumps({**row, "arrays": places}).encode() + b"\n"
 
     def flush_when_due(self) -> None:
-        """Write what waits where it is time."""
+        """Write waiting rows where it is time."""
         if time.perf_counter() - self._last > FLUSH_TIME or self._waiting + len(self._text) > PENDING:
             self.flush()
 
@@ -157,7 +157,7 @@ class SweepFile:
         claim(self._raw.fileno(), int(self._file.id.get_filesize()), size + MARGIN)
 
     def close(self) -> None:
-        """Write what waits and close; safe to call twice."""
+        """Write waiting rows and close; safe to call twice."""
         try:
             self.flush()
         finally:

@@ -177,7 +177,7 @@ def _spots(result: Result) -> tuple[Array, Array, Array, dict[str, list[str]]]:
 
 
 def _forces(result: Result, n: int, where: Array) -> Callable[[int], Array]:
-    """Return a function of contact forces on the sliders, zero elsewhere [n, 3] (N); zero where no steps tell them."""
+    """Return a function of contact forces on the sliders, zero elsewhere [n, 3] (N); zero where they are not known."""
     force = result.series.get("contact_force", np.zeros((0, 0, 3)))
     # snapshots are taken at rows
     row = np.searchsorted(result.t, result.t_snap - 1e-12 * np.abs(result.t_snap))

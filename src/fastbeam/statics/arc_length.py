@@ -454,7 +454,7 @@ class PathSolver(SlidingSolver):
         return np.sum(v * (matrix @ v), axis=0), v
 
     def unstable(self) -> int | None:
-        """Number of negative eigenvalues of the tangent; None where moments leave it undecided."""
+        """Return the number of negative eigenvalues of the tangent; None where moments leave it undecided."""
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
         if not self.is_unsymmetric:

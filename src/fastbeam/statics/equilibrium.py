@@ -84,7 +84,7 @@ class StaticSolver:
         return self.stepper.state
 
     def count_turns(self) -> None:
-        """Bring what counts turns, coordinates of joints and supports, up to the present equilibrium."""
+        """Update turns of coordinates of joints and supports to the present equilibrium."""
         if self.motion is not None:
             self.motion.count_turns(self.core.turns_of(self.stepper.core_state.history))
         motions = self.core.motions

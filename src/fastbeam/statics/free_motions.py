@@ -1,4 +1,4 @@
-"""Motions that nothing resists at an equilibrium, found from what a scene consists of, and named (theory.md 8).
+"""Motions that nothing resists at an equilibrium, found from the parts of a scene, and named (theory.md 8).
 
 A round beam between two ball joints spins about its axis, a body on a ball joint turns about it. Such motions are known as
 vectors z, not as eigenvalues next to zero, which round-off gives either sign and which the softest bending of a fine mesh may

@@ -1,4 +1,4 @@
-"""Load steps of equilibria, which adapt to the convergence of Newton's method (theory.md 8): what `solve_static` runs."""
+"""Load steps of equilibria, which adapt to the convergence of Newton's method (theory.md 8), for `solve_static`."""
 from __future__ import annotations
 
 import math

@@ -40,7 +40,7 @@ class _Moving(ABC):
     @property
     @abstractmethod
     def moves(self) -> Array:
-        """Displacements and rotation vectors in space of supports by the load factor, [M, 6]."""
+        """Rates of displacements and rotation vectors of supports in space by the load factor, [M, 6]."""
 
     @abstractmethod
     def begin(self, share: float) -> None:
@@ -187,7 +187,7 @@ class StaticMotion(_Moving):
         out[:] = self._reached.reshape(-1)
 
     def check_turns(self, reached: float) -> None:
-        """Refuse what turns by half a turn or more from the load factor `reached` to `share`.
+        """Refuse supports that turn by half a turn or more from the load factor `reached` to `share`.
 
         Raises
         ------

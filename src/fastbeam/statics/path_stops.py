@@ -57,7 +57,7 @@ def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None, who: 
 
 
 def _quantity(model: Model, what: Any, points: Mapping[str, Place], who: str) -> tuple[str, Callable[[State], float], Any]:
-    """Name and function of a quantity, and its section.
+    """Return name and function of a quantity, and its section.
 
     Raises
     ------

@@ -20,7 +20,7 @@ LEAST, MOST = -10.0, 0.99
 
 
 def check_beam(who: str, model: Model, beam: Any) -> None:
-    """Refuse what is no beam of the scene of a model; who: of which call and argument.
+    """Refuse arguments that are no beam of the scene of a model; who: the call and argument.
 
     Raises
     ------

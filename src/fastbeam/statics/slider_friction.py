@@ -223,7 +223,7 @@ def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Eq
 
 
 def edges_of(core: Model, force: Array) -> tuple[Array, Entries]:
-    """Evaluate what moments of sleeves press on the edges of bores, N [S], and its derivative by the multipliers [S, F]."""
+    """Evaluate the force of moments of sleeves on the edges of bores, N [S], and its derivative by the multipliers [S, F]."""
     press, value, row, column = np.zeros(core.n_sliders), [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for o, (k, c) in enumerate(core.sleeve_pairs.tolist()):
         at = core.first_force[c] + np.arange(core.forces[c])

@@ -1,4 +1,4 @@
-"""Steady motions: a scene that spins about an axis, beams that travel along themselves; what their inertia adds to statics and to
+"""Steady motions: a scene that spins about an axis, beams that travel along themselves; their forces of inertia in statics and
 vibrations (theory.md 17).
 
 The mass matrix of positions and directors is constant, so that with the rate of a coordinate q' + A q, A the steady motion, the
@@ -119,7 +119,7 @@ class Field(NamedTuple):
 
 
 def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) -> None:
-    """Refuse what is not steady in such a motion, under load factors [K].
+    """Refuse scenes that are not steady in such a motion, under load factors [K].
 
     Raises
     ------

@@ -211,7 +211,7 @@ class LengthSolver(Response):
         self.part = share
 
     def _put(self, change: Array) -> None:
-        """Let beams have these changes of their prestrains [m], and weigh what goes with them."""
+        """Set these changes of the prestrains of beams [m], and the weights that depend on them."""
         self.tables.put(change)
         if self.tables.weighs:
             self._load(self.factors)

@@ -112,7 +112,7 @@ class Constraints:
             self._begin()
 
     def _begin(self) -> None:
-        """Prepare what is the same at all shapes."""
+        """Prepare data that are the same at all shapes."""
         core, contact = self.stepper.core, self._contact
         n = len(core.dofs)
         count, most = contact.row.shape
@@ -351,7 +351,7 @@ class SaddleMatrix:
         return with_values(self._matrix, data)
 
     def _find_places(self, equations: Equations, dim: int) -> None:
-        """Find where what constraints add stands in the matrix, in the order of `of`."""
+        """Find the places of entries of constraints in the matrix, in the order of `of`."""
         m, s = self.nodes, self.sliders
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
         rubbing, by_force = equations.rubbing, equations.by_force

@@ -1,4 +1,5 @@
-"""Arrays for the rows of constraints in the block matrix (theory.md 9): what couples the nodes, and room for what is found."""
+"""Arrays for the rows of constraints in the block matrix (theory.md 9): couplings of the nodes, and room for their
+elimination."""
 from __future__ import annotations
 
 from collections import defaultdict
@@ -173,7 +174,7 @@ def _find_places(model: Model, inner: Inner | None) -> Array | None:
 
 
 def _carriers_of(model: Model, node: int) -> list[int]:
-    """Return the row of a node, or those of what it is tied to."""
+    """Return the row of a node, or those of the nodes that it is tied to."""
     rows = _rows_of(model, node).tolist()
     return rows[1:] or rows
 

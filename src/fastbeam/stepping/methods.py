@@ -164,8 +164,8 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
 
 
 def _convective(model: Model, rows: GapRows, gaps: Gaps, state: State) -> Array:
-    """Evaluate minus what the second derivatives of all gaps have besides accelerations, [F]: of sliders
-    2 ds/dt N' phi' + (ds/dt)^2 N'' phi."""
+    """Evaluate minus the parts of the second derivatives of all gaps besides accelerations, [F]: of sliders 2 ds/dt N' phi' +
+    (ds/dt)^2 N'' phi."""
     v = state.v
     # gaps are of second degree in the coordinates: their second difference is exact
     (ahead, turning), (back, _), (none, _) = (rows.values(x, state.s) for x in (v, -v, 0.0 * v))

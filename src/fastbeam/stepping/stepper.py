@@ -1,4 +1,4 @@
-"""Steppers: take a model's state over steps, either in the compiled loop with block elimination or with a sparse solver."""
+"""Steppers, which take a model's state over steps, in the compiled loop with block elimination or with a sparse solver."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -289,11 +289,11 @@ class Stepper:
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
 
     def _contact_of(self, entries: int) -> Contact | FactoredContact | None:
-        """Work arrays of the constraints, with room for so many entries each."""
+        """Allocate work arrays of the constraints, with room for so many entries each."""
         return factored_contact_of(self.core, entries) if self._factored else contact_of(self.core, entries)
 
     def _make_rows(self, capacity: Capacity) -> None:
-        """Work arrays of sliders as rows of the block matrix."""
+        """Allocate work arrays of sliders as rows of the block matrix."""
         assert self.contact is not None
         self.capacity = capacity
         self.rows = rows = constraints_of(self.core, self.inner, capacity.entries, capacity.scale, capacity.targets)
@@ -340,7 +340,7 @@ class Stepper:
         return self.copy_state(), self.memory
 
     def load(self, saved: tuple[State, Array]) -> None:
-        """Go back to what `save` returned."""
+        """Restore what `save` returned."""
         self.set_state(saved[0])
         self.memory = saved[1]
 

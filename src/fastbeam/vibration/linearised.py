@@ -313,7 +313,7 @@ class Linearisation:
         return mended(self.model, state)
 
     def in_motion(self, displacement: Array, velocity: Array, turning: Array) -> tuple[Array, Array]:
-        """Return velocities and spins [N, 3] in space of those in the frame of the steady motion, of nodes moved by so much.
+        """Convert velocities and spins [N, 3] in the frame of the steady motion to space, of nodes moved by so much.
 
         Raises
         ------

@@ -118,12 +118,12 @@ def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
 
 
 def place_of(slider: Slider, s: float) -> tuple[Beam, float]:
-    """Return the beam that a slider is on at arc length s of what it slides on, and the arc length of that, m."""
+    """Return the beam that a slider is on at arc length s of its curve, and the arc length on that beam, m."""
     return slider.beam.locate(s) if isinstance(slider.beam, Path) else (slider.beam, s)
 
 
 def element_at(beam: Beam, s: float) -> int:
-    """Number of the element of a beam at arc length s."""
+    """Return the number of the element of a beam at arc length s."""
     ends = beam.basis.element_ends
     return int(np.clip(np.searchsorted(ends, s, side="right") - 1, 0, ends.size - 2))
 

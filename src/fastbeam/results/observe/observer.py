@@ -354,8 +354,8 @@ class Observer:
 
 def books_of_start(model: Model, given: Any, state: State, t: float, notes: list[Any]) -> tuple[dict[str, Any], list[Any]]:
     """Return the energy that mending a given start dissipated, J, for `Result.info`, and the notes with a text about it. Where
-    parts only met at different velocities, an inelastic impact dissipates it; where they were moved, it contains also what
-    changed with their places, of either sign. Empty where the start was taken as it is."""
+    parts only met at different velocities, it is that of an inelastic impact; where they were moved, it contains also the change
+    of energy with their places, of either sign. Empty where the start was taken as it is."""
     if not any(kind == "mended" for kind, _ in notes):
         return {}, notes
     given = own_state(model, given)

@@ -1,5 +1,5 @@
-"""Rows of observed points: positions, velocities, triads and spins from a state, section forces; accelerations and what is
-viscous from the steps around a row (theory.md (4.5))."""
+"""Rows of observed points: positions, velocities, triads and spins from a state, section forces; accelerations and viscous
+stresses from the steps around a row (theory.md (4.5))."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

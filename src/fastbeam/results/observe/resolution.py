@@ -198,7 +198,7 @@ class Resolution:
             self._note("layer", float(error[k]), t, e, k, text, float(spacing[k] / bending[k]))
 
     def _note(self, kind: str, size: float, t: float, e: _Elements, k: int, text: str, finer: float) -> None:
-        """Remember the worst of a beam; `finer`: so many times as many elements would do."""
+        """Remember the worst of a beam; `finer`: factor of the number of elements that would be enough."""
         first, last = int(e.nodes[k, 0]), int(e.nodes[k, -1])
         beam, where, elements = self._place(first, last)
         if size > self._worst.get((kind, beam), (0.0, 0.0, ""))[0]:

@@ -167,7 +167,7 @@ class FreeBodies:
         self._gather()
 
     def _number(self, section: Sections, k: int) -> int:
-        """Number of the cut at end k of an element."""
+        """Return the number of the cut at end k of an element."""
         cut = cut_at(section, k)
         for number, known in enumerate(self.cuts):
             if known.section.first == section.first and known.s == cut.s:
@@ -234,7 +234,7 @@ class FreeBodies:
         self.sign = np.array([-1.0 if cut.behind else 1.0 for cut in self.cuts])
 
     def _group(self, time: Any) -> int:
-        """Number of the load vector of loads with this factor in time."""
+        """Return the number of the load vector of loads with this factor in time."""
         return next(k for k, known in enumerate(self.model.load_times) if known is time)
 
     def _distributed(self, beam: Any) -> list[tuple[int, DistributedLoad]]:

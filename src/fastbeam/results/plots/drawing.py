@@ -270,7 +270,7 @@ def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def flat_plane(extent: np.ndarray) -> str:
-    """Name of the plane with the two largest extents (xy before xz before yz when equal), or 3d."""
+    """Return the name of the plane with the two largest extents (xy before xz before yz when equal), or 3d."""
     if extent.min() > FLAT * extent.max():
         return "3d"
     # equal extents: the later coordinate is left out

@@ -44,7 +44,7 @@ FLUTTER = ("loads that follow, laws, moving air and moments that are fixed in sp
 
 @dataclass
 class _Step:
-    """A step along a path, or the part of it up to what ends it."""
+    """Step along a path, or the part of it up to its event."""
 
     before: tuple[Any, ...]     # what the solver has saved at its beginning
     along: Direction
