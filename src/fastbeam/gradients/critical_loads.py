@@ -202,7 +202,8 @@ def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: St
             continue
     raise SceneError("critical_sensitivity: the state is no critical point of this load_factor; find it with path = "
                      "fb.solve_path(model, stop_at='limit' or 'bifurcation') and give state=path.state, "
-                     "load_factor=path.series['load_factor'][-1]")
+                     "load_factor=path.series['load_factor'][-1]; a limit point at a kink of the law of a force, where a stop "
+                     "or a rope lets go, has no critical direction")
 
 
 def _slopes(point: _Critical, family: Family, factors: Callable[..., Array], load_factor: float) -> CriticalSlopes:

@@ -7,7 +7,7 @@ are not, another analysis follows, then SuperLU with few exchanges of rows, then
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -274,7 +274,7 @@ class Factors:
             # those of a matrix before serve as long as no row has grown or shrunk much
             data = self.matrix.data * known.scales[1]
             sizes = np.maximum.reduceat(np.abs(data), self.matrix.indptr[:-1])
-            if 1.0 / FAR <= sizes.min() and sizes.max() <= FAR:
+            if 1.0 / FAR <= np.minimum.reduce(sizes) and np.maximum.reduce(sizes) <= FAR:
                 self._data = data
                 return known.scales[0]
         scales = equilibrated(self.matrix)
@@ -328,8 +328,8 @@ class Factors:
         if not self.factorisations:
             self._advance()
         while self.by is not None:
-            x, self.residual = refined(lambda rest: self.solve_roughly(rest, transposed), self._rest_of(b, transposed), b,
-                                       self.limits)
+            solve = partial(self.solve_roughly, transposed=transposed)
+            x, self.residual = refined(solve, self._rest_of(b, transposed), b, self.limits)
             if self._is_accepted(x, b, transposed):
                 if not most_given < np.inf or self._given(x) <= most_given * float(np.max(np.abs(b), initial=0.0)):
                     return x

@@ -128,11 +128,15 @@ class PardisoMemory:
 
     def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
         self.tables, self.threads = tables, OnThreads(mkl, threads)
+        self._count, self._on_threads = threads, mkl.MKL_Set_Num_Threads_Local
 
     def call(self, phase: int, b: Array, x: Array) -> int:
         """Call PARDISO with right-hand sides and solutions [m, n]; return its error code."""
-        with self.threads:
+        before = self._on_threads(self._count)
+        try:
             return int(kernels.call_pardiso(self.tables, phase, b, x))
+        finally:
+            self._on_threads(before)
 
     def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
         # then compiled code may be gone before this, and the memory goes with the process

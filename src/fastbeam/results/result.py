@@ -143,6 +143,10 @@ class Series:
         return clean
 
 
+def _are_texts(items: Iterable[Any]) -> bool:
+    return all(issubclass(kind, str) for kind in set(map(type, items)))
+
+
 @dataclass(frozen=True)
 class Table:
     """A mapping with texts as keys and values of one kind, as a new dict."""
@@ -150,7 +154,7 @@ class Table:
     of: Any
 
     def __call__(self, value: Any) -> dict[str, Any]:
-        if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        if not isinstance(value, Mapping) or not _are_texts(value):
             raise Refusal(f"must map names to values, got {shown(value)}")
         out = {}
         for key, item in value.items():
@@ -465,7 +469,7 @@ class Result(Readings, Exports, Doubts):
     def _check_names(self, n_nodes: int | None) -> None:
         """Refuse `names` whose nodes do not fit their number (None: no shapes are there)."""
         for kind in (*COLUMNS, "losses", "works"):
-            if not all(isinstance(name, str) for name in self.names.get(kind, [])):
+            if not _are_texts(self.names.get(kind, ())):
                 raise SceneError(f"names: '{kind}' must hold texts, got {shown(self.names[kind])}")
         nodes = self.names.get("slider_nodes", [])
         if not all(_is_node(k, n_nodes) for k in nodes) or nodes and len(nodes) != len(self.names.get("sliders", [])):

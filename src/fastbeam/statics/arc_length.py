@@ -21,6 +21,8 @@ from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.stepping.iteration import newton_loop
 
 Array = np.ndarray
+# a corner turns a path by so much at least, and directions beside it differ by less than this share of that
+LEAST_TURN, SAME = 1e-8, 0.1
 # longest correction, in sizes of the scene and rad, and one that a start may need
 LONGEST, AT_REST = 1.0, 1e-6
 # relative rounding error of one number
@@ -285,18 +287,14 @@ class PathSolver(SlidingSolver):
         at which the step ends instead of the plane across the direction."""
         self.work.increment.control[0] = 0.0
         self.stepper.forget_failures()
-        n, s = self.weight.size - self.core.n_forces, self.sliding.size
-        nodes = n - s
-
+        nodes = self._cuts[0]
         self.gone, first = np.zeros_like(along.x), self.factor
         if self.motion is not None:
             self.motion.begin(first)
 
         def move(x: Array, factor: float) -> float:
             self.gone += x
-            size = self.move(Increment(x[:nodes], x[nodes:n], x[n:]))
-            self.factor += factor
-            return size + abs(factor)
+            return self._go_by(x, factor)
 
         move(step * along.x, step * along.factor if to is None else to - self.factor)
         row, corner = (self.weight * along.x, along.factor) if to is None else (np.zeros_like(along.x), 1.0)
@@ -313,6 +311,55 @@ class PathSolver(SlidingSolver):
         # farther off than a path can be that turns by less than the steps allow: another path
         strayed = to is None and self._strayed(along, step, first) > max(STRAY * step, LEAST_STRAY)
         return 0 if status != OK or strayed else len(sizes)
+
+    @property
+    def _cuts(self) -> tuple[int, int]:
+        """Where among the unknowns of a direction those of sliders begin, and where forces do."""
+        n = self.weight.size - self.core.n_forces
+        return n - self.sliding.size, n
+
+    def _go_by(self, x: Array, factor: float) -> float:
+        """Add an increment of all unknowns and of the load factor; its size."""
+        nodes, n = self._cuts
+        size = self.move(Increment(x[:nodes], x[nodes:n], x[n:]))
+        self.factor += factor
+        return size + abs(factor)
+
+    def around_corner(self, along: Direction, size: float) -> tuple[int, Direction] | None:
+        """Go by a step of this size around a corner of the path, where the law of a force has a kink (a stop, a rope that becomes
+        taut), with the tangent that holds a little further along.
+
+        Returns
+        -------
+        tuple or None
+            Number of iterations, and the direction behind the corner; None where the path has none here.
+        """
+        before, beyond = self.saved(), []
+        for part in (0.5, 1.0):
+            self._go_by(part * size * along.x, part * size * along.factor)
+            found = self.direction(along)
+            self.restore(before)
+            if found is None:
+                return None
+            beyond.append(found)
+        # behind a corner the tangent differs by as much however near it is; along a curve by less
+        turn = self._between(along, beyond[1])
+        if turn < LEAST_TURN or self._between(*beyond) > SAME * turn:
+            return None
+        for sign in (1.0, -1.0):
+            way = Direction(sign * beyond[1].x, sign * beyond[1].factor)
+            iterations = self.go(way, size)
+            after = self.direction(way) if iterations else None
+            # the way back has the tangent of before
+            if after is not None and self._between(way, after) < SAME * turn:
+                return iterations, after
+            self.restore(before)
+        return None
+
+    def _between(self, a: Direction, b: Direction) -> float:
+        """Distance of two directions."""
+        off = Direction(b.x - a.x, b.factor - a.factor)
+        return float(np.sqrt(self.product(off, off)))
 
     def _strayed(self, along: Direction, step: float, first: float) -> float:
         """Return the distance of the equilibrium found from the end of a step along the direction; first: load factor at its

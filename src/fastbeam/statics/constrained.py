@@ -218,7 +218,8 @@ class SaddleSolver(StaticSolver):
     def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:
         saddle, right = self._assembled(sliding, drag)
         n = len(self.core.dofs) * self.core.pattern.n
-        saddle = self._with_spins_held(saddle, right[:n])
+        if self.free_motions.has_axes:
+            saddle = self._with_spins_held(saddle, right[:n])
         for stiffness in (0.0, *STIFFNESSES):
             used = saddle.stiffened(stiffness) if stiffness else saddle
             x = used.solve(right)

@@ -118,6 +118,11 @@ class FreeMotions:
         count = np.array([0 if clamped[pattern.row_of[x]].any() else x.size for x in inside], np.int64)
         return [_Alike(self, np.flatnonzero(count == k)) for k in np.unique(count[count > 0])]
 
+    @cached_property
+    def has_axes(self) -> bool:
+        """Whether some part has an axis, and may spin about it: beams in a line that no support clamps."""
+        return any(alike.signs.any() for alike in self._alike)
+
     @property
     def may_be(self) -> bool:
         """True where some part has motions that its supports allow."""
@@ -250,14 +255,14 @@ class _Alike:
         first = [pattern.first_on_row[part.nodes] == part.nodes for part in parts]
         self.numbers = numbers
         self._inside = np.stack([part.nodes[x] for part, x in zip(parts, first)])
-        self._signs = np.stack([part.signs[x] for part, x in zip(parts, first)])
+        self.signs = np.stack([part.signs[x] for part, x in zip(parts, first)])
         self.rows = pattern.row_of[self._inside]
         self.unknowns = (self.rows[:, :, None] * size + np.arange(size)).reshape(len(parts), -1)
         self._held = of.held[self.unknowns]
 
     def spins(self, of: FreeMotions, q: Array) -> Array:
         """Return spins about axes [parts, unknowns], zero where there is none."""
-        out = of.on_unknowns(self.rows.reshape(-1), _spin(self._signs.reshape(-1), q[self._inside.reshape(-1), 1]))
+        out = of.on_unknowns(self.rows.reshape(-1), _spin(self.signs.reshape(-1), q[self._inside.reshape(-1), 1]))
         out = out.reshape(self.unknowns.shape)
         return out * ~np.any(out * self._held, axis=1)[:, None]
 

@@ -157,6 +157,7 @@ class Stepper:
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self.made_fallback: Stepper | None = None  # once a step has needed it
+        self._calls: Calls | None = None
         self._records: tuple[Any, Any] = None, None
         # what they were made of
         self._recorded: tuple[Any, ...] = (None,) * 8
@@ -253,12 +254,11 @@ class Stepper:
         """The terms and what they share, as compiled loops take them."""
         of = self.terms, self.core, self.contact, self.rows, self.core_state, self.work, self.alpha, self.linear.tables
         if not all(map(is_, of, self._recorded)):
-            calls, system = self._records
+            calls, (_, system) = self._calls, self._records
             if calls is None or not same_record(self.terms, calls.terms):
-                calls = Calls(self.terms, ITERATION if self._static else EVERYTHING)
-            self._records, self._recorded = (calls, system_record(self.system, system)), of
-        calls, system = self._records
-        return calls.on(system)  # type: ignore[no-any-return]
+                calls = self._calls = Calls(self.terms, ITERATION if self._static else EVERYTHING)
+            self._records, self._recorded = calls.on(system_record(self.system, system)), of
+        return self._records
 
     @property
     def _remembered(self) -> tuple[Array, ...]:

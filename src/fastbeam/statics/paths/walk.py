@@ -28,6 +28,8 @@ from fastbeam.statics.reactions import reactions_of
 Array = np.ndarray
 # steps in which the path turns by more (cosine) are halved
 LEAST_COSINE = 0.9
+# lengths of a step around a corner, in smallest steps
+CORNERS = np.array([4.0, 64.0, 1024.0])
 # iterations up to which steps grow, and by how much
 FEW, GROWTH = 5, 1.5
 # part of a step to which it is divided where a change within it is not located
@@ -184,7 +186,13 @@ class PathWalk:
                 return
             if step is None or passes:
                 solver.restore(before)
-                self._shorten(bar)
+                behind = self._around_corner(along, stop_at) if step is None and self.step <= self.smallest else None
+                if behind is None:
+                    self._shorten(bar)
+                    continue
+                if behind is along:
+                    return
+                along = behind
                 continue
             if self._ends_with(step, stop_at, bar):
                 return
@@ -206,6 +214,36 @@ class PathWalk:
         if met is not None:
             after = self._direction(along)
         return _Step(before, along, after, iterations, self.size, solver.judge.unstable(), met, off)
+
+    def _around_corner(self, along: Direction, stop_at: str | None) -> Direction | None:
+        """Go on behind a corner of the path, where the smallest step fails, with a row there. Returns the direction there; None
+        where there is no corner; `along` where it is a limit point and the path ends at it, with the last row."""
+        solver, corner = self.solver, self.solver.saved()
+        for size in CORNERS * self.smallest:
+            found = solver.around_corner(along, float(size))
+            if found is None:
+                continue
+            iterations, after = found
+            behind = solver.judge.unstable()
+            if after.factor * self.sign < 0.0:
+                end = solver.saved()
+                solver.restore(corner)
+                self.sign = -self.sign
+                point = {"kind": "limit", "load_factor": float(solver.factor), "length": self.length, "row": self.rows - 1,
+                         "type": "maximum" if self.sign < 0.0 else "minimum"}
+                self.info["critical_points"].append(point)
+                text = (f"load factor {solver.factor:.12g}: limit point ({point['type']}) at a kink of the law of a force, as a "
+                        "stop has: loads cannot grow beyond it, or not fall")
+                self.buffer.event({"kind": "limit", "time": self.length, "text": text})
+                if stop_at == "limit":
+                    return along
+                solver.restore(end)
+            self.unstable, self.length = behind, self.length + float(size)
+            self.record(iterations, float(size), behind)
+            self.off, self.step = self._off_values(), self.first_step
+            return after
+        solver.restore(corner)
+        return None
 
     def _closes(self, first: tuple[Any, ...], step: _Step) -> bool:
         """Return whether a step leads back to the first equilibrium; if it does, keep the last row there."""
