@@ -350,14 +350,14 @@ class PathSolver(SlidingSolver):
             way = Direction(sign * beyond[1].x, sign * beyond[1].factor)
             iterations = self.go(way, size)
             after = self.direction(way) if iterations else None
-            # the way back has the tangent of before
+            # the direction back has the tangent before the corner
             if after is not None and self._between(way, after) < SAME * turn:
                 return iterations, after
             self.restore(before)
         return None
 
     def _between(self, a: Direction, b: Direction) -> float:
-        """Distance of two directions."""
+        """Return the distance of two directions."""
         off = Direction(b.x - a.x, b.factor - a.factor)
         return float(np.sqrt(self.product(off, off)))
 

@@ -120,7 +120,7 @@ class FreeMotions:
 
     @cached_property
     def has_axes(self) -> bool:
-        """Whether some part has an axis, and may spin about it: beams in a line that no support clamps."""
+        """True where some part has an axis, and may spin about it: beams in a line that no support clamps."""
         return any(alike.signs.any() for alike in self._alike)
 
     @property
