@@ -197,8 +197,8 @@ class Readings:
     @checked(name=Anything())
     def reaction(self, name: str | Clamp | Pin | PrescribedMotion | RigidConnection | BallJoint | Link) -> dict[str, np.ndarray]:
         """Return the force and moment of a support or joint, [n, 3] each: 'force' (N) and 'moment' (N m). A support exerts them
-        on what it holds, about its node; a joint on its second part, about the point of the first. Needs `observe=("reaction",
-        ...)`.
+        on what it holds, about its node; a joint on its second part, about the point of the first. Needs
+        `observe=("reaction", ...)`.
 
         In rows of a run they are means of the steps around a row, as contact forces are. NaN where they are not determined: of
         supports and joints that hold the same parts more than once.

@@ -381,8 +381,7 @@ class Result(Readings, Exports, Doubts):
 
     @checked(model=Anything())
     def state_for(self, model: Model) -> State:
-        """Return the state at the end of this run as one of another model, to start from: `simulate(model,
-        start=run.state_for(model))`.
+        """Return the state at the end of this run for another model: `simulate(model, start=run.state_for(model))`.
 
         Parts with the same name and the same nodes keep their positions, triads and velocities, sliders of the same name their
         place and, where they have as many locks, what these have done; supports that have let go stay so. Parts that only the

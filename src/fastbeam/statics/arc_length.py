@@ -314,19 +314,19 @@ class PathSolver(SlidingSolver):
 
     @property
     def _cuts(self) -> tuple[int, int]:
-        """Where among the unknowns of a direction those of sliders begin, and where forces do."""
+        """Offsets of the sliding coordinates and of the forces among the unknowns of a direction."""
         n = self.weight.size - self.core.n_forces
         return n - self.sliding.size, n
 
     def _go_by(self, x: Array, factor: float) -> float:
-        """Add an increment of all unknowns and of the load factor; its size."""
+        """Add an increment of all unknowns and of the load factor; return its size."""
         nodes, n = self._cuts
         size = self.move(Increment(x[:nodes], x[nodes:n], x[n:]))
         self.factor += factor
         return size + abs(factor)
 
     def around_corner(self, along: Direction, size: float) -> tuple[int, Direction] | None:
-        """Go by a step of this size around a corner of the path, where the law of a force has a kink (a stop, a rope that becomes
+        """Take a step of this size around a corner of the path, where the law of a force has a kink (a stop, a rope that becomes
         taut), with the tangent that holds a little further along.
 
         Returns

@@ -1,4 +1,4 @@
-"""Equilibria whose contacts are element ends, so that shapes inside elements have no kinks at contacts (theory.md 8).
+"""Equilibria whose contacts are element ends, because the shape inside an element cannot have a kink (theory.md 8).
 
 The equilibrium on the mesh as it is comes first. Then the beams are cut at their contacts, with everything held where it is; the
 force along the beam is the derivative of the energy by the place of that element end, and contacts that are free go with Newton's
