@@ -1,5 +1,5 @@
 """Command line: `python -m fastbeam` lists the examples, `run NAME [--out DIR]` runs one, `warmup` compiles kernels, `doctor`
-tells and tests what is installed."""
+reports on the installation and tests it."""
 from __future__ import annotations
 
 import argparse
@@ -12,13 +12,13 @@ from types import ModuleType
 
 
 def example_folders() -> list[Path]:
-    """Where examples may be: beside the installed package, or in the source tree this package lies in."""
+    """Return folders that may hold examples: beside the installed package, or in the source tree this package lies in."""
     package = Path(__file__).resolve().parent
     return [package / "examples", package.parents[1] / "examples"]
 
 
 def find_examples() -> dict[str, Path]:
-    """Name -> script of every example; files that start with an underscore are no examples."""
+    """Find the scripts of all examples, name -> script; files that start with an underscore are no examples."""
     for folder in example_folders():
         scripts = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
         if scripts:
@@ -27,13 +27,13 @@ def find_examples() -> dict[str, Path]:
 
 
 def first_line(script: Path) -> str:
-    """First line of a script's docstring, read without running it."""
+    """Return the first line of a script's docstring, read without running it."""
     doc = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
     return doc.split("\n", 1)[0]
 
 
 def list_examples() -> str:
-    """One line per example: its name and what it shows."""
+    """List the examples, one line each: name and what it shows."""
     examples = find_examples()
     if not examples:
         return "no examples found in " + " or ".join(str(folder) for folder in example_folders())
@@ -60,7 +60,7 @@ def load_example(name: str) -> ModuleType:
 
 
 def program_version() -> str:
-    """Version of the installed package."""
+    """Return the version of the installed package."""
     try:
         return version("fastbeam")
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""`python -m fastbeam doctor`: what is installed, where kernels are kept, and a self-test of a few seconds."""
+"""`python -m fastbeam doctor`: report on the installation and the folder of kernels, and a self-test of a few seconds."""
 from __future__ import annotations
 
 import importlib.metadata
@@ -15,12 +15,12 @@ from fastbeam import __version__
 
 NEEDED = ("numpy", "scipy", "numba", "llvmlite", "h5py", "matplotlib", "tqdm")
 OPTIONAL = ("pypardiso", "mkl", "pandas", "vtk", "imageio-ffmpeg")
-# what the self-test allows: energy relative to its size, gap relative to the length, residual of a linear system
+# limits of the self-test: drift of energy relative to its size, gap relative to the length, residual of a linear system
 LARGEST_DRIFT, LARGEST_GAP, LARGEST_RESIDUAL = 1e-11, 1e-13, 1e-12
 
 
 def examine(say: Callable[[str], None]) -> int:
-    """Say all of it line by line; the exit code: 0, or 1 where a test failed."""
+    """Report line by line; return the exit code: 0, or 1 where a test failed."""
     for line in (*versions(), *processor(), *cache()):
         say(line)
     failed = 0
@@ -28,7 +28,7 @@ def examine(say: Callable[[str], None]) -> int:
         begin = time.perf_counter()
         try:
             passed, text = test()
-        except Exception as error:  # whatever does not work here is what one wants to know
+        except Exception as error:  # any failure here is to be reported
             passed, text = False, f"{type(error).__name__}: {' '.join(str(error).split())}"
         failed += not passed
         say(f"{'ok    ' if passed else 'FAILED'}      {name}: {text} ({time.perf_counter() - begin:.1f} s)")
@@ -39,7 +39,7 @@ def examine(say: Callable[[str], None]) -> int:
 
 
 def versions() -> Iterator[str]:
-    """Lines on fastbeam, Python and libraries."""
+    """Yield lines on fastbeam, Python and libraries."""
     yield f"fastbeam    {__version__} in {Path(__file__).parent}"
     yield f"python      {platform.python_version()} in {sys.prefix}, {platform.platform()}"
     yield "libraries   " + ", ".join(f"{name} {_version(name)}" for name in NEEDED)
@@ -54,7 +54,7 @@ def _version(name: str) -> str:
 
 
 def processor() -> Iterator[str]:
-    """Lines on the processor and MKL."""
+    """Yield lines on the processor and MKL."""
     name = platform.processor() or platform.machine()
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -73,7 +73,7 @@ def processor() -> Iterator[str]:
 
 
 def cache() -> Iterator[str]:
-    """Lines on the folder of compiled kernels."""
+    """Yield lines on the folder of compiled kernels."""
     from fastbeam.kernels.jit import decorators as _jit
     from fastbeam.kernels.jit.cache import is_private
     folder = Path(_jit._FOLDER)
@@ -86,7 +86,7 @@ def cache() -> Iterator[str]:
 
 
 def conserving_run() -> tuple[bool, str]:
-    """Whether a run conserves what it should."""
+    """Run a small model; return whether energy and gap stay within their limits, and a line about them."""
     from fastbeam.compile.compile import compile_scene
     from fastbeam.dynamics.time_loop import simulate
     from fastbeam.scene import Beam, Clamp, PointMass, Scene, Section, Slider
@@ -101,7 +101,7 @@ def conserving_run() -> tuple[bool, str]:
 
 
 def sparse_solver() -> tuple[bool, str]:
-    """Whether PARDISO solves a sparse system; its absence is no failure."""
+    """Solve a sparse system by PARDISO; return whether that succeeds, and a line about it. A missing PARDISO is no failure."""
     from fastbeam.linalg.mkl import load_mkl
     if load_mkl() is None:
         return True, "not there"

@@ -1,4 +1,4 @@
-"""What a module needs that adds a link between two points to fastbeam from outside; docs/extending.md walks through one.
+"""Names that a module needs to add a link between two points to fastbeam from outside; docs/extending.md walks through one.
 
 These names stay. Everything else below `fastbeam` that is no public name may change with any version.
 """

@@ -1,4 +1,4 @@
-"""Many runs at once: `sweep` hands cases to the processes of an executor and gathers a table of what came of them."""
+"""Many runs at once: `sweep` hands cases to the processes of an executor and gathers a table of their results."""
 from __future__ import annotations
 
 import itertools
@@ -38,25 +38,25 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from pandas import DataFrame
 
-# what a case comes to: numbers, texts and arrays by names, or one; and what makes it
+# result of a case: numbers, texts and arrays by names, or one; and what `build` may return
 Measured = Union[Mapping[str, Union["ArrayLike", None]], "ArrayLike", None]
 Built = Union[Scene, Model, Result, Measured]
 MOST_CASES = 10**6
 # runs that wait for a free worker, of each; from how many runs of a worker on the first one compiles the kernels for all
 AHEAD, MANY = 4, 8
-# what a run says of itself where nothing else is measured
+# quantities of a run that are kept where nothing else is measured
 FACTS = ("total", "balance", "lin_mom", "ang_mom", "gap")
 
 
 class Sweep(Doubts):
-    """What came of a sweep: a table with a row for every case, in the order of the cases.
+    """Results of a sweep: a table with a row for every case, in the order of the cases.
 
     Attributes
     ----------
     rows : list of dict
         'run' (the number of the case), the case, what was measured, and 'error': None, or what went wrong, in one line.
     arrays : list of dict
-        Of every row the arrays that were measured, by name; of runs all their series, as 'series_total', and 'series_t', their
+        Arrays of every row that were measured, by name; for runs all their series, as 'series_total', and 'series_t', their
         times.
     tracebacks : dict
         Number of a case that failed -> where, as a text.
@@ -97,7 +97,8 @@ class Sweep(Doubts):
 
     @checked(name=Word())
     def column(self, name: str) -> np.ndarray:
-        """A column of numbers as an array [rows], float64; NaN where a case has no number there, because it failed for instance.
+        """Return a column of numbers as an array [rows], float64; NaN where a case has no number there, because it failed for
+        instance.
 
         Raises
         ------
@@ -112,7 +113,7 @@ class Sweep(Doubts):
 
     @checked()
     def to_dataframe(self) -> DataFrame:
-        """The rows as a pandas DataFrame.
+        """Return the rows as a pandas DataFrame.
 
         Raises
         ------
@@ -168,7 +169,7 @@ def sweep(build: Callable[..., Built], cases: Iterable[Mapping[str, object]] | M
         Processes, default one for every processor that this process may use; 1: none but this one. An executor of yours is handed
         four times as many cases at once.
     threads : int
-        Of each run, the same everywhere, so that results do not depend on where it runs.
+        Threads of each run, the same everywhere, so that results do not depend on where it runs.
     file : path
         Rows go to this HDF5 file as they come (`load_sweep`). Where it holds rows of the same sweep already, from one that was
         cut short, only what is missing is run.
@@ -242,7 +243,7 @@ def load_sweep(path: str | PathLike[str]) -> Sweep:
 
 # --- cases ------------------------------------------------------------------------------------------------------------------
 def list_cases(cases: Any) -> list[dict[str, Any]]:
-    """All cases as dicts; combinations of the values of a mapping.
+    """List all cases as dicts; combinations of the values of a mapping.
 
     Raises
     ------
@@ -282,7 +283,7 @@ def _check_count(n: int) -> None:
 
 
 def _as_json(value: Any) -> Any:
-    """A value of a case as JSON has it."""
+    """Convert a value of a case for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} {shown(value)}")
@@ -302,13 +303,13 @@ def _name_of(function: Any) -> str:
 
 
 def _text_of(run: Mapping[str, Any] | None) -> str:
-    """Arguments of `simulate` as a text that is the same in every process."""
+    """Return arguments of `simulate` as a text that is the same in every process."""
     return json.dumps(run, sort_keys=True,
                       default=lambda x: x.tolist() if isinstance(x, (np.generic, np.ndarray)) else type(x).__name__)
 
 
 def _kept(path: Path, header: dict[str, Any], retry: bool) -> list[Row]:
-    """Rows of a file that need not be computed again."""
+    """Return rows of a file that need not be computed again."""
     found, rows = read_sweep(path)
     differing = [name for name in ("build", "measure", "run") if found.get(name) != header[name]]
     if differing:
@@ -330,14 +331,14 @@ def _kept(path: Path, header: dict[str, Any], retry: bool) -> list[Row]:
 
 # --- one run ----------------------------------------------------------------------------------------------------------------
 class Job:
-    """What is done with a case; handed to workers."""
+    """Work on one case: build, run and measure; handed to workers."""
 
     def __init__(self, build: Callable[..., Built], run: dict[str, Any] | None, measure: Callable[[Result], Measured] | None,
                  threads: int) -> None:
         self.build, self.run, self.measure, self.threads = build, run, measure, threads
 
     def __call__(self, k: int, case: dict[str, Any]) -> Row:
-        """The row of a case, a failed one too."""
+        """Return the row of a case, a failed one too."""
         row: Row = {"run": k, "case": json.loads(json.dumps(case, default=_as_shown)), "values": {}, "error": None, "arrays": {}}
         try:
             with nullcontext() if _mkl() is None else OnThreads(_mkl(), self.threads):
@@ -353,7 +354,7 @@ class Job:
         return row
 
     def _found(self, case: dict[str, Any]) -> tuple[dict[str, Any], dict[str, np.ndarray], list[str]]:
-        """Numbers and arrays of a case, and events of its run that say where these are not to be trusted."""
+        """Return numbers and arrays of a case, and events of its run that say where these are not to be trusted."""
         found = self.build(**case)
         if isinstance(found, Scene):
             found = compile_scene(found)
@@ -371,7 +372,7 @@ class Job:
 
 
 def split(found: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Numbers and texts, and arrays, of what was measured.
+    """Split measured values into numbers and texts, and arrays.
 
     Raises
     ------
@@ -403,7 +404,7 @@ def _mkl() -> Any:
 
 # --- many runs --------------------------------------------------------------------------------------------------------------
 def _rows(job: Job, todo: list[tuple[int, dict[str, Any]]], executor: Executor | None, workers: int | None) -> Iterator[Row]:
-    """Rows as they come."""
+    """Yield rows as cases are finished."""
     n = workers or _processors()
     if executor is not None:
         yield from _through(executor, job, todo, n)
@@ -460,7 +461,7 @@ _KEPT = _Kept()
 
 
 def _begin(job: Job | None, threads: int, parent: int) -> None:
-    """In a worker: Ctrl-C and locks are for the process that hands out cases, and without that process there is no work."""
+    """Prepare a worker: Ctrl-C and locks are left to the process that hands out cases, and the worker ends with that process."""
     let_go()
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     with suppress(ValueError):
@@ -471,7 +472,7 @@ def _begin(job: Job | None, threads: int, parent: int) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process when its parent was killed: nobody would tell it."""
+    """End this process when its parent was killed, which cannot tell it."""
     while os.getppid() == parent:
         time.sleep(0.5)
     os._exit(1)

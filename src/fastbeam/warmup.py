@@ -66,7 +66,7 @@ def warm_up(kinds: list[str], say: Callable[[str], None]) -> None:
     kinds : list of str
         Keys of `KINDS`.
     say : callable
-        Gets a line before and after each.
+        Called with a line before and after each.
     """
     for k, name in enumerate(kinds, 1):
         text, run = KINDS[name]

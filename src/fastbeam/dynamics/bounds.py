@@ -1,5 +1,5 @@
-"""What ends of beams and rigid stops bound in a run: arc lengths of sliders, or in scenes with moving meshes the ways between
-their contacts, then coordinates of joints that may stick."""
+"""Bounds of ends of beams and rigid stops in a run: of arc lengths of sliders, or in scenes with moving meshes of the ways
+between their contacts, then of coordinates of joints that may stick."""
 from __future__ import annotations
 
 from typing import Any
@@ -16,7 +16,7 @@ Array = np.ndarray
 
 
 class Ways:
-    """Of S sliders, or ways between contacts, and R coordinates of joints.
+    """Bounded coordinates of a run: arc lengths of S sliders, or ways between contacts, and R coordinates of joints.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Ways:
     Attributes
     ----------
     scales : float64 [S + R]
-        Lengths of beams, m; what counts as a large value of a coordinate, m or rad.
+        Lengths of beams, m; large values of coordinates of joints, m or rad.
     """
 
     def __init__(self, stepper: Stepper) -> None:
@@ -37,7 +37,7 @@ class Ways:
         self.scales = lengths if self.holds is None else np.concatenate((lengths, self.holds.scales))
 
     def limits(self, state: State) -> Array:
-        """Between which each may go, float64 [S + R, 2]."""
+        """Return the bounds of each coordinate, float64 [S + R, 2]."""
         if self.moving is not None:
             least = self.moving.gaps(state.q)[1]
             limits = np.stack((least, np.full(least.size, np.inf)), axis=1)
@@ -46,19 +46,19 @@ class Ways:
         return limits if self.holds is None else np.concatenate((limits, self.holds.ends))
 
     def slack(self, limits: Array) -> Array:
-        """By how much it may be beyond, [S + R]."""
+        """Return how far each coordinate may lie beyond its bounds, [S + R]."""
         first = before_joints(self.model)
         slack = np.zeros(first) if self.moving is not None else self.model.slack_at(limits[:first])
         return slack if self.holds is None else np.concatenate((slack, END_SLACK * self.holds.scales))
 
     def at(self, state: State) -> Array:
-        """Where they are, [S + R]."""
+        """Return the values of the coordinates in a state, [S + R]."""
         s = state.s if self.moving is None else self.moving.gaps(state.q)[0]
         return s if self.holds is None else np.concatenate((s, values_of(self.model, state)))
 
     def runs_out(self, h: float) -> Array:
-        """Ways between contacts that would vanish within a step of size h at the velocities of the state, int64 [*]: where
-        elements do, no step converges."""
+        """Find ways between contacts that would vanish within a step of size h at the velocities of the state, int64 [*]: where
+        elements vanish, no step converges."""
         if self.moving is None:
             return np.zeros(0, np.int64)
         state = self.stepper.state
@@ -66,7 +66,7 @@ class Ways:
         return np.flatnonzero(ahead < least)
 
     def tried(self) -> Array:
-        """Where the last step that was solved for led, [S + R]."""
+        """Return the values of the coordinates at the end of the last step that was solved for, [S + R]."""
         work = self.stepper.work
         s = work.s_end if self.moving is None else self.moving.gaps(work.q_end)[0]
         if self.holds is None:

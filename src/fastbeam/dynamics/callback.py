@@ -1,4 +1,4 @@
-"""The user's function of time and state: it sees a copy, and whether it changes what acts in time is watched."""
+"""The user's function of time and state: it sees a copy; changes that it makes to functions of time are detected."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -15,8 +15,8 @@ Array = np.ndarray
 
 
 def time_functions(model: Model) -> list[tuple[str, Callable[[float], Any]]]:
-    """All functions of time alone that steps ask: what they belong to, and the function. Compiled laws are not among them, whose
-    numbers are fixed when they are compiled."""
+    """List all functions of time alone that steps evaluate: what they belong to, and the function. Compiled laws are not among
+    them, whose numbers are fixed when they are compiled."""
     out: list[tuple[str, Any]] = list(zip(model.load_names, model.load_times))
 
     def add(who: str, of: Any, *names: str) -> None:
@@ -37,7 +37,7 @@ def time_functions(model: Model) -> list[tuple[str, Callable[[float], Any]]]:
 
 
 def given_places(model: Model) -> list[tuple[str, Any]]:
-    """What gives where sliders, joints and supports are: what it belongs to, and a function of time, a number or None."""
+    """List prescribed places of sliders, joints and supports: what they belong to, and a function of time, a number or None."""
     out: list[tuple[str, Any]] = []
     for slider in () if model.slider_forces is None else model.slider_forces.sliders:
         if slider.drive is not None and slider.drive.is_prescribed:
@@ -51,22 +51,21 @@ def given_places(model: Model) -> list[tuple[str, Any]]:
 
 
 class Callback:
-    """Calls a function of (t, state) at rows.
+    """Caller of a function of (t, state) at rows.
 
     Parameters
     ----------
     model : Model
     function : callable
-        Of the time in s and a State in space that nothing can be written to; True ends the run.
+        Called with the time, s, and a read-only State in space; True ends the run.
     t_end : float
         Time functions are not asked for later than that.
 
     Attributes
     ----------
     found : str
-        What a call changed that it must not, empty where nothing. What the function sets (loads, motors, drives, motions of
-        supports) acts one step too late: its value in the step that led here was another than the one that belongs to the state
-        here.
+        Message about a forbidden change, empty where there was none. Loads, motors, drives and motions of supports that the
+        function sets act one step too late: the step that led here used another value than the one that belongs to this state.
     """
 
     def __init__(self, model: Model, function: Callable[[float, State], bool | None], t_end: float) -> None:
@@ -75,7 +74,7 @@ class Callback:
         self.found = ""
 
     def __call__(self, t: float, size: float, state: State) -> bool:
-        """Whether the run ends at time t, after a step of this size; state: a copy of the present one.
+        """Call the function; return whether the run ends at time t, after a step of this size. state: a copy of the present one.
 
         Raises
         ------
@@ -102,12 +101,12 @@ class Callback:
         return bool(answer)
 
     def _values(self, times: tuple[float, float]) -> list[str]:
-        """Of all time functions; as texts, so that NaN is equal to itself."""
+        """Return the values of all time functions at these times, as texts, so that NaN is equal to itself."""
         return [_value(time, t) for _, time in self.timed for t in times]
 
 
 def _value(time: Callable[[float], Any], t: float) -> str:
-    """Of one that fails what it raises: steps that ask it tell whose it is."""
+    """Return the value of a time function as a text, or the exception that it raises: steps that evaluate it name its owner."""
     try:
         found = time(t)
     except Exception as failed:

@@ -12,7 +12,8 @@ Array = np.ndarray
 
 
 def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
-    """The state behind support k of `model.released`, which takes hold at time t, and the energy that the impact takes, J.
+    """Return the state behind support k of `model.released`, which takes hold at time t, and the energy that the impact
+    dissipates, J.
 
     The node stays where it is. Of all jumps of velocities that the scene allows it is the one of least kinetic energy after which
     the node rests, or moves as the support does: momenta stay along what is free. The work of the blow of a support that moves is
@@ -21,7 +22,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     state : State
     k : int
     t : float
@@ -40,7 +41,7 @@ def catch(model: Model, state: State, k: int, t: float) -> tuple[State, float]:
     begin, before = settled(model, state, None)
     after, lost = jump(model, begin, None, rows, target[new] - rows @ begin.v)
     after.history[model.place("released") + k] += 1.0
-    # what rests does so to the last bit
+    # velocities that become zero are so to the last bit
     mine = np.flatnonzero(model.pattern.row_of == model.pattern.row_of[node])
     v = after.v.reshape(-1, 4, 3)
     v[mine[:, None], 0, new[new < 3]] = target[new[new < 3]]

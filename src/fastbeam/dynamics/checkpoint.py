@@ -45,7 +45,7 @@ STEP, NUMBERS = Number(above=0.0, unit="s"), Maybe(Instance(np.ndarray, "an arra
          mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS, last_step=STEP, impacts=NUMBERS, began=Number())
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where a run stands; `simulate(model, start=checkpoint, ...)` goes on as if it had never stopped.
+    """State of a run at one time; `simulate(model, start=checkpoint, ...)` goes on as if the run had never stopped.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Checkpoint:
     last_step : float or None
         Size of the last step, s, that mean_force belongs to.
     memory : float64 or None
-        What the steps carry besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
+        Data of the steps besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
         the first guess of the next, the newest as increments.
     impacts : float64 [S + R, 2] or None
         Times of the last impacts of all sliders, and joints that may stick, on rigid stops at the start and the end, s, -1.8e308
@@ -92,8 +92,8 @@ class Checkpoint:
 
     @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
-        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one. Of a symbolic link the
-        file that it leads to is written.
+        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one. Symbolic links are
+        followed.
 
         Raises
         ------
@@ -204,7 +204,7 @@ def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False
 
 
 def _temporary_name(path: Path) -> Path:
-    """A name for new contents; short, because the file's own may be as long as the file system allows."""
+    """Return a name for new contents; short, because the file's own may be as long as the file system allows."""
     return path.with_name(f".checkpoint-{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}.{os.getpid()}")
 
 
@@ -228,7 +228,7 @@ def _replace(path: Path, data: bytes) -> None:
         raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was; choose another "
                               "path") from error
     if hasattr(os, "O_DIRECTORY"):
-        # where that cannot be done the file itself is safe
+        # the file itself is safe without this
         with suppress(OSError):
             folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
             try:
@@ -247,7 +247,7 @@ class Clock:
         After `done` whole steps the time is origin + done*step.
     now : float
     size : float
-        Of the next step; with a fixed step the same all the time.
+        Size of the next step; constant with a fixed step.
     began : float
         Time of the first state, also where the run goes on from a checkpoint.
     before, before_size : float64 [F] or None, float or None
@@ -271,8 +271,8 @@ class Clock:
         return self.now
 
     def plan(self, t_end: float) -> tuple[int, float]:
-        """(whole steps from here to t_end, size of a last one that differs or 0): shorter than the others, or up to a hundredth
-        longer where it would be shorter than a hundredth of them."""
+        """Return (whole steps from here to t_end, size of a last one that differs or 0): shorter than the others, or up to a
+        hundredth longer where it would be shorter than a hundredth of them."""
         steps = (t_end - self.origin) / self.step
         n = round(steps)
         # times that are whole numbers of steps are so up to the rounding of t_end
@@ -289,7 +289,7 @@ class Clock:
 
     def checkpoint(self, model: Model, state: State, controlled: bool, memory: Array | None,
                    impacts: Array | None = None) -> Checkpoint:
-        """The present moment, kept."""
+        """Return a checkpoint of the present moment."""
         origin, done, now = self.origin, self.done, self.now
         if not controlled and self.on_grid:
             now = origin + self.step * done
@@ -301,7 +301,7 @@ class Clock:
 
 
 def _unclear(a: float, b: float, step: float) -> float:
-    """Share of a step below which differences between times a and b are round-off."""
+    """Return the share of a step below which differences between times a and b are round-off."""
     return WHOLE + 0.55 * float(np.spacing(max(abs(a), abs(b)))) / step
 
 
@@ -326,7 +326,7 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
 
 
 def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
-    """State and clock at the start of a run.
+    """Return state and clock at the start of a run.
 
     Raises
     ------

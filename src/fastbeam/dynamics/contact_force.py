@@ -42,7 +42,7 @@ class ContactForces:
         self.timed = any(time is not None for time in stepper.model.load_times) or (forces is not None and forces.timed)
         motions = stepper.model.motions
         self.timed = self.timed or (motions is not None and motions.holds.given.size > 0)
-        # at the first row, of what a checkpoint does not know
+        # forces at the first row that a checkpoint does not know
         self.ahead = np.zeros(0)
         self.looks_back = bool(stepper.model.losses)
         # size and mean forces [F] of up to three steps, the last first
@@ -50,11 +50,11 @@ class ContactForces:
 
     @property
     def unknown(self) -> Array:
-        """[F]"""
+        """Forces that are not known: NaN, [F]."""
         return np.full(self.stepper.recorded, np.nan)
 
     def first(self, clock: Clock) -> Array | None:
-        """The force at the first row [F]; None where the run goes on from a checkpoint and the next step will tell."""
+        """Return the force at the first row [F]; None where the run goes on from a checkpoint and the next step gives it."""
         size, self._recent = clock.before_size, []
         if clock.before is not None and size is not None and (self.controlled or is_equal(size, clock.step, ALIKE)):
             self._fit(clock)
@@ -63,8 +63,8 @@ class ContactForces:
         return self._at(clock.now, clock.size)
 
     def _fit(self, clock: Clock) -> None:
-        """Leave out forces of supports and joints of a checkpoint where this run does not record them; what only this run
-        records, and what checkpoints do not keep, steps ahead tell for the first row."""
+        """Leave out forces of supports and joints of a checkpoint where this run does not record them. Forces that checkpoints do
+        not keep come from steps ahead, for the first row."""
         assert clock.before is not None
         before, width = forces_of(self.stepper, clock.before).copy(), self.stepper.recorded
         if before.size < width:
@@ -72,7 +72,7 @@ class ContactForces:
         clock.before = np.append(before, np.full(width - before.size, np.nan))
 
     def between(self, clock: Clock, t: float, size: float, after: Array, steps: int) -> Array:
-        """The force [F] at the last row; size, after: of the steps that followed, mean forces of the first [F]; t: the
+        """Return the force [F] at the last row; size, after: of the steps that followed, mean forces of the first [F]; t: the
         present time, their end."""
         found = self._between(clock, t, size, after, steps)
         found[found.size - self.ahead.size:] = self.ahead
@@ -90,11 +90,11 @@ class ContactForces:
         return self._at(t, step if self.looks_back else -step, back=size)
 
     def remember(self, size: float, force: Array, alone: bool) -> None:
-        """The last step so far, its size and mean forces [F]; alone: whether the one before is the last that was told."""
+        """Keep size and mean forces [F] of the last step; alone: whether the steps kept before directly precede it."""
         self._recent = [(size, force), *(self._recent[:2] if alone else ())]
 
     def last(self, clock: Clock) -> Array:
-        """The force [F] at the end of a run."""
+        """Return the force [F] at the end of a run."""
         if clock.before_size is None:
             return self.unknown
         step = clock.before_size if self.controlled else clock.step
@@ -104,8 +104,8 @@ class ContactForces:
         return self._extrapolated() if len(self._recent) == 3 else self._at(clock.now, step)
 
     def _extrapolated(self) -> Array:
-        """The force [F] behind the last three steps, taken to change linearly; means of steps alternate besides (4.5), but for
-        those of two halves."""
+        """Extrapolate the force [F] behind the last three steps linearly; means of steps alternate besides (4.5), but for those
+        of two halves."""
         sizes = np.array([size for size, _ in self._recent])
         middle = np.cumsum(sizes) - 0.5 * sizes
         third = middle**2 if self.controlled else np.array([1.0, -1.0, 1.0])
@@ -113,8 +113,8 @@ class ContactForces:
         return np.asarray(share @ np.stack([force for _, force in self._recent]))
 
     def _at(self, t: float, step: float, *, back: float = 0.0) -> Array:
-        """The force [F] at the time t of the present state, or `back` before it; NaN where steps fail. step: of the run,
-        negative to look back. Leaves no trace."""
+        """Return the force [F] at the time t of the present state, or `back` before it; NaN where steps fail. step: of the run,
+        negative to look back. The state stays as it is."""
         stepper = self.stepper
         saved, fallbacks = stepper.save(), stepper.linear.fallbacks
         # loads are not asked for where the run does not go
@@ -137,8 +137,8 @@ class ContactForces:
         return self.unknown
 
     def _fitted(self, t: float, h: float) -> Array | None:
-        """The force at time t, that of the state, from three steps. It is taken to change linearly; means of steps alternate
-        besides (4.5)."""
+        """Return the force at time t, that of the state, from three steps. It is taken to change linearly; means of steps
+        alternate besides (4.5)."""
         forces = []
         for k in range(3):
             outcome = self.stepper.advance(t, h, 1, k)
@@ -149,5 +149,5 @@ class ContactForces:
 
 
 def is_equal(one: float, other: float, share: float = EQUAL) -> bool:
-    """Whether two steps have the same size, but for this share of it."""
+    """Return whether two steps have the same size, but for this share of it."""
     return abs(one - other) <= share * max(one, other)

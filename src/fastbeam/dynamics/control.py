@@ -21,7 +21,7 @@ SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
 WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUKI, SUZUKI])}
 # a located end of a beam is met within this share of its length
 END_TOLERANCE = 1e-10
-# of those that go on to another track there
+# the same for sliders that go on to another track there
 TRANSFER_TOLERANCE = 1e-15
 # the time at which a condition begins to hold is met within this share of the step, round-off
 CONDITION = 1e-15
@@ -32,7 +32,7 @@ LARGE_TURN, UNRESOLVED_TURN = 0.5, 0.5 * np.pi
 
 
 def composition(order: int) -> Array:
-    """Substeps of a step of order 2 or 4 (Suzuki's composition, theory.md 6).
+    """Return the substeps of a step of order 2 or 4 (Suzuki's composition, theory.md 6).
 
     Raises
     ------
@@ -45,7 +45,7 @@ def composition(order: int) -> Array:
 
 
 def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 0.0) -> ConvergenceError:
-    """The error of a step of size h that failed, with the last good state."""
+    """Form the error of a step of size h that failed, with the last good state."""
     model = stepper.model
     node, size = stepper.worst_node()
     worst = f"{stepper.label_of(node)} (residual {size:.3g})"
@@ -72,7 +72,7 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
 
 
 def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
-    """Why a step failed, and what to do."""
+    """Tell why a step failed, and what to do."""
     spent = used_up(stepper.model, stepper.state, h) if outcome.status == SINGULAR else ""
     if spent:
         return spent, "End the run before, give more rope, or brake the drum (tension=, inertia=)"
@@ -89,12 +89,12 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
                 "End before that time (t_end=...)")
     others, smaller = "supports, connections or other sliders hold", "Try a smaller step, or step control with tolerance=..."
     if outcome.status == BORDER_SINGULAR:
-        # a negative size stands for the slider
+        # a negative size is the number of the slider
         cause = f"the equations of {names[int(-min(outcome.sizes)) - 1]} are singular"
         if max(outcome.sizes) > 0.1:
-            # far from any solution that says nothing about the scene
+            # far from a solution a singular border says nothing about the scene
             return cause, smaller
-        # whether the parts that it joins can move towards each other is all that is known
+        # known is only that no force moves the parts towards each other
         return (f"{cause}: no force of it moves anything, as where {others} it already",
                 "Leave out one of what holds it, or give what it joins mass and room to move.")
     last = [x for x in outcome.sizes if x > 0.0][-1:]
@@ -118,8 +118,8 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
     leaving: dict[int, float] = {}
 
     def way_left() -> float:
-        """Way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave, negative
-        beyond the end."""
+        """Return the way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave,
+        negative beyond the end."""
         s = ways.tried()
         for k in np.flatnonzero(~((s >= low_end - slack) & (s <= high_end + slack))):
             leaving.setdefault(int(k), 0.0 if s[k] < low_end[k] else 1.0)
@@ -202,7 +202,7 @@ class StepControl:
         Allowed local error of a position per step, relative to the size of the scene; of a triad at the radius of gyration of its
         body or section.
     order : int
-        Of the method.
+        Order of the method.
     smallest, largest : float
         Bounds of the step, s.
 
@@ -210,8 +210,8 @@ class StepControl:
     ----------
     accepted, rejected : int
     passed : dict
-        What steps of the smallest size have missed: number of a spring, damper or line force whose ends passed each other on a
-        long way -> whether an event has told so.
+        Passages that steps of the smallest size have missed: number of a spring, damper or line force whose ends passed each
+        other on a long way -> whether an event has told so.
     radius : float64 [N], optional
         Radii of gyration of all nodes, m, from the first step on.
 
@@ -235,8 +235,8 @@ class StepControl:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {self.smallest:g} and {self.largest:g} s")
 
     def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
-        """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK without a
-        step means that `stepper.stop` said so.
+        """Take one accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK
+        without a step means that `stepper.stop` said so.
 
         Raises
         ------
@@ -259,7 +259,7 @@ class StepControl:
             halves = whole
             if whole.status == SLIDER_END:
                 size, error = self._to_the_end(stepper, start, t, h)
-                # where friction takes another branch short of the end no smaller step tells more
+                # if friction changes its branch short of the end, smaller steps do not help
                 if error <= self.tolerance or not np.isfinite(error) and h <= self.smallest * (1.0 + 1e-12):
                     return h, h, stepper.advance(t, h, 1)
             elif whole.status == OK:
@@ -272,7 +272,7 @@ class StepControl:
                 if halves.status == SLIDER_END:
                     stepper.load(start)
                     if h > self.smallest * (1.0 + 1e-12):
-                        # beyond the end and back within a step: a shorter one meets it
+                        # the slider went beyond the end and back: a shorter step meets the end
                         h = max(self.smallest, 0.5 * h)
                         continue
                     return h, h, stepper.advance(t, h, 1)
@@ -297,8 +297,8 @@ class StepControl:
             h = max(self.smallest, shorter)
 
     def _to_the_end(self, stepper: Stepper, start: tuple[State, Array], t: float, h: float) -> tuple[float, float]:
-        """Size of the step that ends where a slider meets the end of its beam, or a rigid stop, and its local error: of one step,
-        which is what is kept there. Leaves the state at the start."""
+        """Return the size of the step that ends where a slider meets the end of its beam, or a rigid stop, and its local error:
+        of one step, which is what is kept there. The state is left at the start."""
         stop, stepper.stop = stepper.stop, bool
         error = np.inf
         try:
@@ -317,8 +317,8 @@ class StepControl:
             stepper.load(start)
 
     def _unseen(self, stepper: Stepper, before: Array, t: float, h: float) -> float:
-        """Error of what a step and its halves do not see: ends of a spring, damper or line force that pass each other, inf, and
-        laws of line forces that begin to act within a step (theory.md 6). The smallest step has none."""
+        """Return the error that a step and its halves do not show: inf where ends of a spring, damper or line force pass each
+        other, and that of laws of line forces that begin to act within a step (theory.md 6). The smallest step has none."""
         lines = stepper.model.lines
         if lines is None:
             return 0.0
@@ -333,8 +333,8 @@ class StepControl:
         return float(lines.unseen(before, state.q, t + 0.5 * h, h, stepper.model.gravity_weight)) / stepper.model.length
 
     def error(self, stepper: Stepper, coarse: State) -> float:
-        """Local error of two halves of a step, which led to the present state, against the whole; relative to the scene. A triad
-        that is turned counts by what it moves at the radius of gyration."""
+        """Return the local error of two halves of a step, which led to the present state, against the whole; relative to the
+        scene. A triad that is turned counts by what it moves at the radius of gyration."""
         difference = (stepper.state.q - coarse.q).reshape(-1, 4, 3)
         if self.radius is None:
             self.radius = gyration_radii(stepper.model)

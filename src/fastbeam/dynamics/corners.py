@@ -18,14 +18,14 @@ from fastbeam.stepping.terms import Corner
 
 # a step over a corner that fails, or meets something else, is tried again, up to so many times half as far behind it
 MOST_TRIES = 8
-# with step control; the last of them counts, however large its error is
+# number of tries with step control; the last one is kept, however large its error is
 MOST_JUDGED = 10
 # velocities of a step to a corner that is shorter, as a share of a whole one, are round-off
 TOO_SHORT = 1e-8
 
 
 class Passed(NamedTuple):
-    """A step over a corner: its size, s, what it led to, the state behind it, and the event of a change of track; None where the
+    """A step over a corner: its size, s, its outcome, the state behind it, and the event of a change of track; None where the
     slider turned around."""
 
     size: float
@@ -49,12 +49,12 @@ class Corners:
         self.stepper, self.locking, self.model, self.control = stepper, locking, stepper.model, control
 
     def passed(self, start: Any, t: float, sizes: tuple[float, float], awaited: Awaited, step: int) -> Passed | None:
-        """A step from the saved state `start` at time t over the corner that a slider is at now.
+        """Take a step from the saved state `start` at time t over the corner that a slider is at now.
 
         Parameters
         ----------
         sizes : float, float
-            Of the step to the corner and the whole step, s.
+            Sizes of the step to the corner and of the whole step, s.
         awaited : Awaited
             The change of track that is due.
         step : int
@@ -104,7 +104,8 @@ class Corners:
         return found
 
     def _limits(self, state: State, k: int, number: int, at_end: bool, track: str) -> tuple[float, float]:
-        """Between which arc lengths slider k may go that leaves the track of this number for another, m, to the stops on both."""
+        """Return the arc lengths, m, between which slider k may go that leaves the track of this number for another: the stops on
+        both."""
         behind = State(*(x.copy() for x in state))
         shift = self.locking.move_on(behind, k, number, at_end, track)
         own, others = (self.model.limits_at(x.s, x.history)[k] for x in (state, behind))
@@ -112,7 +113,7 @@ class Corners:
 
     def _tried(self, start: Any, t: float, sizes: tuple[float, float], corner: Corner,
                track: str) -> tuple[Passed | None, bool]:
-        """The longest step over a corner; whether all fail."""
+        """Find the longest step over a corner; return also whether all fail."""
         stepper, failed = self.stepper, True
         tries = MOST_TRIES if self.control is None else MOST_JUDGED
         for n in range(tries):
@@ -134,7 +135,7 @@ class Corners:
         return None, failed
 
     def _step(self, start: Any, t: float, size: float) -> tuple[Outcome, bool]:
-        """A step of this size, with step control its halves; whether its local error is below the tolerance."""
+        """Take a step of this size, with step control its halves; return also whether its local error is below the tolerance."""
         stepper, control = self.stepper, self.control
         whole = stepper.advance(t, size, 1)
         if control is None or whole.status != OK or not whole.steps:

@@ -1,4 +1,4 @@
-"""What happens within the steps of a run: sliders and joints meet rigid stops, sliders ends of beams, locks take hold."""
+"""Events within the steps of a run: sliders and joints meet rigid stops, sliders meet ends of beams, locks engage."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -23,19 +23,19 @@ from fastbeam.results.progress import Progress
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
 
-# what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
+# share of a step up to which the rest of a run behind an impact is dropped: its velocities would be round-off
 NEXT_TO_NOTHING = 1e-6
 # a point that is back on its beam after this share of a step has not been away
 SHORT_FLIGHT = 1.0 / 64.0
-# share of the kinetic energy that an impact may take because it is the second within a step
+# share of the kinetic energy that an impact may dissipate because it is the second within a step
 DULLED = 0.05
 # status of steps before one in which a condition of a lock or release begins to hold
 CONDITION = 100
 
 
 class Encounters:
-    """The part of a run that goes on behind such a moment: the step is shortened to it, the velocities jump or the slider is
-    held or let go, and steps are counted from there."""
+    """The part of a run that goes on behind an event: the step is shortened to it, velocities jump or the slider is fixed or
+    released, and steps are counted from there."""
 
     model: Model
     stepper: Stepper
@@ -54,13 +54,13 @@ class Encounters:
     between: bool
 
     def plan(self) -> tuple[float, int, float]:
-        """Time up to which steps are taken next, the end of the run or where a lock or release is due; whole steps until then
-        and the size of a last one that differs or 0."""
+        """Return the time up to which steps are taken next, the end of the run or where a lock or release is due; whole steps
+        until then and the size of a last one that differs or 0."""
         end = min(self.t_end, self.locking.next_time(self.stepper.state)) if self.locking.is_present else self.t_end
         return end, *(self.clock.plan(end) if self.control is None and self.clock.now < end else (0, 0.0))
 
     def happen(self, t: float, found: Sequence[Any] = ()) -> bool:
-        """Locks and releases that are due take effect; whether there are any."""
+        """Apply locks and releases that are due; return whether there are any."""
         if not self.locking.is_present:
             return False
         before = self.stepper.copy_state()
@@ -72,8 +72,8 @@ class Encounters:
         return state is not before
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
-        """As `Calls.advance`, one step at a time where conditions are watched: CONDITION where one holds behind the last, and no
-        more steps where sliders lift off."""
+        """Take steps as `Calls.advance`, one at a time where conditions are watched: CONDITION where one holds behind the last,
+        and no more steps where sliders lift off."""
         if not self.locking.is_present:
             return self.calls.advance(t, h, n, done)
         # made in space once a step
@@ -93,7 +93,7 @@ class Encounters:
             except Exception as failed:
                 if whole is None or not self.calls.intact:
                     raise
-                # what was done counts
+                # steps done so far count
                 self.calls.failed = failed
                 break
             before = part.force[1]
@@ -105,7 +105,7 @@ class Encounters:
         return whole
 
     def controlled(self, t: float, h: float) -> tuple[float, float, Outcome]:
-        """As `Calls.controlled`, with CONDITION as `advance`."""
+        """Take a step as `Calls.controlled`, with CONDITION as in `advance`."""
         assert self.control is not None
         watches = self.locking.is_present and self.locking.watch(self.stepper.state, t)
         saved = self.stepper.save() if watches else None
@@ -120,8 +120,8 @@ class Encounters:
         return size, proposed, outcome
 
     def looked_at(self, saved: Any, outcome: Outcome, t: float, before: Any) -> tuple[Outcome, State]:
-        """A step that led to time t, and the state behind it: back to its saved start, with CONDITION, where a condition holds
-        behind it. before: mean contact force of the step before, N."""
+        """Return a step that led to time t, and the state behind it; where a condition holds behind it go back to its saved
+        start, with CONDITION. before: mean contact force of the step before, N."""
         if not outcome.steps:
             return outcome, saved[0]
         state = self.stepper.copy_state()
@@ -141,7 +141,7 @@ class Encounters:
         return outcome, state
 
     def to_condition(self, t: float, outcome: Outcome, h: float) -> Any:
-        """A step to where a condition of a lock or release begins to hold."""
+        """Take a step to where a condition of a lock or release begins to hold."""
         if outcome.steps:
             yield t, replace(outcome, status=OK), h, True
         self.between, self.calls.intact = True, False
@@ -151,13 +151,13 @@ class Encounters:
         last, final, found = run_to_condition(self.stepper, t, h, parts, least, self.locking.reached)
         if final.status != OK:
             raise failure(self.stepper, final, t, self.steps, last)
-        # what comes back without having been away does not bounce
+        # a point that comes back without having been away does not bounce
         yield from self.behind(t, last, final, [replace(x, rests=last == 0.0) for x in found])
         return True
 
     def behind(self, t: float, last: float, final: Outcome, found: Sequence[Any] = (), strikes: Any = None,
                passed: Passed | None = None) -> Any:
-        """Go on behind what happens after a step from t of size `last`: conditions that hold, a slider that strikes a stop, with
+        """Go on behind the events after a step from t of size `last`: conditions that hold, a slider that strikes a stop, with
         its end, and one that has passed a corner."""
         if last > 0.0:
             t = self.t_end if self.t_end - t - last < NEXT_TO_NOTHING * self.clock.size else t + last
@@ -178,7 +178,8 @@ class Encounters:
         self.between = False
 
     def end_of_beam(self, t: float, outcome: Outcome, h: float) -> Any:
-        """A step to the end of the beam, or the rigid stop, that a slider reached; whether the run goes on behind it."""
+        """Take a step to the end of the beam, or the rigid stop, that a slider reached; return whether the run goes on behind
+        it."""
         if outcome.steps:
             yield t, replace(outcome, status=OK), h, True
         self.between, self.calls.intact = True, False
@@ -207,7 +208,7 @@ class Encounters:
             self.stepper.load(start)
             last, final = 0.0, replace(final, steps=0)
         if (is_impact or found) and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
-            # where a step a little longer takes another branch of friction, this one ends before the stop
+            # if a slightly longer step takes another branch of friction, this one ends before the stop
             strikes = (slider, end) if arrives and not found else None
             if arrives and found and found[0].action == TRANSFER:
                 passed = Corners(self.stepper, self.locking, self.control).passed(start, t, (last, h), found[0], self.steps)
@@ -216,7 +217,7 @@ class Encounters:
                     yield from self.behind(t, passed.size, passed.outcome, passed=passed)
                     return True
                 if 0.0 < last < TOO_SHORT * h:
-                    # it stands there already: velocities of such a step are round-off
+                    # the slider stands there already: velocities of such a step are round-off
                     self.stepper.load(start)
                     last, final = 0.0, replace(final, steps=0)
             yield from self.behind(t, last, final, found if arrives else (), strikes)
@@ -238,7 +239,8 @@ class Encounters:
         return False
 
     def impact(self, slider: int, t: float, end: str, last: float) -> None:
-        """A slider, or behind these a coordinate of a joint, has met a rigid stop: go on with the velocities behind that."""
+        """Apply the impact of a slider, or behind these a coordinate of a joint, on a rigid stop: go on with the velocities
+        behind it."""
         self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step, last))
         if slider >= self.impacts.first:
             kind, name = self.model.motions.holds.named(slider - self.impacts.first)

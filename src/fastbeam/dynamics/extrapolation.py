@@ -1,4 +1,4 @@
-"""Order four with what dissipates, and of reactions: conserving steps of h and of h/2, extrapolated (theory.md 6)."""
+"""Order four with dissipation, and for reactions: conserving steps of h and of h/2, extrapolated (theory.md 6)."""
 from __future__ import annotations
 
 import math
@@ -24,19 +24,19 @@ Array = np.ndarray
 NEAR = 0.05
 
 
-# for messages: what does so
+# for messages: the runs that need two
 WHICH = "order=4 with what dissipates, or with 'reaction' observed, extrapolates two runs"
 
 
 def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
-    """Whether order 4 takes two runs: something dissipates, or reactions are recorded, which are means over whole steps; and
-    nothing that has a kink in time is there."""
+    """Return whether order 4 takes two runs: something dissipates, or reactions are recorded, which are means over whole steps;
+    and nothing has a kink in time."""
     dissipates = any(lacking(Analysis.COMPOSED, model)) or "reaction" in observed
     return dissipates and not any(lacking(Analysis.ORDER_4, model))
 
 
 def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any, max_step: Any) -> None:
-    """Refuse what needs one state on the way.
+    """Refuse options that need one state on the way.
 
     Raises
     ------
@@ -49,12 +49,12 @@ def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any
 
 
 def between(coarse: Array, fine: Array) -> Array:
-    """(4 fine - coarse)/3, of equal numbers these numbers."""
+    """Return (4 fine - coarse)/3; equal numbers stay as they are."""
     return np.asarray(fine + (fine - coarse) / 3.0)
 
 
 def triads_between(coarse: Array, fine: Array) -> Array:
-    """The same for triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to it."""
+    """Extrapolate triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to fine."""
     turn = np.einsum("...ia,...ib->...ab", fine, coarse)
     axis = 0.5 * np.stack((turn[..., 2, 1] - turn[..., 1, 2], turn[..., 0, 2] - turn[..., 2, 0],
                            turn[..., 1, 0] - turn[..., 0, 1]), axis=-1)
@@ -72,14 +72,14 @@ def _spins(q: Array, v: Array) -> Array:
 
 
 def state_between(model: Model, coarse: State, fine: State, step: float) -> State:
-    """The extrapolated state, on the nearest that joints and sliders allow."""
+    """Return the extrapolated state, corrected to the nearest one that joints and sliders allow."""
     q, v = np.zeros((model.n_nodes, 4, 3)), np.zeros((model.n_nodes, 4, 3))
     (q1, v1), (q2, v2) = ((x.q.reshape(-1, 4, 3), x.v.reshape(-1, 4, 3)) for x in (coarse, fine))
     q[:, 0], v[:, 0] = between(q1[:, 0], q2[:, 0]), between(v1[:, 0], v2[:, 0])
     q[:, 1:] = triads_between(q1[:, 1:], q2[:, 1:])
     v[:, 1:] = np.cross(between(_spins(q1, v1), _spins(q2, v2))[:, None], q[:, 1:])
     history = between(coarse.history, fine.history)
-    # of sliders there are flags beside energies
+    # flags of sliders stand beside their energies
     flags = np.setdiff1d(np.arange(HISTORY), (FRICTION_LOSS, DRIVE_WORK, STOP_LOSS, LOCK_LOSS))
     own, known = (model.own(x, "slider_forces").reshape(-1, HISTORY) for x in (history, fine.history))
     own[:, flags] = known[:, flags]
@@ -91,7 +91,7 @@ def state_between(model: Model, coarse: State, fine: State, step: float) -> Stat
 
 
 def difference(model: Model, coarse: Result, fine: Result) -> float:
-    """Largest distance of nodes of the two runs in shapes and at the end, as a share of the size of the scene."""
+    """Return the largest distance of nodes of the two runs in shapes and at the end, as a share of the size of the scene."""
     end = (fine.state.q - coarse.state.q).reshape(-1, 12)[:, :3]
     far = [float(np.max(np.linalg.norm(end, axis=-1), initial=0.0))]
     if len(fine.t_snap) == len(coarse.t_snap):
@@ -100,12 +100,13 @@ def difference(model: Model, coarse: Result, fine: Result) -> float:
 
 
 def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: float) -> Result:
-    """The result of order 4: every row is linear in those of the two runs, so that what they keep it keeps, books and momenta.
+    """Return the result of order 4: every row is linear in those of the two runs, so that it conserves what they conserve,
+    balance and momenta.
 
     Parameters
     ----------
     coarse, fine : Result
-        With steps `step` and half of it, s.
+        Runs with steps `step` and half of it, s.
 
     Raises
     ------
@@ -124,7 +125,7 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     for name, x in fine.series.items():
         a, b = coarse.series[name][rows[0]], x[rows[1]]
         if name == "iterations":
-            # of both runs, a step
+            # iterations of both runs, for one step
             series[name] = a + 2 * b
         elif name == "step_size":
             series[name] = a
@@ -155,15 +156,15 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
 
 
 def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any, overwrite: bool) -> BaseException:
-    """The error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and says
-    so; it is written to the file that was asked for.
+    """Return the error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and
+    says so; it is written to the file that was asked for.
 
     Parameters
     ----------
     runs : list of Result
-        Those that are complete.
+        Runs that are complete.
     step : float
-        Of the first run, s.
+        Step of the first run, s.
     """
     result = getattr(error, "result", None) or (runs[-1] if runs else None)
     if not isinstance(result, Result):
@@ -190,7 +191,7 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any
 
 def of_two_runs(run: Callable[..., Result], model: Model, t_start: float, t_end: float, step: float,
                 every: int | None, file: Any, overwrite: bool, options: dict[str, Any]) -> Result:
-    """Order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same.
+    """Run order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same.
     run: `simulate`."""
     if file is not None:
         check_new("result file", Path(file), Path(file), overwrite)

@@ -25,13 +25,13 @@ TURN = 1e-5
 
 
 def filter_factors(rho_inf: float) -> tuple[float, float, float]:
-    """a, b, kappa of theory.md (6.2)."""
+    """Return a, b, kappa of theory.md (6.2)."""
     chi = (1.0 - rho_inf) / (1.0 + rho_inf)
     return 4.0 * chi**2 / (3.0 * (1.0 + 3.0 * chi)), chi**2 / 12.0, 2.0 / (1.0 + 3.0 * chi)
 
 
 def check_filtered(order: int, model: Model, observe: Any) -> None:
-    """Refuse what the filters do not go together with.
+    """Refuse options that filters do not support.
 
     Raises
     ------
@@ -48,8 +48,8 @@ def check_filtered(order: int, model: Model, observe: Any) -> None:
 
 
 def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], lost: Array) -> StrainFilter:
-    """The filters of the beams with one strain set, and tables of their run, in which every group has reference strains of its
-    own behind everything else."""
+    """Return the filters of the beams with one strain set, and tables of their run, in which every group has reference strains of
+    its own behind everything else."""
     tables = beams.tables
     strains = 48 if len(model.dofs) == 6 else 24
     sizes = strains * tables.meta[:, POINTS]
@@ -71,7 +71,7 @@ def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], l
 
 
 class FilteringStepper(Stepper):
-    """Runs conserving steps with filters. As `Stepper`; what they know of the strains belongs to the memory of a run.
+    """Stepper for conserving steps with filters; rates and states of filters belong to the memory of a run.
 
     Attributes
     ----------
@@ -100,14 +100,14 @@ class FilteringStepper(Stepper):
             self.start_filters()
         else:
             if state is not None and self.plane is None:
-                # what the first step of a run does to it has been done
+                # the state of a continued run already has what a first step changes
                 for mine, other in zip(self.core_state, state):
                     mine[:] = other
             self.memory = memory
 
     @property
     def pivots_everywhere(self) -> bool:
-        """There is no second way around a solver that pivots, whose tables are others."""
+        """Always True: no fallback solver exists, because it would need other tables of filters."""
         return True
 
     @property
@@ -115,12 +115,12 @@ class FilteringStepper(Stepper):
         return (*super()._remembered, *(x for term in self.filters for x in (term.smooth, term.rate)), self.lost)
 
     def set_state(self, state: State) -> None:
-        """As `Stepper.set_state`; rates of strains are those of its velocities."""
+        """Set the state, see `Stepper.set_state`; rates of strains become those of its velocities."""
         super().set_state(state)
         self.start_filters()
 
     def start_filters(self) -> None:
-        """Rates of all strains from velocities, by central differences of the strains that they lead to."""
+        """Set rates of all strains from velocities, by central differences of the strains that they lead to."""
         state, work, core = self.core_state, self.work, self.core
         kept = [x.copy() for x in (work.dphi, work.theta)]
         if len(core.dofs) == 6:

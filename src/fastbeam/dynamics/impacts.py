@@ -18,31 +18,31 @@ from fastbeam.model.model import Model
 Array = np.ndarray
 # time of an impact where there was none, s
 NEVER = -float(np.finfo(float).max)
-# what happens within this share of a step happens at the same time
+# events within this share of a step count as simultaneous
 SAME_TIME = 1e-5
 # steps in a row that end at or before a stop without getting anywhere, besides two for every slider
 MOST_IN_A_ROW = 3
 
 
 class Impacts:
-    """What a run remembers of impacts on rigid stops.
+    """Impacts of a run on rigid stops.
 
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     times : float64 [S + R, 2], optional
-        Of a run before.
+        Times of an earlier run.
 
     Attributes
     ----------
     times : float64 [S + R, 2] or None
-        Of the last impact of every slider, or way between contacts of moving meshes, and every coordinate of a joint that may
-        stick, at the start and the end, s; NEVER where there was none. None where nothing has rigid stops.
+        Times of the last impact of every slider, or way between contacts of moving meshes, and every coordinate of a joint that
+        may stick, at the start and the end, s; NEVER where there was none. None where nothing has rigid stops.
     number : int
-        Of impacts in this run.
+        Number of impacts in this run.
     dulled : float
-        What the last impact took of the kinetic energy because it came within a step of the one before, so that it did not
+        Kinetic energy that the last impact dissipated because it came within a step of the one before, so that it did not
         bounce, as a share of the largest kinetic energy before an impact; `largest`: twice that, J.
     in_a_row : int
         Steps shortened before a stop since the last whole step, or since one that led to a stop.
@@ -71,7 +71,7 @@ class Impacts:
                              f"{model.scene_name!r} needs {(self.count, 2)}; take a checkpoint of this model")
 
     def is_rigid(self, state: State, k: int, at_end: bool) -> bool:
-        """Whether slider k, or behind the sliders a coordinate of a joint, has a rigid stop there."""
+        """Return whether slider k, or behind the sliders a coordinate of a joint, has a rigid stop at this end."""
         return self.times is not None and self._restitution(state, k, at_end) is not None
 
     def _restitution(self, state: State, k: int, at_end: bool) -> float | None:
@@ -82,13 +82,14 @@ class Impacts:
         return self.model.slider_forces.restitution(k, at_end, float(state.s[k]), self.model.along_of(state.history)[k])
 
     def may_go_on(self, moved: bool) -> bool:
-        """Whether a run gets anywhere; moved: whether a step has led to a stop now."""
+        """Count a step that ends at a stop; return whether the run still advances. moved: whether a step has led to a stop
+        now."""
         self.in_a_row = 0 if moved else self.in_a_row + 1
         return self.in_a_row <= MOST_IN_A_ROW + 2 * self.count
 
     def behind(self, state: State, k: int, at_end: bool, t: float, step: float, last: float) -> State:
-        """The state after an impact of slider or coordinate k at time t, which is remembered; last: time since the one before, or
-        the row. Of two within a step the second does not bounce, one behind a whole step at the stop included."""
+        """Return the state after an impact of slider or coordinate k at time t, and remember the impact; last: time since the one
+        before, or the row. Of two within a step the second does not bounce, one behind a whole step at the stop included."""
         assert self.times is not None
         restitution = given = self._restitution(state, k, at_end) or 0.0
         if t - self.times[k, int(at_end)] < (1.0 + SAME_TIME) * step:
@@ -116,15 +117,15 @@ class Impacts:
 
 
 def before_joints(model: Model) -> int:
-    """Number of sliders, or of ways between contacts of moving meshes: what ends bound before coordinates of joints
+    """Return the number of sliders, or of ways between contacts of moving meshes, that stand before coordinates of joints
     (bounds.py)."""
     return model.n_sliders if model.moving is None else int(model.moving.gaps(model.q0.reshape(-1))[0].size)
 
 
 def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: float,
                  together: dict[int, float] | None = None) -> State:
-    """The state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`. Where it does not bounce
-    it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
+    """Return the state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`. Where it does not
+    bounce it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
     holds = model.motions.holds
     start = of_momenta(model, state)
     free, before = settled(model, start, -1 - i)
@@ -142,7 +143,7 @@ def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: 
 
 
 def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
-    """The state after slider k has met a rigid stop.
+    """Return the state after slider k has met a rigid stop.
 
     The velocity of k along its beam is -restitution times the one before, see `jump`, or zero where that leads away from the stop
     already. The energy that is lost goes to the history of the slider.
@@ -150,9 +151,9 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     state : State
-        With sliding points on their curves.
+        State with sliding points on their curves.
     k : int
     at_end : bool
         Whether the stop is the one towards the end of the beam.

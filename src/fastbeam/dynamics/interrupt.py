@@ -22,7 +22,7 @@ Handler = Callable[[int, FrameType | None], Any]
 
 
 class Interrupts:
-    """While this is entered the first Ctrl-C is only noted, until `serve` hands it to the handler that was there before (Python's
+    """Context in which the first Ctrl-C is only noted, until `serve` hands it to the handler that was there before (Python's
     raises KeyboardInterrupt). A second one goes to that handler at once, as does one during compilation, which takes seconds and
     changes nothing, and one inside `at_once`.
 
@@ -70,7 +70,7 @@ class Interrupts:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """No Ctrl-C waits in here: around code of the user, which may take any time."""
+        """Let a Ctrl-C act at once in this block: around code of the user, which may take any time."""
         self._at_once = True
         try:
             self.serve()
@@ -97,8 +97,8 @@ def _never() -> bool:
 
 
 class Calls:
-    """Takes a stepper over many steps in calls that are short enough for Ctrl-C to be seen between them. Results do not depend on
-    how steps are cut into calls.
+    """Calls of a stepper over many steps, short enough for Ctrl-C to be seen between them. Results do not depend on how steps are
+    cut into calls.
 
     Attributes
     ----------
@@ -117,12 +117,12 @@ class Calls:
         self._burst, self.slow = 1, True
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
-        """As `Stepper.advance`; fewer steps where a Ctrl-C waits, or a function of time fails behind them."""
+        """Take steps as `Stepper.advance`; fewer where a Ctrl-C waits, or a function of time fails behind them."""
         if self.failed is not None:
             self.intact = True
             raise self.failed
         if n <= self._burst and not self.slow:
-            # the way of nearly all calls
+            # nearly all calls take this branch
             self.intact = False
             begin = time.perf_counter()
             try:
@@ -131,7 +131,7 @@ class Calls:
                 self.intact = not self.stepper.begun
                 if n == 1 or self.stepper.begun:
                     raise
-                # one by one, up to the step that cannot be taken
+                # steps are taken one by one, up to the one that fails
                 return self._one_by_one(t, h, n, done)
             if time.perf_counter() - begin > CALL_TIME:
                 self._burst, self.slow = 1, True
@@ -168,7 +168,7 @@ class Calls:
                 return whole
 
     def _one_by_one(self, t: float, h: float, n: int, done: int, before: Outcome | None = None) -> Outcome:
-        """Steps up to the one for which a function of time fails; before: steps of this call, if any."""
+        """Take steps up to the one for which a function of time fails; before: steps of this call, if any."""
         whole = before
         for k in range(done, done + n):
             try:
@@ -186,7 +186,7 @@ class Calls:
         return whole
 
     def controlled(self, control: StepControl, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
-        """As `StepControl.advance`; no step where a Ctrl-C waits."""
+        """Take a step as `StepControl.advance`; none where a Ctrl-C waits."""
         self.intact, self.stepper.stop = False, self._waits
         begin = time.perf_counter()
         try:

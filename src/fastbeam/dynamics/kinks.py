@@ -30,7 +30,7 @@ MOST_NODES, SLOW = 500, 1e-3
 
 
 class Quantity(NamedTuple):
-    """A number of a scene whose borders are kinks: what it does there, its unit, and borders with the order behind."""
+    """Quantity whose borders are kinks: what it does there, its unit, and borders with the order behind."""
 
     label: str
     unit: str
@@ -46,7 +46,7 @@ class Scalars:
         self._last: tuple[float, Array, Array] | None = None
 
     def look(self, t: float, state: State) -> list[tuple[float, str, int]]:
-        """Time, text and order of those that passed a border for the first time since the last row."""
+        """Return time, text and order of the quantities that passed a border for the first time since the last row."""
         if not self._left:
             return []
         last, (x, rate) = self._last, self._values(state)
@@ -70,8 +70,8 @@ class Scalars:
 
 
 def between(x0: Array, x1: Array, v0: Array, v1: Array, h: float) -> Array:
-    """Values at `PLACES` between two rows a time h apart, [17, ...], from values and rates of both; straight where rates do not
-    fit the way."""
+    """Interpolate values at `PLACES` between two rows a time h apart, [17, ...], from values and rates of both; straight where
+    rates do not fit the way."""
     s = PLACES.reshape(-1, *[1] * np.ndim(x0))
     straight = x0 + s * (x1 - x0)
     fits = np.abs(0.5 * h * (v0 + v1) - (x1 - x0)) <= RESOLVED * h * np.maximum(np.abs(v0), np.abs(v1))
@@ -88,7 +88,7 @@ class Turning:
     ----------
     model : Model
     step : float
-        Of the run, s: what turns around from one step to the next has not been resolved.
+        Step of the run, s: what turns around from one step to the next has not been resolved.
     """
 
     def __init__(self, model: Model, step: float) -> None:
@@ -109,13 +109,13 @@ class Turning:
         self._tail: Array | None = None
 
     def _motion(self, t: float, state: State) -> tuple[Array, Array, Array]:
-        """Places less those of the air, velocities against it and directors d1 of the nodes, [D, 3] each."""
+        """Return places less those of the air, velocities against it and directors d1 of the nodes, [D, 3] each."""
         q, v = (y.reshape(-1, 4, 3)[self.node] for y in (state.q, state.v))
         factors = np.array([1.0 if time is None else factor_at(time, t) for time in self.times])
         return q[:, 0], v[:, 0] - factors[self.part, None] * self.air, q[:, 1]
 
     def look(self, t: float, state: State) -> list[tuple[float, str, int]]:
-        """As `Scalars.look`."""
+        """Find velocities that turned around since the last row; return as `Scalars.look`."""
         if not self.at.size or len(self._told) == len(self.labels):
             return []
         last, here = self._last, self._motion(t, state)
@@ -130,13 +130,13 @@ class Turning:
         along = np.sum(speeds * axis, axis=-1)
         both = np.stack((speeds - along[..., None] * axis, along[..., None] * axis))
         if self._tail is not None:
-            # what is exactly 0 at a row turns around between the places beside it
+            # a velocity of exactly 0 at a row turns around between the places beside it
             both = np.concatenate((self._tail[:, None], both), axis=1)
         self._tail = both[:, -2].copy()
         return self._turned(both, last[0], h)
 
     def _turned(self, both: Array, t: float, h: float) -> list[tuple[float, str, int]]:
-        """From velocities [2, places, D, 3] across and along."""
+        """Find zeros of velocities [2, places, D, 3] across and along beams, from time t on; h: time between the rows."""
         size = np.linalg.norm(both, axis=-1).max(axis=(0, 1))
         np.maximum.at(self.fastest, self.part, size)
         out: list[tuple[float, str, int]] = []
@@ -150,7 +150,7 @@ class Turning:
                 square = np.sum(way * way, axis=-1)
                 near = np.clip(-np.sum(a * way, axis=-1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
                 least = np.linalg.norm(a + near[..., None] * way, axis=-1)
-                # what changes in a step
+                # change in a step
                 a_step = np.sqrt(square) * min(1.0, self.step / (h * (PLACES[1] * (len(x) - len(a)))))
                 found = (np.sum(a * b, axis=-1) < 0.0) & (least <= a_step)
                 when = np.where(~hit & found.any(axis=0), PLACES[np.minimum(found.argmax(axis=0), 16)], when)
@@ -169,7 +169,8 @@ class Turning:
 
 
 def _between_rates(x0: Array, x1: Array, v0: Array, v1: Array, h: float, moving: bool) -> Array:
-    """Rates at `PLACES` between two rows, [17, ...]: those of the cubic, or on a straight line, also where the air moves."""
+    """Interpolate rates at `PLACES` between two rows, [17, ...]: those of the cubic, or on a straight line, also where the air
+    moves."""
     s = PLACES.reshape(-1, *[1] * np.ndim(x0))
     straight = v0 + s * (v1 - v0)
     mean = (x1 - x0) / h
@@ -179,13 +180,13 @@ def _between_rates(x0: Array, x1: Array, v0: Array, v1: Array, h: float, moving:
 
 
 class Kinks:
-    """What a run with order 4 passes that leaves it a lower order.
+    """Kinks that a run with order 4 passes and that leave it a lower order.
 
     Parameters
     ----------
     model : Model
     step : float
-        Of the run, s.
+        Step of the run, s.
     """
 
     def __init__(self, model: Model, step: float) -> None:
@@ -195,7 +196,7 @@ class Kinks:
         self.events: list[dict[str, Any]] = []
 
     def look(self, t: float, state: State) -> Sequence[dict[str, Any]]:
-        """Events {'kind', 'time', 'text'} of the row at time t, s; state: in space. They are kept in `events`, too."""
+        """Return events {'kind', 'time', 'text'} of the row at time t, s; state: in space. They are kept in `events`, too."""
         found = [{"kind": "order", "time": at,
                   "text": f"{text} near t = {at:.6g} s, where the motion has a kink: order 4 is lost there, errors behind it go "
                           f"with the power {order} of the step; take smaller steps there, or order=2, which costs less"}
@@ -204,7 +205,7 @@ class Kinks:
         return found
 
     def __call__(self, t: float, state: State) -> None:
-        """As a callback."""
+        """Look at a row, as a callback."""
         self.look(t, state)
 
 

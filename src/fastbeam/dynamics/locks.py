@@ -1,5 +1,5 @@
-"""Locks and releases of sliders in a run, supports that let go or take hold: what they wait for, when it comes, and the state
-behind it (theory.md 5.9)."""
+"""Locks and releases of sliders in a run, supports that let go or take hold: their conditions, times, and states behind them
+(theory.md 5.9)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ Array = np.ndarray
 LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER, LET_GO, CATCH = (
     "lock", "unlock", "release", "lift", "land", "transfer", "let go", "catch")
 KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
-# of a slider that is away: 1 where its point was beyond the ends or on the other side
+# entry of a slider that is away: 1 where its point was beyond the ends or on the other side
 PASSED = STICKS
 # distance, as a share of the length of the beam
 TOUCHING = 1e-12
@@ -38,8 +38,9 @@ MOST_HITS = 100
 
 @dataclass(frozen=True)
 class Awaited:
-    """What a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc length; or
-    that its point comes back. rests: it came back with no flight between. LET_GO, CATCH: the support of this number does."""
+    """Condition that a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc
+    length; or when its point comes back. rests: it came back with no flight between. LET_GO, CATCH: `slider` is the number of a
+    support."""
 
     slider: int
     action: str
@@ -49,17 +50,17 @@ class Awaited:
 
     @property
     def is_watched(self) -> bool:
-        """Whether the state of every step has to be looked at."""
+        """True where the state of every step has to be looked at."""
         return self.at is not None or callable(self.when) or self.action == LAND
 
 
 class Locking:
-    """Locks and releases of all sliders of a model; what has happened is in `State.history`.
+    """Locks and releases of all sliders of a model; `State.history` keeps those that are done.
 
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     """
 
     def __init__(self, model: Model) -> None:
@@ -71,23 +72,23 @@ class Locking:
         # sliders that lift off at the end of the last step
         self.lifting: list[Awaited] = []
         self.hits = 0
-        # where points away from their beams are, at one time
+        # places of points away from their beams, at one time
         self._places: dict[tuple[int, float], Place] = {}
         self._contact = contact_of(model) if self.is_present and self.sliders else None
         self._finder = Finder(model, self._contact) if self.sided and self._contact is not None else None
-        # what `reached` compares with: the awaited that are watched, and their values in the state before the step
+        # watched conditions, and their values in the state before the step, for `reached`
         self._watched: list[Awaited] = []
         self._before = np.zeros(0)
 
     def awaited(self, state: State) -> list[Awaited]:
-        """What all sliders wait for in a state."""
+        """List what all sliders and supports wait for in a state."""
         if not self.is_present:
             return []
         out = []
         if self.model.released is not None:
             of = self.model.released
             held = self.model.own(state.history, "released") + ~of.waits
-            # what is handed over from one support to another is not held by both
+            # supports let go first: a node handed over is not held by both
             out = [Awaited(k, LET_GO, of.until[k]) for k in np.flatnonzero(held == 1.0).tolist() if of.until[k] is not None]
             out += [Awaited(k, CATCH, of.since[k]) for k in np.flatnonzero(held == 0.0).tolist()]
         own = self.model.own(state.history, "slider_forces").reshape(-1, HISTORY)
@@ -107,7 +108,7 @@ class Locking:
         return out
 
     def next_time(self, state: State) -> float:
-        """The first time at which something is due, s."""
+        """Return the first time at which something is due, s."""
         return min((x.when for x in self.awaited(state) if isinstance(x.when, float)), default=np.inf)
 
     # --- conditions ---------------------------------------------------------------------------------------------------
@@ -118,12 +119,12 @@ class Locking:
         return bool(self._watched or self.sided)
 
     def reached(self, state: State, t: float) -> tuple[float, list[Awaited]]:
-        """How far conditions are reached behind the step, negative before the first of them; which hold."""
+        """Return how far conditions are reached behind the step, negative before the first of them, and which of them hold."""
         self._places.clear()
         found = self._values(state, t)
         for i, x in enumerate(self._watched):
             if x.at is not None:
-                # from the side on which it was
+                # seen from the side on which the slider was
                 side = np.sign(self._before[i])
                 found[i] = -side * found[i] if side else -abs(found[i])
         first = float(np.max(found, initial=-np.inf))
@@ -131,12 +132,12 @@ class Locking:
 
     @property
     def touches(self) -> bool:
-        """Whether a point that is away from its beam was at it before the step."""
+        """True where a point that is away from its beam was at it before the step."""
         return any(x.action == LAND and abs(value) <= TOUCHING * float(self.model.slider_lengths[x.slider])
                    for x, value in zip(self._watched, self._before))
 
     def _values(self, state: State, t: float) -> Array:
-        """Of all that is watched, [n]."""
+        """Return the values of all watched conditions, [n]."""
         if not self._watched:
             return np.zeros(0)
         model = self.model
@@ -147,7 +148,7 @@ class Locking:
         return np.array([self._value(x, state, t, rates) for x in self._watched])
 
     def _value(self, x: Awaited, state: State, t: float, rates: Array) -> float:
-        """Of one that is watched; rates: of all sliders [S]."""
+        """Return the value of one watched condition; rates: of all sliders [S]."""
         if x.action in (LET_GO, CATCH):
             return self._support_asked(x, state, t)
         s = float(state.s[x.slider])
@@ -158,25 +159,27 @@ class Locking:
         return self._nearness(x, state, t) if x.action == LAND else self._asked(x, t, s, float(rates[x.slider]))
 
     def _at_once(self, x: Awaited) -> float:
-        """How far from the place of a lock a slider may be that is held at once, m: round-off where it has come onto a track."""
+        """Return the distance from the place of a lock within which a slider is locked at once, m: round-off where it has come
+        onto a track."""
         return TOUCHING * float(self.model.slider_lengths[x.slider]) if isinstance(x.at, tuple) else 0.0
 
     def _lock_place(self, x: Awaited, state: State) -> float | None:
-        """s at which a lock waits; None where that is on another track than the one on which the slider is."""
+        """Return s at which a lock waits; None where that is on another track than the one on which the slider is."""
         on, offset = self.sliders[x.slider].beam, float(self.model.along_of(state.history)[x.slider, OFFSET])
         if not isinstance(on, Switch):
             return float(x.at)
         return place_at(on, x.at, span_of(on, float(state.s[x.slider])), offset)
 
     def _place(self, state: State, t: float, k: int) -> Place:
-        """Of the point of slider k in the state at time t, the one that was looked at last there."""
+        """Return the place of the point of slider k in the state at time t; places evaluated at that time are kept."""
         if (k, t) not in self._places:
             self._places = {at: place for at, place in self._places.items() if at[1] == t}
             self._places[k, t] = self._finder.place(state, k)
         return self._places[k, t]
 
     def _nearness(self, awaited: Awaited, state: State, t: float) -> float:
-        """Minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a length."""
+        """Return minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a
+        length."""
         k = awaited.slider
         place = self._place(state, t, k)
         is_between_ends = place.is_between_ends and state.history[HISTORY * k + PASSED] == 0.0
@@ -184,8 +187,8 @@ class Locking:
 
     # --- one-sided contact --------------------------------------------------------------------------------------------
     def follow(self, state: State, t: float, into: State) -> None:
-        """s of points away from their beams is that of the nearest point. One that comes from beyond an end counts again when it
-        is beside the beam, on its side."""
+        """Set s of points away from their beams to that of the nearest point. One that comes from beyond an end counts again when
+        it is beside the beam, on its side."""
         for k in self.sided:
             if into.history[HISTORY * k + HELD] == OFF:
                 place = self._place(state, t, k)
@@ -194,15 +197,15 @@ class Locking:
                     into.history[HISTORY * k + PASSED] = 0.0 if place.is_between_ends else 1.0
 
     def find_lifting(self, state: State, before: Array | None, force: Array) -> bool:
-        """Whether sliders lift off at the end of a step, as the contact force pulls: the mean of the step and the one before, [F]
-        each."""
+        """Find sliders that lift off at the end of a step, as the contact force pulls: the mean of the step and the one before,
+        [F] each. Return whether there are any."""
         self.lifting = [Awaited(k, LIFT, None) for k in self.sided if before is not None
                         and not self.sliders[k].one_sided.catch and state.history[HISTORY * k + HELD] == FREE
                         and self._finder.pull(state, k, 0.5 * (before + force)[3 * k:3 * k + 3]) > 0.0]
         return bool(self.lifting)
 
     def _comes_back(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """A point that meets its beam again, or passes beside it."""
+        """Return the state and event of a point that meets its beam again, or passes beside it."""
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
         place = self._finder.place(state, k)
         event = {"time": t, "slider": name, "s": place.s}
@@ -245,12 +248,12 @@ class Locking:
 
     # --- what happens -------------------------------------------------------------------------------------------------
     def behind(self, state: State, t: float, slack: float, found: Sequence[Awaited] = ()) -> tuple[State, list[dict[str, Any]]]:
-        """The state behind all that is due at time t, and events.
+        """Return the state behind all that is due at time t, and events.
 
         Parameters
         ----------
         slack : float
-            What is due within this time is due now, s.
+            Events that are due within this time, s, are due now.
         found : sequence of Awaited
             Conditions that hold, located by the caller.
         """
@@ -272,12 +275,12 @@ class Locking:
             self.hits += now.action in (LIFT, LAND)
             if now.action not in (LIFT, LAND) or self.hits <= MOST_HITS:
                 events.append(event)
-            # what waits next depends on it
+            # an event changes what is awaited next
             due = [x for x in due if x.action == LIFT or replace(x, rests=False) in self.awaited(state)]
         return state, events
 
     def at_end(self, state: State, k: int, at_end: bool, is_stop: bool) -> list[Awaited]:
-        """What slider k waits for at a rigid stop, or an end of its beam."""
+        """List what slider k waits for at a rigid stop, or an end of its beam."""
         if k in self.model.spans and not is_stop:
             end = END if at_end else START
             # a lock that waits at the end of a track takes hold there
@@ -293,12 +296,12 @@ class Locking:
                 and (x.action == LOCK) == is_stop]
 
     def _options(self, state: State, k: int, end: str) -> tuple[str, ...]:
-        """Names of the tracks on which slider k may go on from the end or start of its own."""
+        """Return the names of the tracks on which slider k may go on from the end or start of its own."""
         switch = self.sliders[k].beam
         return switch.options(switch.where(float(state.s[k]))[0], end)
 
     def _transferred(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """A slider at the end of its track goes on to another: nothing changes but its arc length."""
+        """Move a slider from the end of its track to another one: nothing changes but its arc length."""
         k, name, switch = awaited.slider, self.model.names["sliders"][awaited.slider], self.sliders[awaited.slider].beam
         state = State(*(x.copy() for x in state))
         number = span_of(switch, float(state.s[k]))
@@ -307,18 +310,18 @@ class Locking:
         return state, self.switched(state, k, number, track, t)
 
     def switched(self, state: State, k: int, number: int, track: str, t: float) -> dict[str, Any]:
-        """The event of slider k, which left the track of this number for the one on which it is in a state."""
+        """Return the event of slider k, which left the track of this number for the one on which it is in a state."""
         name, s, own = self.model.names["sliders"][k], float(state.s[k]), self.model.along_of(state.history)[k]
         return {"kind": "switched", "time": t, "slider": name, "s": s, "way": float(s + own[OFFSET]), "track": track, "loss": 0.0,
                 "text": f"slider {name!r} goes on from {self.sliders[k].beam.tracks[number].name!r} to {track!r} at t = "
                         f"{t:.6g} s"}
 
     def move_on(self, state: State, k: int, number: int, at_end: bool, track: str) -> float:
-        """Count the arc length of slider k, which leaves the track of this number, on another; by how much it falls."""
+        """Count the arc length of slider k, which leaves the track of this number, on another; return by how much it falls."""
         switch = self.sliders[k].beam
         target = float(switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)])
         own, stored = self.model.along_of(state.history)[k], self._in_stop(state, k)
-        # what is left of the way is left on the other track, too
+        # the distance from the end of a track is kept on the other track
         before = float(switch.spans[number, int(at_end)])
         state.s[k] = target + (state.s[k] - before)
         own[OFFSET] += before - target
@@ -328,7 +331,7 @@ class Locking:
         return before - target
 
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """The state behind one of them, and its event."""
+        """Return the state behind an awaited event, and the event."""
         if awaited.action in (LET_GO, CATCH):
             return self._changed(awaited.slider, state, t)
         if awaited.action == TRANSFER:
@@ -358,7 +361,7 @@ class Locking:
         return state, {"kind": KINDS[awaited.action], "time": t, "slider": name, "s": s, "loss": loss, "text": text}
 
     def _changed(self, k: int, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """The state behind support k, which lets go or takes hold."""
+        """Return the state behind support k, which lets go or takes hold, and the event."""
         name, of = self.model.released.names[k], self.model.released
         if of.off(self.model.own(state.history, "released"))[k]:
             state, loss = catch(self.model, state, k, t)
@@ -369,17 +372,18 @@ class Locking:
         return state, {"kind": "let go", "time": t, "support": name, "text": f"{name} lets go at t = {t:.6g} s"}
 
     def _let_go_of_stop(self, state: State, k: int) -> float:
-        """What an elastic stop keeps of its energy, J, that a slider leaves as it lifts off: it swings back by itself."""
+        """Move a slider that lifts off out of its elastic stop; return the energy that the stop loses, J: it swings back by
+        itself."""
         before = self._in_stop(state, k)
         state.s[k] = np.clip(state.s[k], *self._finder.ends[k])
         return before - self._in_stop(state, k)
 
     def _in_stop(self, state: State, k: int) -> float:
-        """Energy that an elastic stop of slider k stores, J."""
+        """Return the energy that an elastic stop of slider k stores, J."""
         return float(self.model.slider_forces.stop_energy(state.s, state.history)[k])
 
     def _begin_at_rest(self, state: State, own: Array, k: int, s: float) -> None:
-        """A slider that is let go stands still: held by friction, or against its stop, until more pulls at it."""
+        """Let a slider that is released begin at rest: held by friction, or against its stop, until more pulls at it."""
         slider = self.sliders[k]
         own[STICKS] = float(slider.friction is not None)
         slack = AT_STOP * float(self.model.slider_lengths[k])

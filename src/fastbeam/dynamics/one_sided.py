@@ -1,4 +1,4 @@
-"""Contact that pushes only: where a point is beside its beam, when it lifts off and what happens when it comes back
+"""One-sided contact, which pushes only: place of a point beside its beam, lift-off, and impact when it comes back
 (theory.md 5.9)."""
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SEARCH = 20
 
 @dataclass
 class Place:
-    """Where a point is beside a beam: arc length of the nearest point, m; distance on its side, m, negative on the other; whether
-    it is beside the beam; unit normal [3]; what of the gap is neither along the beam nor the normal, m."""
+    """Place of a point beside a beam: arc length of the nearest point, m; distance on its side, m, negative on the other; whether
+    it is between the ends of the beam; unit normal [3]; part of the gap that is neither along the beam nor the normal, m."""
 
     s: float
     distance: float
@@ -35,12 +35,12 @@ class Place:
 
 
 class Finder:
-    """Finds the places of points beside their beams.
+    """Search for the places of points beside their beams.
 
     Parameters
     ----------
     model : Model
-        With tables in space.
+        Model with tables in space.
     work : Contact
         Work arrays.
     """
@@ -50,12 +50,13 @@ class Finder:
         self.model, self._work = model, work
         sides = model.slider_forces.sides
         self._sides = Sides(np.cumsum([0, *map(len, sides)]), np.concatenate(sides).reshape(-1))
-        # between which arc lengths there is a contact: the ends of the beam, or the places where stops begin
+        # arc lengths between which there is a contact: the ends of the beam, or the places where stops begin
         self.ends = model.slider_forces.free_way(model.limits_at(model.s0))
         self._out = empty(7)
 
     def place(self, state: State, k: int, search: int = SEARCH) -> Place:
-        """Where the point of slider k is, from the s of the state on; search: steps of it, 0 for the place at s itself."""
+        """Find the place of the point of slider k beside its beam, from the s of the state on; search: number of iterations, 0
+        for the place at s itself."""
         model, out = self.model, self._out
         length, (low, high) = float(model.slider_lengths[k]), self.ends[k]
         nearest_place_of(model.curves, model.sliders, self._work, self._sides, k, state.q, float(state.s[k]), low, high, length,
@@ -63,12 +64,12 @@ class Finder:
         return Place(float(out[0]), float(out[1]), abs(float(out[2])) <= ON_AXIS * length, out[4:].copy(), float(out[3]))
 
     def pull(self, state: State, k: int, force: Array) -> float:
-        """How much the contact force [3] on the point of slider k pulls it towards the beam, N."""
+        """Return the part of the contact force [3] on the point of slider k that pulls it towards the beam, N."""
         return -float(self.place(state, k, 0).normal @ force)
 
 
 def land(model: Model, state: State, k: int, place: Place, restitution: float, t: float) -> tuple[State, float, bool]:
-    """The state behind a hit of slider k on its beam at time t, the energy lost, J, and whether it stays on the beam."""
+    """Return the state behind a hit of slider k on its beam at time t, the energy lost, J, and whether it stays on the beam."""
     state = State(*(x.copy() for x in state))
     state.s[k] = place.s
     gaps = GapRows(model).at(state.q, state.s)

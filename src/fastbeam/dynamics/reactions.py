@@ -1,4 +1,4 @@
-"""Forces and moments of supports and joints: what is missing in the equations of the nodes without them (theory.md 4.2)."""
+"""Forces and moments of supports and joints: the residual of the equations of the nodes without them (theory.md 4.2)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -45,7 +45,7 @@ class Reactions:
     Parameters
     ----------
     stepper : Stepper
-        With the conserving step, or in statics; its state is left alone.
+        Stepper with the conserving step, or in statics; its state is left alone.
     static : bool
     sections : sequence of Sections or None
     """
@@ -57,7 +57,7 @@ class Reactions:
         self.holding = holding = stepper.model.holding
         held = core.static_held if static else core.held
         of = self.own if static else stepper
-        # supports that move are not among them: what they do is what is looked for
+        # supports that move are not among the terms, because their forces are wanted
         arrays = {"slider_forces": of.along, "motions": self.own.motion}
         terms = terms_of(OfRun(core, static, None, arrays, of.law_work, known=True))
         running = {type(term): term for term in of.terms}
@@ -80,42 +80,43 @@ class Reactions:
         hanging = np.flatnonzero(holding.parent >= 0)
         of_supports = holding.supports
         self._free = self._left_free(None)
-        # what another holds already
+        # supports of nodes that another holds already
         self._shared = np.zeros(of_supports.size, bool) if core.ties is None else np.diff(core.ties.start)[of_supports] > 0
         self._below: LU | None = None
         if hanging.size and len(holding.joints):
             from scipy.sparse import coo_matrix, identity
-            # x = own + sum of those that hang on it
+            # sum of a node = its own + sums of the nodes that hang on it
             children = coo_matrix((np.ones(hanging.size), (holding.parent[hanging], hanging)), shape=(n, n))
             self._below = lu(identity(n) - children, {"permc_spec": "NATURAL", "diag_pivot_thresh": 0.0})
 
     @property
     def size(self) -> int:
-        """Numbers of one evaluation."""
+        """Number of values of one evaluation."""
         return 6 * (self.count + (0 if self.bodies is None else len(self.bodies.sections)))
 
     def _left_free(self, state: State | None) -> tuple[Array, Array]:
-        """Which supports turn freely [S], and axes along which they do not hold [S, 3]; state: where that changes in a run."""
+        """Return which supports turn freely, [S], and axes along which supports do not hold, [S, 3]; state: given where that
+        changes in a run."""
         holding = self.holding
         masks = holding.masks.copy()
         turns_freely = self.stepper.model.held_in(state)[holding.supports] & 56 == 0
         if state is not None:
-            # of those that do not hold only round-off is left
+            # forces of supports that do not hold are round-off
             masks[self.own.core.released.reaction[self.own.supports.off(state)]] = 0
             turns_freely |= masks == 0
         return turns_freely, ~held_axes(masks)
 
     def of_step(self, before: State, middle: Array, second: Array, t: float, h: float) -> Array:
-        """Means over the step that the stepper has just taken, [6 (R + C)].
+        """Return means over the step that the stepper has just taken, [6 (R + C)].
 
         Parameters
         ----------
         before : State
-            At its begin, as the tables of the run have it.
+            State at the begin of the step, as the tables of the run have it.
         middle, second : float64 [N, 4, 3]
             Coordinates in its middle, and their mean second rates.
         t, h : float
-            When it began, and its size, s.
+            Begin and size of the step, s.
         """
         own = self.own
         factors = np.ones(len(own.model.load_times))
@@ -129,14 +130,14 @@ class Reactions:
         return self._evaluate(system, middle, h, factors, second)
 
     def of_equilibrium(self, q: Array, factors: Array, second: Array | None = None) -> Array:
-        """Of the equilibrium [6 (R + C)] at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`; second: as in
-        `FreeBodies.forces`."""
+        """Return reactions [6 (R + C)] of the equilibrium at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`;
+        second: as in `FreeBodies.forces`."""
         own = self.own
         system = system_of(own.core, Equilibrium(), own.contact, None, own.core_state, own.work)
         return self._evaluate(system, q, 0.0, factors, second)
 
     def _of_slider(self, k: int, system: Any) -> Array:
-        """What slider k exerts in the step on nodes, [N, 8]; those that share a row have their own here."""
+        """Return the forces that slider k exerts on nodes in the step, [N, 8]; nodes that share a row are kept apart."""
         n = len(self.rows)
         first = np.full_like(system.contact.first, -1)
         first[k] = self.own.contact.first[k]
@@ -199,7 +200,7 @@ class Reactions:
         return float(np.linalg.norm(b - a))
 
     def _rows(self) -> tuple[Array, Array]:
-        """Forces and moments [N, 3] that the equations of the nodes lack."""
+        """Return forces and moments [N, 3] that the equations of the nodes lack."""
         own, plane = self.own, self.stepper.plane
         n = len(self.rows)
         r = own.work.r[:8 * (n + 1)].reshape(-1, 8)[self.rows]
@@ -208,7 +209,7 @@ class Reactions:
         return r[:, :2] @ plane.axes[:2], r[:, 2:3] * plane.axes[2]
 
     def _joints(self, force: Array, moment: Array, x: Array) -> Array:
-        """[J, 2, 3] on side b, about side a."""
+        """Return forces and moments of joints [J, 2, 3] on side b, about side a."""
         holding = self.holding
         a, b = holding.joints.T
         total = self._below.solve(np.concatenate((force, moment + np.cross(x, force)), axis=1).T).T
@@ -222,8 +223,8 @@ class Reactions:
 
 
 def _at_nodes(term: Any, row_of: Array) -> Any:
-    """A term whose moments act on the nodes themselves, not on those that connections let their spins belong to: connections have
-    to carry them."""
+    """Return a term whose moments act on the nodes themselves, not on those that connections let their spins belong to:
+    connections have to carry them."""
     if isinstance(term, Sliding):
         return term._replace(sliders=term.sliders._replace(spin_root=np.arange(term.sliders.spin_root.size)))
     if isinstance(term, JointConditions):
@@ -235,8 +236,8 @@ def _at_nodes(term: Any, row_of: Array) -> Any:
 
 
 def _as_running(term: Any, run: Any) -> Any:
-    """A term with the air, the curves of sliders, or the shares of loads by laws, of the run. Rows and blocks stay its own: those
-    of the run are others where it eliminates inner nodes."""
+    """Return a term with the air, the curves of sliders, or the shares of loads by laws, of the run. Rows and blocks stay its
+    own: those of the run are others where it eliminates inner nodes."""
     if isinstance(term, Drag):
         return term._replace(**{name: getattr(run, name) for name in (*COEFFICIENTS, "air", "wind")})
     if isinstance(term, Sliding):
@@ -259,7 +260,7 @@ class ReactingStepper(Stepper):
         self.reactions = Reactions(self)
 
     def cut(self, sections: Sequence[Sections | None]) -> None:
-        """Sections whose forces are asked for, before the first step."""
+        """Set the sections whose forces are asked for, before the first step."""
         self.reactions = Reactions(self, sections=sections)
 
     @property
@@ -283,6 +284,6 @@ class ReactingStepper(Stepper):
         return result
 
     def _motion(self) -> tuple[Array, Array]:
-        """Coordinates and their rates [N, 4, 3], as copies."""
+        """Return coordinates and their rates [N, 4, 3], as copies."""
         state = self.state
         return state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()

@@ -17,8 +17,8 @@ Array = np.ndarray
 
 
 class Rows:
-    """Takes what a run computes. A row waits until the next step is known: the contact force of a row is the mean of the steps
-    around it (theory.md (4.5)).
+    """Rows of a run on their way to memory and file. A row waits until the next step is known: the contact force of a row is the
+    mean of the steps around it (theory.md (4.5)).
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Rows:
     snapshots : int
         About how many shapes to keep, one a row at most.
     file, overwrite : path or None, bool
-        Where to write everything besides.
+        File for everything besides.
 
     Attributes
     ----------
@@ -62,13 +62,13 @@ class Rows:
         self.broken_off = True
 
     def first(self) -> None:
-        """The row that a run starts from."""
+        """Open the row that a run starts from."""
         self.open(self.clock.now, 0, 0.0)
         if self.forces is not None:
             self.first_force = self.forces.first(self.clock)
 
     def open(self, t: float, iterations: int, size: float) -> None:
-        """A row of the present state, after steps of this size that took so many iterations each."""
+        """Open a row of the present state, after steps of this size that took so many iterations each."""
         self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
         if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
             q = self.stepper.state.q.reshape(-1, 4, 3)
@@ -107,11 +107,11 @@ class Rows:
 
     @property
     def looks_back(self) -> bool:
-        """Whether forces of the last row come from those of the last steps, one by one."""
+        """True where forces of the last row come from those of the last steps, one by one."""
         return self.forces is not None and self.forces.looks_back
 
     def _force(self, t: float, size: float, after: Array | None, steps: int) -> Array | None:
-        """Forces of all constraints in the waiting row."""
+        """Return forces of all constraints in the waiting row."""
         if self.forces is None:
             # forces at the end of a step are those of its time
             return self.clock.before
@@ -123,7 +123,7 @@ class Rows:
         return self.forces.unknown if self.broken_off else self.forces.last(self.clock)
 
     def event(self, event: dict[str, Any]) -> None:
-        """An event {'kind', 'time', 'text', ...}."""
+        """Keep an event {'kind', 'time', 'text', ...}."""
         self._feed("event", event)
 
     def _feed(self, call: str, *what: Any) -> None:

@@ -1,4 +1,4 @@
-"""Controllers in a run: asked at their times, between steps; what they hold and remember stands in the history of the state."""
+"""Controllers in a run: asked at their times, between steps; their values and memory stand in the history of the state."""
 from __future__ import annotations
 
 import math
@@ -20,7 +20,7 @@ NOW = 1e-9
 
 
 class Now:
-    """What a controller reads: the time `t` and the state at it."""
+    """Time `t`, and the state at that time, that a controller reads."""
 
     def __init__(self, t: float, row: dict[str, Any], names: dict[str, list[str]]) -> None:
         self.t, self._row, self._names = t, row, names
@@ -32,35 +32,35 @@ class Now:
         return [self._row[x][names.index(name)] for x in series]
 
     def point(self, name: str) -> Array:
-        """Position (3,) m of one of the points of the controller."""
+        """Return the position (3,), m, of one of the points of the controller."""
         return np.array(self._of("points", "point", name, "points")[0])
 
     def velocity(self, name: str) -> Array:
-        """Velocity (3,) m/s of one of them."""
+        """Return the velocity (3,), m/s, of one of the points of the controller."""
         return np.array(self._of("points", "point", name, "point_velocity")[0])
 
     def slider(self, name: str) -> float:
-        """Arc length of a slider, m."""
+        """Return the arc length of a slider, m."""
         return float(self._of("sliders", "slider", name, "s_slide")[0])
 
     def joint(self, name: str) -> tuple[float, float]:
-        """Angle or distance that a joint leaves free, rad or m, and its rate; the first of several."""
+        """Return the angle or distance that a joint leaves free, rad or m, and its rate; the first of several."""
         value, rate = self._of("joints", "joint", name, "joint_value", "joint_rate")
         return float(value), float(rate)
 
     def winch(self, name: str) -> tuple[float, float]:
-        """Free length of a rope, m, and its rate, m/s."""
+        """Return the free length of a rope, m, and its rate, m/s."""
         length, speed = self._of("winches", "winch", name, "winch_length", "winch_speed")
         return float(length), float(speed)
 
     def spring(self, name: str) -> tuple[float, float]:
-        """Length, m, and force, N, of a spring."""
+        """Return the length, m, and force, N, of a spring."""
         length, force = self._of("springs", "spring", name, "spring_length", "spring_force")
         return float(length), float(force)
 
 
 def _asked(one: Any, now: Now, memory: Array) -> float:
-    """The value of a controller.
+    """Return the value of a controller.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class Sampling:
     ----------
     model : Model
     t, step : float
-        When the run begins, s, and its step.
+        Start of the run and its step, s.
     controlled : bool
         Whether steps are chosen by their error.
 
@@ -115,17 +115,17 @@ class Sampling:
         self.follow(state)
 
     def _parts(self, state: State) -> list[Array]:
-        """Value, number of the next time and memory of every controller in a state, to read and to change."""
+        """Return value, number of the next time and memory of every controller in a state, to read and to change."""
         ends = self._place + np.cumsum([0] + [one.size for one in self.controllers])
         return [state.history[a:b] for a, b in zip(ends[:-1], ends[1:])]
 
     def follow(self, state: State) -> None:
-        """Let controllers hold what a state says."""
+        """Set the values of controllers to those in a state."""
         for one, own in zip(self.controllers, self._parts(state)):
             one.held[0] = float(own[0])
 
     def ask(self, t: float, stepper: Any) -> None:
-        """Those whose time has come."""
+        """Ask the controllers whose time has come."""
         if not self.controllers:
             return
         parts = self._parts(stepper.core_state)
@@ -151,6 +151,6 @@ class Sampling:
             one.held[0] = value
 
     def steps(self, t: float, step: float, state: State) -> int:
-        """Whole steps from t on that end no later than the next time of a controller, one at least."""
+        """Return the number of whole steps from t on that end no later than the next time of a controller, one at least."""
         ahead = [own[1] * one.period - t for one, own in zip(self.controllers, self._parts(state))]
         return max(1, math.ceil(min(ahead) / step * (1.0 - NOW) - NOW))

@@ -1,4 +1,4 @@
-"""Means over steps of what rows hold besides forces: accelerations of points, rates of strains in damped sections."""
+"""Means over steps of quantities of rows besides forces: accelerations of points, rates of strains in damped sections."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,8 @@ Array = np.ndarray
 
 
 class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
-    """What a stepper has more, in front of its class, where outcomes hold such means behind all forces. Of some steps the first
-    and the last are looked at from outside; those between them stay in one call.
+    """Mixin for steppers whose outcomes hold means of `points` behind all forces. Of some steps the first and the last are looked
+    at from outside; those between them stay in one call.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
 
     @property
     def measured(self) -> int:
-        """How many of the numbers of an outcome, the last."""
+        """Number of means in an outcome, its last numbers."""
         return self.points.measured
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
@@ -54,7 +54,7 @@ class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
         return whole
 
     def _some(self, t: float, h: float, count: int, done: int) -> Outcome:
-        """Steps in one call, with means of the last one where it stands alone or is the last that succeeds."""
+        """Take steps in one call, with means of the last one where it stands alone or is the last that succeeds."""
         if count == 1:
             before = self.points.look(self.state)
             one = super().advance(t, h, 1, done)
@@ -81,17 +81,17 @@ class MeasuredSteps(Stepper if TYPE_CHECKING else object):  # type: ignore[misc]
 
 
 def forces_of(stepper: Stepper, found: Array) -> Array:
-    """Of numbers of an outcome those that checkpoints keep: forces."""
+    """Return the forces among numbers of an outcome, which are what checkpoints keep."""
     return found[:stepper.recorded - getattr(stepper, "measured", 0)]
 
 
 def measuring(make: type[Stepper], method: Method, points: PointRows) -> Any:
-    """The class of steppers of this kind whose outcomes hold such means.
+    """Return the class of steppers of this kind whose outcomes hold means of `points`.
 
     Raises
     ------
     SceneError
-        Of a method whose rows hold forces of their own time there are none.
+        A method whose rows hold forces of their own time has no such means.
     """
     if method.at_end and points.acceleration:
         raise SceneError(f"observe: accelerations are means of the steps around a row, which method {method.name!r} does not "

@@ -1,4 +1,4 @@
-"""Runs a model in time and records what was asked for."""
+"""Time integration of a model, with the rows of its result."""
 from __future__ import annotations
 
 import sys
@@ -231,7 +231,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
 
 
 class _Run(Encounters):
-    """One run: drives the stepper and feeds rows to memory and file."""
+    """One run, which drives the stepper and feeds rows to memory and file."""
 
     def __init__(self, model: Model, stepper: Stepper, observer: Observer, clock: Clock, t_end: float, order: int,
                  snapshots: int, file: Any, overwrite: bool, callback: Any, control: StepControl | None,
@@ -395,7 +395,7 @@ class _Run(Encounters):
         return result
 
     def took(self, t: float, outcome: Outcome, size: float) -> None:
-        """Steps of this size led to time t; they tell the forces of the row that waits."""
+        """Count steps of this size that led to time t; they tell the forces of the row that waits."""
         if outcome.steps:
             self.iterations += outcome.iterations
             self.steps += outcome.steps

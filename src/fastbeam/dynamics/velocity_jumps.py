@@ -24,7 +24,7 @@ MOVES = 1e-9
 AT_STOP = 1e-9
 # changes of what rests at stops behind an impact
 MOST_PIVOTS = 200
-# as of least_norm.py, of velocities by momenta: a mesh that moves along a beam which does not has next to no inertia
+# as in least_norm.py, for velocities by momenta: a mesh that moves along a resting beam has almost no inertia
 HOLD = 1e-13
 # share of the largest rate
 ROUND_OFF = 1e-15
@@ -34,18 +34,19 @@ NO_GAIN = 1e-15
 
 def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
          rest: dict[int, float] | None = None) -> tuple[State, float]:
-    """The state after an impact at slider k, and the energy that it took, J.
+    """Return the state after an impact at slider k, and the energy that it dissipated, J.
 
-    Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
-    the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
-    alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam;
-    impulses of supports that move and of drives and motors that prescribe a motion do work, which counts as theirs. Joints that
-    stand at a stop are at rest behind it where that takes an impulse that pushes, and leave it else.
+    The jump has the least kinetic energy of all that connections, supports, sliders and joints allow and with which the velocity
+    of the point of k relative to its curve changes by `change` in the directions `lead`: it is the
+    effect of the impulse of that contact alone. Sliders whose motion is prescribed, that are locked or at rest against a stop
+    keep their velocities along the beam; impulses of supports that move and of drives and motors that prescribe a motion do work,
+    which counts as theirs. Joints that stand at a stop are at rest behind it where that takes an impulse that pushes, else they
+    leave it.
 
     Parameters
     ----------
     k : int or None
-        Of a slider; -1 - i: of coordinate i of joints that may stick; None: of a support.
+        Number of a slider; -1 - i: coordinate i of joints that may stick; None: a support.
     lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N]
     change : float64 [m]
         m/s, of joints and supports m/s or rad/s.
@@ -69,9 +70,9 @@ def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
 
 
 def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
-    """The state at an instant with velocities that sliders, sleeves and joints allow exactly, the nearest ones, and the energy
-    that this takes, J. At the end of a step they hold velocities to second order in the step, and what is left would turn around
-    in the next one.
+    """Return the state at an instant with velocities that sliders, sleeves and joints allow exactly, the nearest ones, and the
+    energy that this takes, J. At the end of a step they hold velocities to second order in the step, and what is left would turn
+    around in the next one.
 
     k: as of `jump`, what meets a stop and is free along its way. Other sliders whose motion is prescribed keep their velocities
     along the beam; those that are locked or rest against a stop have none.
@@ -89,8 +90,8 @@ def settled(model: Model, state: State, k: int | None) -> tuple[State, float]:
 
 
 def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State], Array]) -> tuple[State, State, float]:
-    """The state whose velocities a jump begins at, the state behind it, and the energy that it took, which is not negative but
-    for round-off.
+    """Return the state whose velocities a jump begins at, the state behind it, and the energy that it took, which is not negative
+    but for round-off.
 
     At the end of a step rates across what holds are zero to second order in the step. Impulses do work on these, and where a blow
     takes hardly anything that may be more: then the jump begins at the state that `settled` finds, with what that takes.
@@ -98,7 +99,7 @@ def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State]
     Parameters
     ----------
     k, lead
-        As of `jump`, of a slider.
+        As in `jump`, for a slider.
     change : callable
         The change of rates from a state.
     """
@@ -112,9 +113,9 @@ def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State]
 
 
 def of_momenta(model: Model, state: State) -> State:
-    """The state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none, to
-    second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own: jumps
-    begin here and end with `with_momenta`."""
+    """Return the state with motions of triads that are nearest to its momenta. Rates of directors at the end of a step are none,
+    to second order in the step, and velocities of moving meshes differ so from their momenta, which are unknowns of their own:
+    jumps begin here and end with `with_momenta`."""
     from scipy import sparse
     q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
     to_rates, free = rates_map(model, q), free_unknowns(model, state)
@@ -132,8 +133,8 @@ def of_momenta(model: Model, state: State) -> State:
 
 
 def with_momenta(model: Model, state: State, before: State, after: State) -> State:
-    """A state behind a jump from `before`, its own by `of_momenta`, to `after`: momenta, and velocities that are these, change as
-    the velocities; those of nodes that only moving meshes have become the ones of `after`."""
+    """Return a state behind a jump from `before`, its own by `of_momenta`, to `after`: momenta, and velocities that are these,
+    change as the velocities; those of nodes that only moving meshes have become the ones of `after`."""
     by, history = after.v - before.v, after.history.copy()
     v = (state.v + by).reshape(-1, 12)
     if model.moving is not None:
@@ -144,7 +145,7 @@ def with_momenta(model: Model, state: State, before: State, after: State) -> Sta
 
 
 def _alone_on_meshes(model: Model) -> Array:
-    """Nodes of moving meshes to which no others are tied, bool [N]."""
+    """Return nodes of moving meshes to which no others are tied, bool [N]."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     assert model.moving is not None
@@ -160,7 +161,7 @@ def _alone_on_meshes(model: Model) -> Array:
 
 
 def values_of(model: Model, state: State) -> Array:
-    """Values of the coordinates of joints that may stick, as the history has them, m or rad, [R]."""
+    """Return values of the coordinates of joints that may stick, as the history has them, m or rad, [R]."""
     motions = model.motions
     if motions is None:
         return np.zeros(0)
@@ -168,15 +169,15 @@ def values_of(model: Model, state: State) -> Array:
 
 
 class Least(NamedTuple):
-    """A jump of least kinetic energy.
+    """Jump of least kinetic energy.
 
     Attributes
     ----------
     by : float64 [12 N]
-        Of the rates of all coordinates.
+        Changes of the rates of all coordinates.
     impulses : float64 [m]
     rows : sparse [m, 12 N]
-        What they act on.
+        Directions in which the impulses act.
     """
 
     by: Array
@@ -185,7 +186,7 @@ class Least(NamedTuple):
 
 
 class Equations:
-    """What connections, supports, sliders and joints ask of a jump of the velocities; arguments as of `jump`, without `lead`
+    """Conditions of connections, supports, sliders and joints on a jump of the velocities; arguments as of `jump`, without `lead`
     those of `settled`.
 
     Attributes
@@ -210,7 +211,7 @@ class Equations:
         settles, slides = lead is None, k is not None and k >= 0
         self._rows: list[Any] = [] if slides or settles else [lead]
         right: list[Array] = [] if slides or settles else [change]
-        # where the equations of sliders begin whose drives prescribe a motion
+        # first equations of sliders whose drives prescribe a motion
         self._drives: dict[int, int] = {}
         for j, tangent in enumerate(gaps.tangents):
             if model.slider_forces is not None and own[j, HELD] == OFF and (settles or j != k):
@@ -242,20 +243,20 @@ class Equations:
         self._mass = (self._lift.T @ self._inertia @ self._lift).tocsr()
 
     def ask(self, goals: Array) -> bool:
-        """Whether there is anything to change but round-off, with changes of further rates."""
+        """Return whether anything but round-off has to change, with changes of further rates."""
         wanted = float(np.max(np.abs(np.concatenate((self._goal, goals))), initial=0.0))
         return wanted > ROUND_OFF * float(np.max(np.abs(self.state.v), initial=0.0))
 
     def _of_slider(self, j: int) -> Any:
-        """The velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
+        """Return the velocity of a point relative to its curve from the rates of all coordinates, sparse [3, 12 N]."""
         return self._gaps.rates[3 * j:3 * j + 3]
 
     def along_beams(self, v: Array) -> Array:
-        """ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
+        """Return ds/dt of all sliders at rates [12 N] of all coordinates, m/s."""
         return np.array([self._gaps.along(j, v) for j in range(len(self._gaps.tangents))])
 
     def least(self, more: Any, goals: Array) -> Least:
-        """The jump with which these rates [m] change, too; more: sparse [m, 12 N]."""
+        """Find the jump with which these rates [m] change, too; more: sparse [m, 12 N]."""
         from scipy import sparse
         every = sparse.vstack([*self._rows, more], format="csr")
         x, impulses = nearest_by(self._mass, (every @ self._lift).tocsr(), np.concatenate((self._goal, goals)),
@@ -263,7 +264,7 @@ class Equations:
         return Least(np.asarray(self._lift @ x), impulses, every)
 
     def behind(self, found: Least, history: Array) -> tuple[State, float]:
-        """The state behind one of these jumps, with a history that is changed, and the energy that it took, J."""
+        """Return the state behind a jump, with a history that is changed, and the energy that it took, J."""
         state, by, put_in = self.state, found.by, self._add_works(found, history)
         after = State(state.q.copy(), state.v + by, state.s.copy(), state.force.copy(), history)
         return after, put_in - float(by @ (self._inertia @ (state.v + 0.5 * by)))
@@ -297,8 +298,8 @@ class Equations:
 
 
 def _with_stops(equations: Equations, history: Array, bounces: int, rest: dict[int, float]) -> Least:
-    """The jump beside joints at stops, which push only; bounces: the coordinate that does, or -1; rest: as of `jump`. Which of
-    them rest behind it, and signs of the velocities of others that rub, go to the history.
+    """Find the jump beside joints at stops, which push only; bounces: the coordinate that does, or -1; rest: as of `jump`. Write
+    into the history which joints rest behind it, and signs of the velocities of others with friction.
 
     Rates into stops are zero, impulses push, and one of both is zero (a linear complementarity problem): Murty's least index
     method, which ends for every inertia."""
@@ -321,7 +322,7 @@ def _with_stops(equations: Equations, history: Array, bounces: int, rest: dict[i
     active = [i for i in at_stop if rests[i] or i in rest or side[i] * rates[i] > 0.0]
 
     def jump_with(some: list[int]) -> tuple[Least, Array, float]:
-        """With these at rest: the jump, rates into stops behind it, and what counts as none."""
+        """Return the jump with these joints at rest, rates into stops behind it, and the rate that counts as zero."""
         found = equations.least(rows[some], -rates[some])
         v = state.v + found.by
         return found, side[at_stop] * (rows[at_stop] @ v), MOVES * float(np.max(np.abs(v), initial=0.0))

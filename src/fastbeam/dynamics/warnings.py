@@ -1,4 +1,4 @@
-"""What a user must not miss: events of a run that tell where it is not to be trusted."""
+"""Warnings of a run: events that tell where its results are not to be trusted."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
@@ -27,7 +27,7 @@ MOST_NAMED, MOST_BLOWS = 100, 5
 
 
 class Watch:
-    """Looks at a run now and then.
+    """Checks of a run now and then.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ class Watch:
     event : callable
         Takes an event {'kind', 'time', 'text', ...}.
     t_start, t_end : float
-        Of the run, s.
+        Begin and end of the run, s.
     kinks : Kinks, optional
-        Of a run with order 4.
+        Kinks of a run with order 4.
     """
 
     def __init__(self, model: Model, stepper: Stepper, event: Callable[[dict[str, Any]], None], t_start: float,
@@ -53,7 +53,7 @@ class Watch:
         self._next_look, self._steps_to_look = t_start, STEPS_A_LOOK
 
     def massless(self) -> None:
-        """An event for each beam whose triads nothing holds."""
+        """Add an event for each beam whose triads nothing holds."""
         massless = self.model.massless if self.stepper.plane is None else ()
         for beam in massless[:MOST_NAMED]:
             self.event({"kind": "massless", "time": self.t_start,
@@ -64,7 +64,7 @@ class Watch:
                         "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
 
     def tables(self) -> None:
-        """An event for each place that is given by a table whose rate jumps during the run."""
+        """Add an event for each place that is given by a table whose rate jumps during the run."""
         for who, function in given_places(self.model):
             if isinstance(function, Signal):
                 at, jump = largest_kink(function, self.t_start, self.t_end)
@@ -75,13 +75,13 @@ class Watch:
                                         "interpolation='cubic' or 'pchip', or damping to what follows"})
 
     def order(self, t: float) -> None:
-        """Events where a run with order 4 passed a kink since the last row."""
+        """Add events where a run with order 4 passed a kink since the last row."""
         if self.kinks is not None:
             for event in self.kinks.look(t, self.stepper.state):
                 self.event(event)
 
     def turns(self, t: float, h: float) -> None:
-        """An event where a step turns a triad further than it can resolve, once a run."""
+        """Add an event where a step turns a triad further than it can resolve, once a run."""
         node, turn = self.stepper.largest_turn()
         if turn > UNRESOLVED_TURN and self._turns_are_resolved:
             self._turns_are_resolved = False
@@ -90,7 +90,7 @@ class Watch:
                                 f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
 
     def friction(self, t: float, h: float) -> None:
-        """An event where a step since the last row has missed Coulomb's law, once a run and coordinate."""
+        """Add an event where a step since the last row has missed Coulomb's law, once a run and coordinate."""
         for stepper in filter(None, (self.stepper, self.stepper.made_fallback)):
             for doubt, name_of in doubts_of(stepper):
                 for i in np.flatnonzero(doubt.counts[:, MISSED]):
@@ -104,8 +104,8 @@ class Watch:
                                         "on the step; use a smaller step"})
 
     def blow(self, k: int, name: str, t: float, h: float) -> None:
-        """An event where steps of size h do not resolve what the impact of slider k, or contact k of moving meshes, on a rigid
-        stop sends along the beam, once a run and slider."""
+        """Add an event where steps of size h do not resolve the wave that the impact of slider k, or contact k of moving meshes,
+        on a rigid stop sends along the beam, once a run and slider."""
         looks = self._struck.get(k, 0)
         if looks >= MOST_BLOWS or len(self._struck) >= MOST_NAMED:
             return
@@ -120,7 +120,7 @@ class Watch:
                                 f"there were no wave; use steps below {0.3 * time:.1g} s, or an elastic stop, stiffness="})
 
     def drift(self, t: float, result: Result, conserved: Iterable[str]) -> None:
-        """An event where the conserving step did not conserve: then its equations were not solved."""
+        """Add an event where the conserving step did not conserve: then its equations were not solved."""
         if self.stepper.method.name == "energy_momentum":
             for name in conserved:
                 drift = result.drift(name) if name in result.series else 0.0
@@ -131,8 +131,7 @@ class Watch:
                                         "with solver='sparse', eliminate_inner=False"})
 
     def mesh(self, t: float, steps: int, h: float = 0.0, last: bool = False) -> None:
-        """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end events say
-        so."""
+        """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end add events."""
         if self._resolution is None:
             self._resolution = Resolution(self.model)
             self._resolution.contacts.before = self.t_start, self._start
@@ -150,8 +149,8 @@ class Watch:
 
 
 def doubts_of(stepper: Stepper) -> list[tuple[Doubt, Callable[[int], str]]]:
-    """What a stepper keeps of friction whose signs went in circles, and what gives the name of a coordinate: rows ask for it, and
-    there may be many."""
+    """List records of friction whose slip directions cycled in a stepper, with a function that returns the name of a coordinate:
+    rows ask for it, and there may be many."""
     model, out = stepper.model, list[tuple[Doubt, Callable[[int], str]]]()
     names, motions = model.names["sliders"], model.motions
     if stepper.along is not None:

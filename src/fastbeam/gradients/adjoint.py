@@ -41,17 +41,17 @@ MOST = 4e9
 
 
 class RunSectionGradient(NamedTuple):
-    """Derivatives by what the section of every beam of a part says, as `SectionGradient`, [beams] each.
+    """Derivatives by the section of every beam of a part, see `SectionGradient`, [beams] each.
 
     Attributes
     ----------
     stiffness : float64 [beams, 6, 6]
-        By C.
+        Derivatives by C.
     rhoA, rhoI2, rhoI3 : float64 [beams]
     viscosity : float64 [beams, 6, 6]
-        By D of theory.md (2.5), where a section has damping; else 0.
+        Derivatives by D of theory.md (2.5), where a section has damping; else 0.
     prestrain : float64 [beams, 6]
-        By e of theory.md (2.8), as of `SectionGradient`: unstressed lengths, with the motion of the start as it is.
+        Derivatives by e of theory.md (2.8), see `SectionGradient`: unstressed lengths, with the motion of the start as it is.
     """
 
     stiffness: Array
@@ -63,27 +63,28 @@ class RunSectionGradient(NamedTuple):
 
     def by(self, stiffness: ArrayLike, rhoA: ArrayLike = 0.0, rhoI2: ArrayLike = 0.0,  # noqa: N803
            rhoI3: ArrayLike = 0.0, viscosity: ArrayLike = 0.0) -> Array:
-        """Derivatives by a parameter [beams], from its derivatives of C (6, 6), or one of every beam, of the inertias, and of D
-        (6, 6): with `damping=d` of a section D = d C changes with C."""
+        """Return derivatives by a parameter [beams], from its derivatives of C (6, 6), or one of every beam, of the inertias, and
+        of D (6, 6): with `damping=d` of a section D = d C changes with C."""
         return (np.sum(self.stiffness * np.asarray(stiffness), axis=(1, 2)) + self.rhoA * np.asarray(rhoA)
                 + self.rhoI2 * np.asarray(rhoI2) + self.rhoI3 * np.asarray(rhoI3)
                 + np.sum(self.viscosity * np.asarray(viscosity), axis=(1, 2)))
 
 
 class RunSliderGradient(NamedTuple):
-    """Derivatives by what acts along the beam on a slider, in a run of n steps (theory.md (13.15)).
+    """Derivatives by forces, drive and friction along the beam of a slider, in a run of n steps (theory.md (13.15)).
 
     Attributes
     ----------
     forces : float64 [n]
-        By a force in the direction of growing s during every step, N; 0 where its motion is given, or friction holds it. Of a
-        parameter of a drive: times the derivatives of its force by the parameter, at the middle of steps.
+        Derivatives by a force in the direction of growing s during every step, N; 0 where its motion is prescribed, or friction
+        holds it. Multiply by derivatives of the force of a drive by a parameter, at the middle of steps, for that parameter.
     places : float64 [n]
-        Of a drive with `position`: by its place at the end of every step, m; with `speed`: by the way in every step, m.
+        Derivatives by a drive with `position`: by its place at the end of every step, m; with `speed`: by the way in every
+        step, m.
     friction : float
-        By the coefficient of friction.
+        Derivative by the coefficient of friction.
     viscous : float
-        By its viscous part, per N s/m.
+        Derivative by its viscous part, per N s/m.
     """
 
     forces: Array
@@ -98,27 +99,28 @@ class RunGradient(NamedTuple):
     Attributes
     ----------
     sections : dict of str to RunSectionGradient
-        By the sections of all beams and of the beams of all nets.
+        Derivatives by the sections of all beams and of the beams of all nets.
     masses : dict of str to float
-        By the masses of bodies and point masses, per kg.
+        Derivatives by the masses of bodies and point masses, per kg.
     forces, moments : float64 [N, 3]
-        By dead forces and moments that act on a node from the start to the end.
+        Derivatives by dead forces and moments that act on a node from the start to the end.
     velocities, spins : float64 [N, 3]
-        By the initial velocity and spin of a node, those of its row where several share one, 0 where it follows others.
+        Derivatives by the initial velocity and spin of a node, those of its row where several share one, 0 where it follows
+        others.
     positions, turns : float64 [N, 3]
-        By the position and orientation (rotation vector in space, rad) of a node at the start, in the same way; velocities and
-        spins, the reference and supports stay. Sliders and joints have to allow what moves.
+        Derivatives by the position and orientation (rotation vector in space, rad) of a node at the start, in the same way;
+        velocities and spins, the reference and supports stay. Sliders and joints have to allow the change.
     gravity : float64 [3]
-        By the gravity of the scene, as it is before its time function.
+        Derivatives by the gravity of the scene, as it is before its time function.
     factors : dict of str to float64 [n]
-        By the mean factor over every step of a time function: of the loads that have it, by their names as in
+        Derivatives by the mean factor over every step of a time function, under the names of the loads that have it, as in
         "load 'pull'", several with a comma between them.
     pushes : dict of str to float64 [n, 3]
-        By a dead force on an observed point during every step, for loads that change in time.
+        Derivatives by a dead force on an observed point during every step, for loads that change in time.
     sliders : dict of str to RunSliderGradient
-        By forces along the beam on all sliders and sleeves.
+        Derivatives by forces along the beam on all sliders and sleeves.
     by : dict of str to float
-        By the parameters of `build`.
+        Derivatives by the parameters of `build`.
     """
 
     sections: dict[str, RunSectionGradient]
@@ -149,7 +151,7 @@ class AdjointRun(Doubts):
     outside : int
         Steps of the last `gradient` that block elimination left to a solver with pivoting.
     events : list of dict
-        What there is to say about the start, and about the mesh at the end, as in a `Result`.
+        Events of the start, and of the mesh at the end, as in a `Result`.
     """
 
     def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Place], h: float, n: int, every: int,
@@ -174,7 +176,7 @@ class AdjointRun(Doubts):
         self.state = stepper.copy_state()
 
     def _go(self, first: int) -> Stretch:
-        """Steps from row `first` on, from the present state."""
+        """Take steps from row `first` on, from the present state."""
         stepper, n = self._stepper, min(self._every, self.t.size - 1 - first)
         state, work = stepper.core_state, stepper.work
         nodes, dim = self.model.n_nodes, stepper.core.dim
@@ -202,14 +204,14 @@ class AdjointRun(Doubts):
         return out
 
     def _again(self, first: int) -> Stretch:
-        """The steps from row `first` on, taken once more where they are not kept: the same bits."""
+        """Take the steps from row `first` on once more where they are not kept: the same bits."""
         if self._stretch is None or self._stretch.first != first:
             self._stepper.load(self._saved[first // self._every])
             self._stretch = self._go(first)
         return self._stretch
 
     def _observe(self, part: Stretch) -> None:
-        """Places and velocities of points."""
+        """Evaluate places and velocities of points."""
         plane, rows = self._stepper.plane, slice(part.first, part.first + len(part.q))
         for name, (nodes, weights) in self._points.items():
             for kind, of in enumerate((part.q, part.v)):
@@ -226,7 +228,7 @@ class AdjointRun(Doubts):
 
     @checked(name=Word())
     def point(self, name: str) -> Array:
-        """Path of an observed point [n + 1, 3], m.
+        """Return the path of an observed point [n + 1, 3], m.
 
         Raises
         ------
@@ -237,7 +239,7 @@ class AdjointRun(Doubts):
 
     @checked(name=Word())
     def velocity(self, name: str) -> Array:
-        """Velocity of an observed point [n + 1, 3], m/s.
+        """Return the velocity of an observed point [n + 1, 3], m/s.
 
         Raises
         ------
@@ -252,14 +254,14 @@ class AdjointRun(Doubts):
     def gradient(self, *, points: Mapping[str, ArrayLike] | None = None, velocities: Mapping[str, ArrayLike] | None = None,
                  build: Build | None = None, values: Mapping[str, float] | None = None,
                  scale: Mapping[str, float] | None = None) -> RunGradient:
-        """Derivatives of a weighed sum of positions and velocities of points, backward through all steps once.
+        """Return derivatives of a weighed sum of positions and velocities of points, by one backward pass through all steps.
 
         Parameters
         ----------
         points, velocities : mapping of str to (3,) or (n + 1, 3)
-            Weights: of the last row, or of all rows. Of a function of the run: its derivatives by them.
+            Weights of the last row, or of all rows; for a function of the run its derivatives by positions and velocities.
         build, values, scale : optional
-            As of `sensitivity`: a function that builds the scene of the run, and returns it with the points, (scene, points);
+            See `sensitivity`: a function that builds the scene of the run, and returns it with the points, (scene, points);
             its parameters, anything that the scene depends on smoothly (positions, lengths, offsets, densities), for `.by`. Each
             takes about as long as three or four runs. A `start` of the run goes along with the reference. Needs all steps
             (keep_every=1).
@@ -283,7 +285,7 @@ class AdjointRun(Doubts):
         wanted = [Weights(*self._points[name], weights, is_rate) for (name, is_rate), weights in rows.items()]
         family = self._family(rows, build, values, scale)
         plane, n = self._stepper.plane, self.t.size - 1
-        # what points out of the plane depends on what leads out of it
+        # weights out of the plane need derivatives out of the plane
         flat = plane is not None and family is None and all(
             np.max(np.abs(x.rows @ plane.axes[2])) <= TOLERANCE * np.max(np.abs(x.rows)) for x in wanted)
         assert self.model.uneliminated is not None
@@ -311,7 +313,7 @@ class AdjointRun(Doubts):
 
     def _family(self, rows: Mapping[tuple[str, bool], Array], build: Build | None, values: Mapping[str, float] | None,
                 scale: Mapping[str, float] | None) -> RunFamily | None:
-        """Of the parameters of `gradient`.
+        """Return the scenes for the parameters of `gradient`; None without parameters.
 
         Raises
         ------
@@ -335,7 +337,7 @@ class AdjointRun(Doubts):
         return RunFamily(self.model, dict.fromkeys(name for name, _ in rows), build, values, scale)
 
     def _found(self, sums: Sums, by: dict[str, float]) -> RunGradient:
-        """By the names of the scene."""
+        """Sort the sums of a backward pass by the names of the scene."""
         model = self.model
         sections = {name: RunSectionGradient(sums.stiffness[part], *sums.inertia[part].T, sums.viscosity[part],
                                              sums.prestrain[part])
@@ -353,7 +355,7 @@ class AdjointRun(Doubts):
                            sums.gravity, factors, pushes, sliders, by)
 
     def _rows_of(self, given: Mapping[str, ArrayLike], is_rate: bool) -> dict[tuple[str, bool], Array]:
-        """Weights of points [n + 1, 3], by their names and whether they are of velocities."""
+        """Return weights of points [n + 1, 3], by their names and whether they are of velocities."""
         out = {}
         for name, value in given.items():
             if name not in self._points:
@@ -374,7 +376,7 @@ class AdjointRun(Doubts):
 def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None,
                 points: Mapping[str, Place] | None = None, max_iterations: int = 25, backend: str = "auto",
                 keep_every: int = 1) -> AdjointRun:
-    """A run in conserving steps of order 2 that remembers them, for gradients of what it leads to (theory.md 13).
+    """Run a model in conserving steps of order 2 that are kept, for gradients of its results (theory.md 13).
 
     Parameters
     ----------
@@ -385,10 +387,10 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
         s; as many steps as fit, the last one ending within round-off of t_end.
     start : State, optional
     points : mapping
-        As in `simulate`: what numbers may be made of.
+        As in `simulate`: points that `gradient` may weigh.
     max_iterations : int
     backend : {'auto', 'pardiso', 'superlu'}
-        Of the steps forward.
+        Solver of the steps forward.
     keep_every : int
         Steps between states that are kept. 1: all steps are. More: those between are taken once more by `gradient`, to the same
         bits, for a run whose steps do not fit into the memory; about the root of the number of steps takes the least.

@@ -45,7 +45,7 @@ class Stretch(NamedTuple):
     s : float64 [n + 1, S]
         Places of sliders.
     force : float64 [n, F]
-        Of constraints.
+        Forces of constraints.
     sign, rest : int64, float64 [n, S]
         Branches that Coulomb friction of sliders took; S = 0 where nothing acts along beams.
     values : float64 [n + 1, C]
@@ -64,7 +64,7 @@ class Stretch(NamedTuple):
     values: Array
 
     def in_space(self, plane: Any) -> Stretch:
-        """The same with coordinates in space."""
+        """Return the same steps with coordinates in space."""
         rows = [np.array([plane._within(np.ascontiguousarray(x)) for x in y]) for y in (self.q, self.v)]
         n = len(self.dphi)
         dphi = self.dphi.reshape(n, -1, 2) @ plane.axes[:2]
@@ -75,7 +75,8 @@ class Stretch(NamedTuple):
 
 
 class Weights(NamedTuple):
-    """Of an observed point: its nodes [m], shares of their vectors [m, 4], weights of rows [n + 1, 3], whether of velocities."""
+    """Weights of an observed point: its nodes [m], shares of their vectors [m, 4], weights of rows [n + 1, 3], whether of
+    velocities."""
 
     nodes: Array
     shares: Array
@@ -84,7 +85,7 @@ class Weights(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """What a backward pass finds, in space.
+    """Derivatives from a backward pass, in space.
 
     Attributes
     ----------
@@ -93,9 +94,9 @@ class Sums(NamedTuple):
     forces, moments, velocities, spins, positions, turns : float64 [N, 3]
     gravity : float64 [3]
     factors : float64 [n, K]
-        By the mean factors of load vectors in every step.
+        Derivatives by the mean factors of load vectors in every step.
     pushes : float64 [n, P, 3]
-        By forces on observed points in every step.
+        Derivatives by forces on observed points in every step.
     sliders : Sliders
     """
 
@@ -124,11 +125,11 @@ class Backward:
     model : Model
         Without elimination; in a plane where its own tables are to be used.
     flat : bool
-        Whether they are.
+        Whether tables of the plane are used.
     t, h, n
         Start, step and number of steps of the run.
     wanted : sequence of Weights
-        Of what number.
+        Weights of the number that is differentiated.
     observed : sequence of (nodes, shares)
         Points on which forces may act.
     """
@@ -157,7 +158,7 @@ class Backward:
 
     # --- tables ---------------------------------------------------------------------------------------------------------
     def _shares(self, nodes: Array, shares: Array) -> list[tuple[Array, Array]]:
-        """Shares of the vectors of nodes in a point; in a plane those of the position and of u, then those of J u."""
+        """Return shares of the vectors of nodes in a point; in a plane those of the position and of u, then those of J u."""
         if self.plane is None:
             return [(nodes, shares)]
         turned = np.sum(shares[:, 1:] * self.plane.factor[nodes], axis=1)
@@ -222,11 +223,11 @@ class Backward:
 
     # --- the recursion ----------------------------------------------------------------------------------------------------
     def start(self, q: Array) -> None:
-        """At the last row, of coordinates q."""
+        """Begin the recursion at the last row, with coordinates q."""
         kernels.begin_at_end(self.terms, self.system, self.adjoint, self.wanted, q, self.times.size)
 
     def through(self, part: Stretch) -> None:
-        """Backward through some steps, the last ones that are left."""
+        """Go backward through some steps, the last ones that are left."""
         first, n = part.first, len(part.dphi)
         stretch = slice(first, first + n)
         terms, steps = self._terms_and_steps(part)
@@ -257,7 +258,7 @@ class Backward:
                 burst *= 2
 
     def _terms_and_steps(self, part: Stretch) -> tuple[tuple[Any, ...], Steps]:
-        """What the kernels take of some steps."""
+        """Return the terms and arrays of some steps that kernels take."""
         first, n = part.first, len(part.dphi)
         motions, stretch = self.core.motions, slice(first, first + n)
         values = part.values if motions is None else np.ascontiguousarray(part.values[:, motions.rows])
@@ -269,26 +270,26 @@ class Backward:
         return terms, steps
 
     def keep_solutions(self) -> None:
-        """From now on keep the adjoint solutions of all steps: of rows [n, 8 (rows + 1)], of equations of constraints [n, m]."""
+        """Keep the adjoint solutions of all steps from now on: of rows [n, 8 (rows + 1)], of equations of constraints [n, m]."""
         border, n = self.adjoint.border, self.times.size
         self.solutions = empty((n, self.adjoint.x.size)), empty((n, border.y.size if isinstance(border, Border) else 0))
 
     def _keep(self, k: int) -> None:
-        """The solution of step k."""
+        """Keep the solution of step k."""
         if self.solutions is not None:
             self.solutions[0][k] = self.adjoint.x
             if self.solutions[1].size:
                 self.solutions[1][k] = self.adjoint.border.y
 
     def unbalanced(self, part: Stretch, x: Array, y: Array) -> Array:
-        """What is unbalanced in steps of a run of another scene, times its adjoint solutions x, y, of every step [n]."""
+        """Return the residuals in steps of a run of another scene, times its adjoint solutions x, y, of every step [n]."""
         out = np.zeros(len(part.dphi))
         terms, steps = self._terms_and_steps(part)
         kernels.sum_unbalanced(terms, self.system, self.adjoint, steps, self.h, x, y, out)
         return out
 
     def _one(self, terms: tuple[Any, ...], steps: Steps, found: Found, k: int, first: int) -> None:
-        """One step around a solver outside.
+        """Take one step backward around a solver outside.
 
         Raises
         ------
@@ -314,7 +315,7 @@ class Backward:
 
     # --- what was found ---------------------------------------------------------------------------------------------------
     def sums(self, q: Array, v: Array) -> Sums:
-        """After the first step, from coordinates q and velocities v."""
+        """Return the derivatives after the first step, from coordinates q and velocities v."""
         core, found, n = self.core, self.found, self.core.n_nodes
         spins = found.turn.reshape(-1, 8)[core.pattern.row_of, core.dim:len(core.dofs)]
         rate, rows = self.adjoint.rate.copy(), aligned(8 * (n + 1))
@@ -335,8 +336,8 @@ class Backward:
                     (self.gravity_factor @ found.weight) @ self.within, found.load, pushes @ self.within, found.sliders)
 
     def _turned_with(self, q: Array, v: Array, rate: Array) -> Array:
-        """What rows of `Adjoint.shapes` get where rates of directors turn with them, so that spins stay; rate: adjoint of
-        velocities, of nodes that are not tied."""
+        """Return the additions to rows of `Adjoint.shapes` because rates of directors turn with them, so that spins stay; rate:
+        adjoint of velocities, of nodes that are not tied."""
         core, n = self.core, self.core.n_nodes
         d, u, b = (x.reshape(n, -1, core.dim)[:, 1:] for x in (q, v, rate))
         if self.plane is None:
@@ -352,7 +353,7 @@ class Backward:
         return rows
 
     def _of_beams(self) -> tuple[Array, Array, Array, Array]:
-        """Sums of elements, by beams and in space: by C, D, prestrains and inertias."""
+        """Return sums of elements, by beams and in space: by C, D, prestrains and inertias."""
         of, parts = beam_numbers(self.whole)
         count = max((x.stop for x in parts.values()), default=0)
         out = np.zeros((count, 6, 6)), np.zeros((count, 6, 6)), np.zeros((count, 6)), np.zeros((count, 3))
@@ -380,16 +381,16 @@ class Backward:
         return out
 
     def _angle(self, node: Array) -> tuple[Array, Array]:
-        """d2 = c J u + s n of the sections at nodes."""
+        """Return c and s of d2 = c J u + s n of the sections at nodes."""
         return self.plane.factor[node, 1].imag, self.plane.normal[node, 1]
 
     def _within(self, node: Array) -> Array:
-        """Strains in space from those in the plane [*, 6, 3], at nodes."""
+        """Return the map to strains in space from those in the plane [*, 6, 3], at nodes."""
         return strain_maps(*self._angle(node))[0]
 
 
 def _as_taken(term: Any) -> Any:
-    """A term of a run for the way back: forces along beams in the branches that steps took."""
+    """Return a term of a run for the backward pass: forces along beams in the branches that steps took."""
     if isinstance(term, Sliding) and isinstance(term.along, Along):
         return term._replace(along=TakenAlong(*term.along))
     return term

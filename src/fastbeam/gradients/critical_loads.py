@@ -22,7 +22,7 @@ from fastbeam.statics.static_analysis import START, which_sliders
 Array = np.ndarray
 # a state whose tangent has no eigenvector this near to zero, or whose nodes would move by this much, is no critical point
 CRITICAL, AT_REST = 1e-6, 1e-7
-# share of the load, or of a parameter, in the critical direction from which on it is none of round-off
+# share of the load, or of a parameter, in the critical direction up to which it is round-off
 ACROSS = 1e-6
 ASYMMETRIC = 1e-4
 # round-off of x . K x, next to |x| . |K| |x|
@@ -38,7 +38,7 @@ class CriticalSlopes(NamedTuple):
         'limit' or 'bifurcation'.
     load_factor : float
     by : dict of str to float
-        By every parameter, per unit; NaN of an imperfection, which turns a bifurcation into a limit point or none.
+        Derivatives by every parameter, per unit; NaN of an imperfection, which turns a bifurcation into a limit point or none.
     displacements, spins : float64 [N, 3]
         The critical direction, its largest displacement 1 m, or where nothing moves its largest spin 1 rad.
     """
@@ -51,18 +51,18 @@ class CriticalSlopes(NamedTuple):
 
 
 class _NotCritical(Exception):
-    """The tangent is not singular there, or it is no equilibrium."""
+    """Error: the tangent is not singular there, or the state is no equilibrium."""
 
 
 class _Critical:
-    """A critical point: the tangent K, its null vectors of both sides, the loads."""
+    """Critical point: the tangent K, its null vectors of both sides, the loads."""
 
     def __init__(self, base: Response, plus: Response, backend: str) -> None:
         self.base = base
         saddle, right = base.linearised()
         self.loads = plus.unbalanced() - right
         self.matrix, self.multiplier = saddle.matrix, saddle.multiplier
-        # what nothing resists all along is none of the direction
+        # free motions are no part of the critical direction
         base.hold_free(lambda: self.matrix)
         self.free = base.weights[:, None] * base.free_motions.motions(right.size)
         start = np.random.default_rng(0).standard_normal(right.size)
@@ -84,8 +84,8 @@ class _Critical:
         self.is_symmetric = bool(np.max(skew) <= 1e-7 * np.max(size))
 
     def across(self, right: Array, noise: float = 0.0) -> float:
-        """Share of a right-hand side that pushes along the critical direction; 0 where that is round-off, `noise` times what it
-        may be of forces."""
+        """Return the share of a right-hand side that pushes along the critical direction; 0 where that is round-off, `noise`
+        times the round-off of forces."""
         push = abs(float(self.left @ right))
         if push <= noise * float(np.abs(self.left) @ self.base.noise()):
             return 0.0
@@ -101,7 +101,7 @@ class _Critical:
         borders = [np.column_stack((self.base.weights * x, self.free)) for x in (self.left, self.null)]
         column, row = (sparse.csr_matrix(x) for x in borders)
         matrix = sparse.bmat([[self.matrix, column], [row.T, None]], format="csr")
-        # whether it is singular does not depend on units
+        # scaling makes the test of singularity independent of units
         of_row, of_column = (np.append(self.scale, 1.0 / np.max(self.scale[:, None] * np.abs(x), axis=0)) for x in borders[::-1])
         matrix = sparse.diags(of_row) @ matrix @ sparse.diags(of_column)
         self._whole = Saddle(matrix, np.append(self.multiplier, np.ones(column.shape[1], bool))), of_row, of_column
@@ -126,13 +126,14 @@ class _Critical:
         return x[:-more], float(x[-more])
 
     def _eigenvalue(self) -> tuple[float, float]:
-        """That of the direction, in the metric of (12.1), and what round-off of the stiffness may make of a zero."""
+        """Return the eigenvalue of the critical direction, in the metric of (12.1), and the round-off that a zero may have from
+        the stiffness."""
         value, sizes = self.left @ (self.matrix @ self.null), np.abs(self.left) @ (abs(self.matrix) @ np.abs(self.null))
         mass = float(self.left @ (self.base.weights * self.null))
         return float(value) / mass, NOISE * float(sizes) / abs(mass)
 
     def _next(self, start: Array) -> float:
-        """About the smallest of the other ones, by inverse iteration."""
+        """Estimate the smallest of the other eigenvalues by inverse iteration."""
         x, size = start, 1.0
         for _ in range(3):
             x = self.solved(self.base.weights * x)
@@ -144,11 +145,11 @@ class _Critical:
         return self._solve(np.zeros(self.multiplier.size), 1.0, transposed)[0]
 
     def solved(self, right: Array) -> Array:
-        """x without a part along the null vector, of K x = right but for what pushes along it."""
+        """Return the solution x of K x = right, without parts of both along the critical direction."""
         return self._solve(right, 0.0, False)[0]
 
     def curvature(self, at: Response) -> float:
-        """phi . K phi with the tangent of another shape."""
+        """Return phi . K phi with the tangent of another shape."""
         return float(self.null @ (at.linearised()[0].matrix @ self.null))
 
 
@@ -157,7 +158,7 @@ class _Critical:
 def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: State, load_factor: float,
                          scale: Mapping[str, float] | None = None, at_time: float | None = None,
                          held: bool | str | Sequence[str] = False, backend: str = "auto") -> CriticalSlopes:
-    """Derivatives of the load factor of a limit point or a bifurcation (a buckling load) by parameters (theory.md 13).
+    """Differentiate the load factor of a limit point or a bifurcation (a buckling load) by parameters (theory.md 13).
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: St
     state : State
         The critical point, `solve_path(model, stop_at=...).state`.
     load_factor : float
-        That it has, `path.series["load_factor"][-1]`.
+        Its load factor, `path.series["load_factor"][-1]`.
 
     Returns
     -------
@@ -237,7 +238,7 @@ def _slopes(point: _Critical, family: Family, factors: Callable[..., Array], loa
 
 
 def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_factor: float) -> float:
-    """Derivative of phi . K phi by the load factor along the path.
+    """Return the derivative of phi . K phi by the load factor along the path.
 
     Raises
     ------

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 OBSERVED = ("energy", "section", "reaction")
-# an equilibrium whose nodes would move by less, in sizes of the scene and rad
+# increment of nodes below which a state is an equilibrium, in sizes of the scene and rad
 AT_REST = 1e-8
-# estimated relative error from which on derivatives are none
+# estimated relative error from which on derivatives are rejected
 WORST = 1e-2
 
 
 class Slopes(NamedTuple):
-    """By one parameter."""
+    """Derivatives by one parameter."""
 
     unbalanced: Array       # float64 [n]: explicit, in scenes moved with their reference
     explicit: dict[str, Array]   # of every series there
@@ -58,11 +58,11 @@ class Gradient(NamedTuple):
     Attributes
     ----------
     by : dict of str to float
-        By the parameters of `sensitivity`.
+        Derivatives by the parameters of `sensitivity`.
     sections : dict of str to SectionGradient
-        By the sections of all beams and of the beams of all nets.
+        Derivatives by the sections of all beams and of the beams of all nets.
     forces, moments : float64 [N, 3]
-        By dead forces and moments on the nodes, per N and N m; 0 where a support holds.
+        Derivatives by dead forces and moments on the nodes, per N and N m; 0 where a support holds.
     """
 
     by: dict[str, float]
@@ -79,18 +79,18 @@ class Sensitivity(Doubts):
     values : dict of str to float
         Parameters.
     model : Model
-        Of the scene at the values.
+        Model of the scene at the values.
     result : Result or None
-        Of `solve_static`, where it was called.
+        Result of `solve_static`, where it was called.
     state : State
         The equilibrium.
     accuracy : dict of str to float
-        Of every parameter: how far the equilibria along its derivatives are from being ones, as a share of them; an estimate of
+        Residual of the equilibria along the derivatives by every parameter, as a share of the derivatives; an estimate of
         their error from above.
     factorisations : int
-        Of the tangent and its transpose until now.
+        Number of factorisations of the tangent and its transpose until now.
     events : list of dict
-        Where the equilibrium is not to be trusted, as in a `Result`.
+        Events where the equilibrium is not to be trusted, as in a `Result`.
     """
 
     def __init__(self, family: Family, base: Response, solver: Saddle, observe: tuple[str, ...], result: Result | None,
@@ -152,7 +152,7 @@ class Sensitivity(Doubts):
         return {key: self._family.slope(name, [row[key] for row in rows]) for key in rows[0]}
 
     def _row(self, at: Response, points: Mapping[str, Place]) -> dict[str, Array]:
-        """What is observed there."""
+        """Return the observed quantities in a scene around the equilibrium."""
         observer = Observer(at.stepper.model, ("slider", *self._observe), points)
         t, factor = (float(x) for x in at.stepper.law_work[:2])
         row = observer.row(t, at.state)
@@ -163,7 +163,7 @@ class Sensitivity(Doubts):
         return {key: np.asarray(x) for key, x in row.items()}
 
     def _series(self, key: str, which: int | None = None) -> dict[str, Array]:
-        """Of one series, or one of its columns, by all parameters."""
+        """Return derivatives of one series, or one of its columns, by all parameters."""
         if self._slopes and key not in next(iter(self._slopes.values())).rows:
             raise SceneError(f"sensitivity: {key!r} was not observed; give observe=(...) of {', '.join(map(repr, OBSERVED))}, "
                              "and points from build")
@@ -176,7 +176,7 @@ class Sensitivity(Doubts):
 
     @checked(name=Word())
     def point(self, name: str) -> dict[str, Array]:
-        """Of the position of an observed point, by every parameter [3], m per unit.
+        """Return derivatives of the position of an observed point, by every parameter [3], m per unit.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class Sensitivity(Doubts):
 
     @checked(name=Word())
     def slider(self, name: str) -> dict[str, Array]:
-        """Of the arc length of a slider, by every parameter, m per unit.
+        """Return derivatives of the arc length of a slider, by every parameter, m per unit.
 
         Raises
         ------
@@ -198,7 +198,7 @@ class Sensitivity(Doubts):
 
     @checked(name=Word())
     def contact_force(self, name: str) -> dict[str, Array]:
-        """Of the contact force of a slider on its point, by every parameter [3], N per unit.
+        """Return derivatives of the contact force of a slider on its point, by every parameter [3], N per unit.
 
         Raises
         ------
@@ -209,8 +209,8 @@ class Sensitivity(Doubts):
 
     @checked(name=Word())
     def reaction(self, name: str) -> dict[str, Array]:
-        """Of the force and the moment of a support or joint, by every parameter [2, 3], N and N m per unit; needs
-        `observe=("reaction", ...)`.
+        """Return derivatives of the force and the moment of a support or joint, by every parameter [2, 3], N and N m per unit;
+        needs `observe=("reaction", ...)`.
 
         Raises
         ------
@@ -221,7 +221,7 @@ class Sensitivity(Doubts):
 
     @checked(name=Word())
     def section(self, name: str) -> dict[str, Array]:
-        """Of N, Q2, Q3 (N) and T, M2, M3 (N m) at an observed point of a beam, by every parameter [6]; needs
+        """Return derivatives of N, Q2, Q3 (N) and T, M2, M3 (N m) at an observed point of a beam, by every parameter [6]; needs
         `observe=("section", ...)`.
 
         Raises
@@ -235,8 +235,8 @@ class Sensitivity(Doubts):
 
     @checked(kind=Word(("strain", "gravity", "potential")))
     def energy(self, kind: str = "strain") -> dict[str, Array]:
-        """Of the energy of strains, of gravity, or of both and constant loads, by every parameter, J per unit; needs
-        `observe=("energy", ...)`, the default."""
+        """Return derivatives of the energy of strains, of gravity, or of both and constant loads, by every parameter, J per unit;
+        needs `observe=("energy", ...)`, the default."""
         return self._series(kind)
 
     # --- by the adjoint -----------------------------------------------------------------------------------------------------
@@ -244,7 +244,7 @@ class Sensitivity(Doubts):
              contact_forces=Names("must map names of sliders to weights (3,)"), strain_energy=Number())
     def gradient(self, *, points: Mapping[str, ArrayLike] | None = None, sliders: Mapping[str, float] | None = None,
                  contact_forces: Mapping[str, ArrayLike] | None = None, strain_energy: float = 0.0) -> Gradient:
-        """Derivatives of a weighed sum of positions, arc lengths, contact forces and strain energy by all parameters, all
+        """Return derivatives of a weighed sum of positions, arc lengths, contact forces and strain energy by all parameters, all
         sections and all loads, for one solution with the transposed tangent.
 
         Parameters
@@ -252,11 +252,11 @@ class Sensitivity(Doubts):
         points : mapping of str to (3,)
             Weights of the positions of observed points. Of a function of positions: its derivatives by them.
         sliders : mapping of str to float
-            Of the arc lengths of sliders.
+            Weights of the arc lengths of sliders.
         contact_forces : mapping of str to (3,)
-            Of contact forces.
+            Weights of contact forces.
         strain_energy : float
-            Of the energy of all strains.
+            Weight of the energy of all strains.
 
         Raises
         ------
@@ -284,7 +284,7 @@ class Sensitivity(Doubts):
     # --- vibration -----------------------------------------------------------------------------------------------------------
     @checked(n=Count(most=10_000), planar=Flag())
     def frequencies(self, n: int = 6, *, planar: bool | None = None) -> FrequencySlopes:
-        """The n lowest natural frequencies about the equilibrium, as `modes` finds them, and their derivatives.
+        """Return the n lowest natural frequencies about the equilibrium, as `modes` finds them, and their derivatives.
 
         Parameters
         ----------
@@ -323,7 +323,8 @@ class Sensitivity(Doubts):
 
 def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[str, Any] | None,
               held: bool | str | Sequence[str], backend: str) -> tuple[Family, Array]:
-    """The scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was called.
+    """Return the scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was
+    called.
 
     Raises
     ------
@@ -346,8 +347,8 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
 def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str, float] | None = None,
                 state: State | None = None, observe: Sequence[str] = ("energy",), load_factor: float = 1.0,
                 at_time: float | None = None, held: bool | str | Sequence[str] = False, backend: str = "auto") -> Sensitivity:
-    """An equilibrium and its derivatives by parameters, exact to round-off: of positions, sliders, contact forces, reactions,
-    section forces, energies and natural frequencies, by anything that the scene depends on smoothly (theory.md 13).
+    """Compute an equilibrium and its derivatives by parameters, exact to round-off: of positions, sliders, contact forces,
+    reactions, section forces, energies and natural frequencies, by anything that the scene depends on smoothly (theory.md 13).
 
     Parameters
     ----------
@@ -362,9 +363,9 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
     state : State, optional
         The equilibrium, where it is known, such as `solve_path(...).state`; default: that of `solve_static`.
     observe : sequence of {'energy', 'section', 'reaction'}
-        What there shall be derivatives of besides points and sliders.
+        Quantities with derivatives besides points and sliders.
     load_factor : float
-        Of all loads and gravity; other than 1 with a state.
+        Factor of all loads and gravity; other than 1 with a state.
     at_time : float
         Where time functions of loads are evaluated, s.
     held : bool, str or sequence of str
@@ -418,7 +419,7 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
 
 
 def _at_rest(base: Response) -> Response:
-    """The same, once a step of Newton's method has taken away what was left.
+    """Improve the equilibrium by one step of Newton's method.
 
     Raises
     ------

@@ -31,10 +31,10 @@ class FrequencySlopes(NamedTuple):
     by : dict of str to float64 [n]
         Derivatives of the frequencies by every parameter, Hz per unit; NaN where the frequency is 0.
     squared_by : dict of str to float64 [n]
-        Of w^2.
+        Derivatives of w^2.
     multiplicity : int64 [n]
-        How many modes share this frequency. Their derivatives are those of the frequencies into which a change of this parameter
-        alone parts them, in ascending order.
+        Number of modes that share this frequency. Their derivatives are those of the frequencies into which a change of this
+        parameter alone parts them, in ascending order.
     """
 
     frequencies: Array
@@ -50,7 +50,7 @@ class Linearised:
     Parameters
     ----------
     model, state, sliding, factors, flat
-        As `Linearisation`.
+        See `Linearisation`.
     n : int
     backend : str
     at : (float, float)
@@ -84,14 +84,14 @@ class Linearised:
         self.vectors = found.vectors
 
     def _linearised(self, model: Model, state: State, factors: Array, flat: bool) -> Linearisation:
-        """A scene about a state."""
+        """Linearise a scene about a state."""
         resting = resting_sliders("frequencies", model, state, self._stays, *self._at)
         found = Linearisation(model, state, ~self._stays, factors, flat, resting=resting)
         found.stepper.load_at(*self._at)
         return found
 
     def forms(self, model: Model, state: State, factors: Array) -> tuple[Array, Array]:
-        """Of stiffness and mass of another scene of the family, with the modes of this one [m, m]."""
+        """Return stiffness and mass of another scene of the family, projected on the modes of this one, [m, m] and [k, k]."""
         other = self._linearised(model, state, factors, self.about.size == 3)
         pencil, _ = other.assembled()
         x = self.vectors
@@ -100,14 +100,14 @@ class Linearised:
 
 def frequency_slopes(modes: Linearised, n: int, around: Mapping[str, Callable[[], Iterable[tuple[Model, State, Array]]]],
                      slope: Callable[[str, Array], Array]) -> FrequencySlopes:
-    """Derivatives of the n lowest frequencies.
+    """Differentiate the n lowest frequencies.
 
     Parameters
     ----------
     modes : Linearised
     n : int
     around : mapping
-        From names of parameters to functions that give models, equilibria and load factors around.
+        Maps names of parameters to functions that give models, equilibria and load factors around.
     slope : callable
         Derivative by a parameter of what was evaluated there.
     """

@@ -20,7 +20,7 @@ Array = np.ndarray
 
 
 class Linear:
-    """What depends linearly on small changes of the unknowns: positions of points, arc lengths, contact forces.
+    """Quantities that depend linearly on small changes of the unknowns: positions of points, arc lengths, contact forces.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Linear:
         self.of_forces = slice(at, at + base.core.dim * base.sliding.size)
 
     def along(self, x: Array) -> dict[str, Array]:
-        """Their changes with the unknowns [n]: points [P, 3], s_slide [S], contact_force [S, 3]."""
+        """Return the changes of these quantities with the unknowns [n]: points [P, 3], s_slide [S], contact_force [S, 3]."""
         rates = np.asarray(self.lift @ x[:self.base.nodes]).reshape(-1, 4, 3)
         points = [np.einsum("ma,mac->c", weights, rates[nodes]) for nodes, weights in self.points]
         force, plane = x[self.of_forces].reshape(-1, self.base.core.dim), self.base.stepper.plane
@@ -47,7 +47,7 @@ class Linear:
                 "contact_force": force if plane is None else force @ plane.axes[:2]}
 
     def slope(self, points: Array, s: Array, forces: Array) -> Array:
-        """Derivative of a sum with these weights [P, 3], [S], [S, 3] by the unknowns [n]: the transpose."""
+        """Return the derivative of a sum with these weights [P, 3], [S], [S, 3] by the unknowns [n]: the transpose."""
         base, plane = self.base, self.base.stepper.plane
         by_q = np.zeros((base.stepper.model.n_nodes, 4, 3))
         for weight, (nodes, weights) in zip(points, self.points):
@@ -87,14 +87,14 @@ class Objective:
             raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
 
     def slope(self) -> Array:
-        """Derivative by the unknowns [n]."""
+        """Return the derivative by the unknowns [n]."""
         out = self.linear.slope(self.points, self.s, self.forces)
         if self.strain_energy:
             out[:self.linear.base.nodes] += self.strain_energy * self.linear.base.inner_forces()
         return out
 
     def explicit(self, rows: Mapping[str, Array]) -> float:
-        """Of the derivatives of rows: that of the number."""
+        """Return the derivative of the number from those of rows."""
         out = self.strain_energy * float(rows["strain"])
         for key, weight in (("points", self.points), ("s_slide", self.s), ("contact_force", self.forces)):
             if np.any(weight):
@@ -103,7 +103,7 @@ class Objective:
 
 
 def _weights(noun: str, names: list[str], given: Mapping[str, ArrayLike] | None, shape: tuple[int, ...]) -> Array:
-    """[names, ...]"""
+    """Return weights in the order of the names, [names, ...]."""
     out = np.zeros((len(names), *shape))
     for name, value in (given or {}).items():
         if name not in names:

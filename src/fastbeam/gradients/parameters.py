@@ -29,7 +29,7 @@ FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 
 
 def which_build(value: Any) -> Build:
-    """A function.
+    """Check that an argument is a function.
 
     Raises
     ------
@@ -81,7 +81,7 @@ class Family:
         self._around: dict[tuple[str, bool], list[Built]] = {}
 
     def called(self, changed: Mapping[str, float]) -> tuple[Scene, dict[str, Place]]:
-        """What build returns.
+        """Call build with changed values; return the scene and its points.
 
         Raises
         ------
@@ -101,13 +101,13 @@ class Family:
         return scene, dict(points)
 
     def base(self, flat: bool) -> Built:
-        """The scene at the values, with tables in which nothing is eliminated."""
+        """Return the scene at the values, with tables in which nothing is eliminated."""
         if flat not in self._base:
             self._base[flat] = self._built({}, flat)
         return self._base[flat]
 
     def around(self, name: str, flat: bool) -> list[Built]:
-        """Six scenes in which parameter `name` is less and more, by `CHANGES` of its step, with tables in which nothing is
+        """Return six scenes in which parameter `name` is less and more, by `CHANGES` of its step, with tables in which nothing is
         eliminated.
 
         Raises
@@ -142,19 +142,19 @@ class Family:
 
     @staticmethod
     def is_alike(base: Model, other: Model) -> bool:
-        """Whether two models have the same parts, nodes, supports, joints and loads."""
+        """Return whether two models have the same parts, nodes, supports, joints and loads."""
         same = _parts(base) == _parts(other) and base.constraint_names == other.constraint_names
         same = same and base.reaction_names == other.reaction_names
         same = same and np.array_equal(base.held_mask, other.held_mask) and len(base.loads) == len(other.loads)
         return same and np.array_equal(base.spin_root, other.spin_root) and np.array_equal(base.spinless, other.spinless)
 
     def slope(self, name: str, six: Any) -> Array:
-        """Derivative by parameter `name` of what was evaluated in the six scenes, with an error of order 6 in the change."""
+        """Return the derivative by parameter `name` of values in the six scenes, with an error of order 6 in the change."""
         return np.tensordot(SIXTH, np.asarray(six), 1) / self.steps[name]
 
     def check_smooth(self, name: str, six: Any, weights: Array, noise: float) -> None:
-        """Refuse a parameter where differences of order 4 and 6 of what was evaluated in the six scenes disagree by more than
-        noise; weights: of rows.
+        """Refuse a parameter where differences of order 4 and 6 of values in the six scenes disagree by more than noise; weights:
+        of rows.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class Family:
 
 
 class _Itself:
-    """Stands for the compiler in a model that has nothing eliminated."""
+    """Compiler of a model that has nothing eliminated: it returns the model itself."""
 
     def __init__(self, model: Model) -> None:
         self._model, self._in_space = model, replace(model, plane=None)
@@ -179,14 +179,14 @@ class _Itself:
 
 
 def _parts(model: Model) -> list[tuple[Any, ...]]:
-    """Parts with nodes, and where these are."""
+    """Return parts with nodes, and where these are."""
     known = ("name", "first", "count", "node", "starts")
     return [(kind, *(entry.get(key) for key in known)) for kind in ("beams", "nets", "bodies", "masses")
             for entry in model.names.get(kind, [])]
 
 
 def numbers_of(who: str, values: Mapping[str, Any], scale: Mapping[str, Any] | None) -> tuple[dict[str, float], dict[str, float]]:
-    """Values and sizes of parameters.
+    """Return values and sizes of parameters.
 
     Raises
     ------

@@ -20,19 +20,19 @@ from fastbeam.results.observe.observer import Observer
 from fastbeam.scene.checks import Place
 
 Array = np.ndarray
-# of the scene that build returns: coordinates may be off those of the run by so much of its size
+# largest difference of coordinates of the scene that build returns from those of the run, as a share of its size
 SAME = 1e-9
 # round-off of a sum over a step, next to the sizes of what it adds up
 NOISE = 1e-10
 
 
 class RunFamily:
-    """The scenes around that of a run.
+    """Scenes around that of a run.
 
     Parameters
     ----------
     model : Model
-        Of the run.
+        Model of the run.
     names : sequence of str
         Points that the number is made of.
     build, values, scale
@@ -61,13 +61,13 @@ class RunFamily:
             raise SceneError(f"gradient, build: has to return the points too, (scene, points); there is no {missing[0]!r}")
 
     def by(self, name: str, run: Backward, part: Stretch, wanted: Mapping[tuple[str, bool], Array], at_reference: bool) -> float:
-        """Derivative by a parameter of a number of a run.
+        """Return the derivative by a parameter of a number of a run.
 
         Parameters
         ----------
         name : str
         run : Backward
-            That has been through all steps, and has kept their solutions.
+            Backward pass that has been through all steps, and has kept their solutions.
         part : Stretch
             All steps, in space.
         wanted : mapping of (str, bool) to float64 [n + 1, 3]
@@ -89,8 +89,8 @@ class RunFamily:
 
     def _row(self, run: Backward, part: Stretch, model: Model, points: Mapping[str, Place],
              wanted: Mapping[tuple[str, bool], Array], at_reference: bool) -> Array:
-        """Of a scene around, at the motion of the run as its reference takes it along: less what is unbalanced in all steps, the
-        number itself, and what its start adds, [n + 2]."""
+        """Evaluate a scene around that of the run, at the motion of the run as its reference takes it along: minus the residuals
+        in all steps times the adjoint solutions, the number itself, and the addition of its start, [n + 2]."""
         assert run.solutions is not None
         places = Observer(model, (), {name: points[name] for name in self._names}).points.places
         weights = [Weights(*places[name], rows, is_rate) for (name, is_rate), rows in wanted.items()]
@@ -110,13 +110,13 @@ class RunFamily:
 
 
 def along(run: Backward, own: Backward, part: Stretch) -> Stretch:
-    """The motion of a run in another scene: nodes are displaced from its reference, and turned, as they were from their own, and
-    supports that move do so as they do there.
+    """Return the motion of a run in another scene: nodes are displaced from its reference, and turned, as they were from their
+    own, and supports that move do so as they do there.
 
     Parameters
     ----------
     run, own : Backward
-        Of the run, and of the other scene.
+        Backward passes of the run, and of the other scene.
     part : Stretch
         All steps, in space.
     """
@@ -145,8 +145,8 @@ def along(run: Backward, own: Backward, part: Stretch) -> Stretch:
 
 
 def _places(before: Model, after: Model, s: Array) -> Array:
-    """Arc lengths of sliders [n + 1, S] at the same places in the same elements of another scene: shape functions have kinks at
-    the ends of elements."""
+    """Return arc lengths of sliders [n + 1, S] at the same places in the same elements of another scene: shape functions have
+    kinks at the ends of elements."""
     if before.sliders is None or after.sliders is None:
         return s
     out = np.empty_like(s)
@@ -160,7 +160,7 @@ def _places(before: Model, after: Model, s: Array) -> Array:
 
 
 def _ends(curves: Curves | Paths, c: int) -> tuple[Array, float]:
-    """Of the elements of curve c, arc lengths, and its length where it is closed, else 0."""
+    """Return arc lengths of the ends of elements of curve c, and its length where it is closed, else 0."""
     _, count, first, *_ = curves.meta[c].tolist()
     return curves.ends[first:first + count + 1], float(curves.period[c]) if isinstance(curves, Paths) else 0.0
 

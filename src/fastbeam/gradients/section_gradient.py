@@ -20,18 +20,18 @@ TINY = 1e-40
 
 
 class SectionGradient(NamedTuple):
-    """Derivatives by what the section of every beam of a part says, [beams] each: of a beam one, of a net one of each beam. The
-    strains of the reference stay: with `prestress=` P that is C^-1 P, which a parameter of `sensitivity` changes with C.
+    """Derivatives by the section of every beam of a part, [beams] each: of a beam one, of a net one of each beam. The strains of
+    the reference stay: with `prestress=` P that is C^-1 P, which a parameter of `sensitivity` changes with C.
 
     Attributes
     ----------
     stiffness : float64 [beams, 6, 6]
-        By C (theory.md (2.3)): the change is the sum of its products with those of a symmetric change of C.
+        Derivatives by C (theory.md (2.3)): the change is the sum of its products with those of a symmetric change of C.
     rhoA : float64 [beams]
-        By the mass per length, through gravity.
+        Derivatives by the mass per length, through gravity.
     prestrain : float64 [beams, 6]
-        By e of theory.md (2.8): its first column by `prestrain=`, and minus that over the length of a beam by its unstressed
-        length, with the same mass; e of `prestress=` P is C^-1 (P, 0, 0, 0, 0, 0).
+        Derivatives by e of theory.md (2.8): the first column is that by `prestrain=`, and minus it over the length of a beam that
+        by its unstressed length, with the same mass; e of `prestress=` P is C^-1 (P, 0, 0, 0, 0, 0).
     """
 
     stiffness: Array
@@ -40,36 +40,36 @@ class SectionGradient(NamedTuple):
 
     @property
     def EA(self) -> Array:  # noqa: N802
-        """By EA, per N."""
+        """Derivatives by EA, per N."""
         return self.stiffness[:, 0, 0]
 
     @property
     def GA2(self) -> Array:  # noqa: N802
-        """By GA2, per N."""
+        """Derivatives by GA2, per N."""
         return self.stiffness[:, 1, 1]
 
     @property
     def GA3(self) -> Array:  # noqa: N802
-        """By GA3, per N."""
+        """Derivatives by GA3, per N."""
         return self.stiffness[:, 2, 2]
 
     @property
     def GJ(self) -> Array:  # noqa: N802
-        """By GJ, per N m^2."""
+        """Derivatives by GJ, per N m^2."""
         return self.stiffness[:, 3, 3]
 
     @property
     def EI2(self) -> Array:  # noqa: N802
-        """By EI2, per N m^2."""
+        """Derivatives by EI2, per N m^2."""
         return self.stiffness[:, 4, 4]
 
     @property
     def EI3(self) -> Array:  # noqa: N802
-        """By EI3, per N m^2."""
+        """Derivatives by EI3, per N m^2."""
         return self.stiffness[:, 5, 5]
 
     def by(self, sections: tuple[ArrayLike, ArrayLike]) -> Array:
-        """Derivatives by a parameter of the sections, [beams].
+        """Return derivatives by a parameter of the sections, [beams].
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class Lanes(NamedTuple):
 
 
 def lanes_of(model: Model) -> list[Lanes]:
-    """All elements of a model in space, read from its tables (kernels/layout.py)."""
+    """Return all elements of a model in space, read from its tables (kernels/layout.py)."""
     out = []
     for name, tables in (("simo_reissner", model.simo), ("green_lagrange", model.green)):
         if tables is None:
@@ -104,7 +104,7 @@ def lanes_of(model: Model) -> list[Lanes]:
             at = layout_of(SPACE, nn, nq)
 
             def rows(begin: int, column: int, count: int, meta: Array = meta, tab: Array = tables.tab) -> Array:
-                """So many rows of 8 lanes of every group: [groups 8, count]."""
+                """Return `count` rows of 8 lanes of every group: [groups 8, count]."""
                 where = meta[:, column][:, None] + begin + np.arange(8 * count)
                 return tab[where].reshape(len(meta), count, 8).transpose(0, 2, 1).reshape(-1, count)
 
@@ -120,13 +120,13 @@ def lanes_of(model: Model) -> list[Lanes]:
 
 
 def moduli_of(tables: ElementTables, size: int) -> Array:
-    """C of all elements of tables with so many strains, [8 groups, size, size]."""
+    """Return C of all elements of tables with so many strains, [8 groups, size, size]."""
     where = tables.meta[:, CONSTANTS][:, None] + np.arange(8 * size * size)
     return np.asarray(tables.tab[where].reshape(-1, size, size, 8).transpose(0, 3, 1, 2).reshape(-1, size, size))
 
 
 def beam_numbers(model: Model) -> tuple[Array, dict[str, slice]]:
-    """Number of the beam of every node (-1: none), int [N], and which numbers belong to which beam or net."""
+    """Return the number of the beam of every node (-1: none), int [N], and which numbers belong to which beam or net."""
     of, parts = np.full(model.n_nodes, -1), {}
     count = 0
     for entry in model.names.get("beams", []):
@@ -143,12 +143,12 @@ def beam_numbers(model: Model) -> tuple[Array, dict[str, slice]]:
 
 
 def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gravity: Array) -> dict[str, SectionGradient]:
-    """Of an objective by the sections of all beams.
+    """Return the gradients of an objective by the sections of all beams.
 
     Parameters
     ----------
     model : Model
-        In space, without condensed beams.
+        Model in space, without condensed beams.
     q : float64 [N, 4, 3]
         The equilibrium.
     adjoint : float64 [N, 4, 3]
@@ -156,7 +156,7 @@ def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gra
     energy : float
         Weight of the strain energy in the objective.
     gravity : float64 [3]
-        Times its load factor, m/s^2.
+        Gravity times its load factor, m/s^2.
     """
     of, parts = beam_numbers(model)
     n = max((x.stop for x in parts.values()), default=0)

@@ -26,7 +26,7 @@ class TransposedSolver:
         self._factoriser: Factoriser | None = None
 
     def _begin(self) -> None:
-        """The structure of tangents by columns, and where their entries stand in the blocks."""
+        """Form the structure of tangents by columns, and find where their entries stand in the blocks."""
         core = self.stepper.core
         size, n = core.pattern.keys.size, len(core.dofs)
         numbered = self.stepper.linear.superlu.matrix(np.arange(1.0, 8.0 * n * size + 1.0).reshape(-1, n, 8))
@@ -35,7 +35,8 @@ class TransposedSolver:
         self._factoriser = factoriser_for("auto")
 
     def _bordered(self, matrix: Any, terms: Any, system: Any) -> Any:
-        """With columns and lines of constraints, by columns; of the terms of a system what turns with sleeves."""
+        """Border a matrix with columns and lines of constraints, by columns, and add the part of the terms that turns with
+        sleeves."""
         from scipy import sparse
         contact, core = self.stepper.contact, self.stepper.core
         assert contact is not None
@@ -61,7 +62,7 @@ class TransposedSolver:
         return sparse.bmat([[matrix, parts[0]], [parts[1].T, corner]], format="csc")
 
     def _turning(self, free: Array, terms: Any, system: Any) -> Any:
-        """E of theory.md (13.13), by columns; free [rows, n]: 0 where a row is held."""
+        """Return E of theory.md (13.13), by columns; free [rows, n]: 0 where a row is held."""
         from scipy import sparse
         contact, core = self.stepper.contact, self.stepper.core
         assert contact is not None
@@ -77,7 +78,8 @@ class TransposedSolver:
         return found.tocsc()
 
     def solve(self, blocks: Array, right: Array, terms: Any, system: Any) -> Array | None:
-        """x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the step."""
+        """Return x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the
+        step."""
         from scipy import sparse
         if self.structure is None:
             self._begin()

@@ -1,4 +1,4 @@
-"""Energies of all parts of a result over time, and what its joints leave free."""
+"""Energies of all parts of a result over time, and coordinates of its joints."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from fastbeam.results.result import Result
 
 Array = np.ndarray
-# in `Result.info`: what mending the start took, J
+# key of `Result.info`: energy that mending the start dissipated, J
 AT_START = "books of the start"
-# series, what it is called, kind of part, sign in the balance
+# series, its name, kind of part, sign in the balance
 ACCOUNTS = (("friction_loss", "friction", "slider", 1.0), ("stop_loss", "stops", "slider", 1.0),
             ("lock_loss", "lock", "slider", 1.0),
             ("drive_work", "drive", "slider", -1.0), ("joint_loss", "damper", "joint", 1.0),
@@ -23,7 +23,7 @@ ACCOUNTS = (("friction_loss", "friction", "slider", 1.0), ("stop_loss", "stops",
 
 
 def balance_of(result: Result) -> dict[str, Array]:
-    """`Result.balance`, from a result that has energies."""
+    """Return `Result.balance`, from a result that has energies."""
     series = result.series
     energies = {name: np.asarray(series[name]) for name in ("kinetic", "strain")}
     stops = series["stop_energy"].sum(axis=1) if "stop_energy" in series else np.zeros(len(result.t))
@@ -38,7 +38,7 @@ def balance_of(result: Result) -> dict[str, Array]:
             energies["loads"] = loads
     for name, noun, kind, sign in ACCOUNTS:
         for k, part in enumerate(result.names.get(f"{kind}s", []) if name in series else []):
-            # what acts on places of moving meshes is that of their sliders
+            # energies at places of moving meshes are those of their sliders
             if np.any(series[name][:, k]) and not (kind == "joint" and result.names["coordinates"][k] == "place"):
                 # a joint may have two coordinates
                 key = f"{noun} of {kind} {part!r}"
@@ -53,7 +53,7 @@ def balance_of(result: Result) -> dict[str, Array]:
 
 
 def power_of(result: Result, name: str) -> Array:
-    """`Result.power`, from a result that has energies."""
+    """Return `Result.power`, from a result that has energies."""
     parts = balance_of(result)
     if name not in parts:
         raise SceneError(f"power: the balance has no {name!r}; it has {known(parts, name)}. A part that took and "
@@ -64,13 +64,13 @@ def power_of(result: Result, name: str) -> Array:
     return np.asarray(np.gradient(parts[name], t, edge_order=2))
 
 
-# of a coordinate: what its rate and its force are called
+# names of the rate and the force of a coordinate
 RATES = {"angle": "spin", "distance": "speed", "swing": "swing_rate", "twist": "spin"}
 FORCES = {"angle": "torque", "distance": "force", "swing": "cone_torque", "twist": "torque"}
 
 
 def joint_of(result: Result, name: str) -> dict[str, Array]:
-    """`Result.joint`, of a joint with recorded coordinates."""
+    """Return `Result.joint`, of a joint with recorded coordinates."""
     out: dict[str, Array] = {}
     series = result.series
     mine = [k for k, joint in enumerate(result.names["joints"]) if joint == name]

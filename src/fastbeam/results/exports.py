@@ -1,4 +1,4 @@
-"""What a result hands to other programs: files for ParaView, tables for pandas."""
+"""Exports of a result to other programs: files for ParaView, tables for pandas."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ class Exports:
     series: dict[str, np.ndarray]
     names: dict[str, list[Any]]
     info: dict[str, Any]
-    # of runs; files hold neither
+    # set by runs; files hold neither
     state: State
     checkpoint: Checkpoint
 
@@ -82,7 +82,8 @@ class Exports:
 
     @checked()
     def to_dataframe(self) -> DataFrame:
-        """All series as a pandas DataFrame, with the rows of the result; the index is the time, s (statics: the load factor).
+        """Return all series as a pandas DataFrame, with the rows of the result; the index is the time, s (statics: the load
+        factor).
 
         Columns are named after series, names and components: 'total', 'lin_mom.x', 's_slide[ring]', 'contact_force[ring].x',
         'points[tip].z'. Facts of the run are in `.attrs`.
@@ -99,7 +100,7 @@ class Exports:
 
 
 def import_pandas() -> Any:
-    """The module pandas.
+    """Import pandas.
 
     Raises
     ------
@@ -115,7 +116,7 @@ def import_pandas() -> Any:
 
 
 def html_of(result: Any) -> str:
-    """Of a result what notebooks show: invariants with their drift, and events."""
+    """Return HTML that notebooks show of a result: invariants with their drift, and events."""
     first, second = result._rows_of_table()
     facts = f"{len(result.t)} rows, {len(result.t_snap)} snapshots of {result.phi.shape[1]} nodes"
     if len(result.t):
@@ -127,7 +128,7 @@ def html_of(result: Any) -> str:
 
 
 def columns_of(series: Mapping[str, np.ndarray], names: Mapping[str, list[Any]]) -> dict[str, np.ndarray]:
-    """Columns [n] of all series, by names such as 'contact_force[ring].x'."""
+    """Return columns [n] of all series, by names such as 'contact_force[ring].x'."""
     out: dict[str, np.ndarray] = {}
     for name, x in series.items():
         shape = ROWS.get(name, ())

@@ -50,12 +50,12 @@ def load_result(path: str | PathLike[str]) -> Result:
 
 
 def read_again(path: Path, read: Callable[[bool], T]) -> T:
-    """What read(left_open) returns; called again where it fails on a file whose writer may be running.
+    """Return read(left_open); call it again where it fails on a file whose writer may be running.
 
     Raises
     ------
     ResultFileError
-        It is no HDF5 file, or that of the last call.
+        It is no HDF5 file, or the last call failed.
     """
     for attempt in reversed(range(ATTEMPTS)):
         left_open = check_file(path)
@@ -82,7 +82,8 @@ def _load(h5py: Any, path: Path, left_open: bool) -> Result:
 
 
 class Reader:
-    """Reads one open file. Whoever wrote it may have meant harm: types, layouts and sizes are checked before anything is read."""
+    """Reader of one open file. Whoever wrote it may have meant harm: types, layouts and sizes are checked before anything is
+    read."""
 
     def __init__(self, h5py: Any, file: Any, path: Path, left_open: bool) -> None:
         self.h5py, self.file, self.path, self.left_open = h5py, file, path, left_open
@@ -136,7 +137,7 @@ class Reader:
             raise self.refuse(f"damaged, {parts_of(text)} lists in '{name}', more than {MOST_PARTS}")
 
     def attribute(self, name: str) -> Any:
-        """An attribute of the root that is one text or number, else None."""
+        """Read an attribute of the root that is one text or number, else return None."""
         if name not in self.file.attrs or self.file.attrs.get_id(name).shape != ():
             return None
         value = self.file.attrs[name]
@@ -183,7 +184,7 @@ class Reader:
             raise self.refuse(f"damaged, it lacks {', '.join(missing)}")
 
     def read(self, name: str, dtype: Any, shape: tuple[int, ...], n: int | None = None, strict: bool = False) -> Array:
-        """The first n rows of a dataset (all: None), fewer where there are no more and not `strict`."""
+        """Read the first n rows of a dataset (all: None), fewer where there are no more and not `strict`."""
         dataset = self.file[name]
         if not isinstance(dataset, self.h5py.Dataset):
             raise self.refuse(f"damaged, '{name}' is no dataset")
@@ -216,12 +217,12 @@ class Reader:
 
 
 def parts_of(text: bytes) -> int:
-    """How many lists and dicts a text of JSON holds at most."""
+    """Return the largest number of lists and dicts that a text of JSON can hold."""
     return text.count(b"{") + text.count(b"[")
 
 
 def _parse_header(raw: Any) -> ResultHeader:
-    """The header of a file, with the types it should have.
+    """Read the header of a file, with the types it should have.
 
     Raises
     ------
@@ -251,7 +252,7 @@ def _parse_header(raw: Any) -> ResultHeader:
 
 
 def _checked_info(info: dict[str, Any]) -> dict[str, Any]:
-    """Facts that the result computes with have to be what it expects."""
+    """Check the facts that the result computes with."""
     _expect("scale", info.get("scale", {}), dict)
     _expect("conserved", info.get("conserved", []), list)
     for name, x in info.get("scale", {}).items():
@@ -265,7 +266,7 @@ def _expect(name: str, value: Any, kind: Any) -> None:
 
 
 def check_file(path: Path) -> bool:
-    """Whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
+    """Return whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
 
     Raises
     ------
@@ -334,7 +335,7 @@ class LeftOpen(io.RawIOBase):
 
 
 def lookup3(data: bytes | bytearray) -> int:
-    """Bob Jenkins' hash of 1 byte or more, the checksum of HDF5's metadata."""
+    """Compute Bob Jenkins' hash of 1 byte or more, the checksum of HDF5's metadata."""
     mask = 0xFFFFFFFF
 
     def turn(x: int, k: int) -> int:
@@ -363,7 +364,7 @@ def lookup3(data: bytes | bytearray) -> int:
 
 
 def import_h5py() -> Any:
-    """The module h5py.
+    """Import h5py.
 
     Raises
     ------

@@ -56,7 +56,7 @@ _LOST: list[Any] = []
 
 
 class _Waiting:
-    """What waits in memory, and the counts and checksum of all that a file holds before it.
+    """Data that wait in memory, and the counts and checksum of all that a file holds before them.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class _Waiting:
 
 
 class ResultWriter:
-    """Writes a run to a file while it goes; takes the same calls as `result.ResultBuffer`.
+    """Writer of a run to a file while it goes; takes the same calls as `result.ResultBuffer`.
 
     After a kill at any moment the file opens and holds everything flushed before.
 
@@ -110,7 +110,7 @@ class ResultWriter:
         self._state = _Waiting(header, dict.fromkeys(COUNTS, 0), 0, zlib.crc32(texts))
         self._events = 0
         self._snapshot_bytes = 8 * (1 + (12 + 3 * header.velocities + 3 * header.spins) * header.n_nodes)
-        # where it is whatever becomes the current folder
+        # absolute, so that a change of the current folder does not matter
         self._where = Path(os.path.realpath(self.path))
         self._raw = _open(self.path, self._where, overwrite)
         try:
@@ -248,7 +248,7 @@ class ResultWriter:
         return ResultFileError(f"result file '{self.path}': cannot be written ({cause}); {advice}")
 
     def _growth(self) -> int:
-        """Bytes that the next flush adds to the file at most."""
+        """Return the bytes that the next flush adds to the file at most."""
         state = self._state
         out = sum(len(text) + 4096 for text in state.text.values())
         for group, buffer in state.pending.items():
@@ -334,7 +334,7 @@ def save_result(result: Result, path: str | PathLike[str], *, overwrite: bool = 
 
 
 def _open(path: Path, where: Path, overwrite: bool) -> BinaryIO:
-    """Open a file for writing that no other run writes; what it holds stays for now.
+    """Open a file for writing that no other run writes; its contents stay for now.
 
     Raises
     ------
@@ -371,7 +371,7 @@ def _chunk(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _encode(value: Any, noun: str) -> bytes:
-    """JSON bytes; NumPy scalars and arrays become numbers and lists."""
+    """Encode a value as JSON bytes; NumPy scalars and arrays become numbers and lists."""
     try:
         return json.dumps(value, default=_as_json).encode()
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Beams of a result as lines with directors and the outline of their sections: what pictures and files for other programs share.
+"""Beams of a result as lines with directors and the outline of their sections, for pictures and files for other programs.
 
 Everything is read from the names of a result (`Result`): of beams besides what stands there 's' and 'length' (m), 'degree',
 'half_2', 'half_3' and 'round' of the section (`Section.outline`), and of splines 'spline_ends', arc lengths of the element ends;
@@ -37,7 +37,7 @@ class Lines:
     starts : int [B + 1]
         First point of every beam, then their number M.
     parts : int [B]
-        Of every line which entry of `labels` it belongs to.
+        Entry of `labels` that every line belongs to.
     labels : list of str
         Names of beams, then of nets and winches.
     s : float64 [M]
@@ -92,11 +92,11 @@ class Lines:
 
     @property
     def beam_of(self) -> Array:
-        """The line that every point belongs to, int [M]."""
+        """Number of the line that every point belongs to, int [M]."""
         return np.repeat(np.arange(len(self.parts)), np.diff(self.starts))
 
     def points(self, x: Array) -> Array:
-        """Values [M, ...] at the points from those of the nodes, [N, ...]."""
+        """Return values [M, ...] at the points from those of the nodes, [N, ...]."""
         if self._direct:
             first, n = (int(self._columns[0]), self.n_points) if self.n_points else (0, 0)
             if n and self._columns[-1] - first == n - 1 and np.all(np.diff(self._columns) == 1):
@@ -108,8 +108,8 @@ class Lines:
         return np.add.reduceat(self._values[:, None] * flat[self._columns], self._rows[:-1], axis=0).reshape(-1, *x.shape[1:])
 
     def surface(self) -> tuple[Array, Array, Array, list[Array]]:
-        """Skins of the beams: of every corner its point [K] and its distances along d2 and d3 [K, 2] (m); of every four-sided
-        face its corners [F, 4]; the rims of both ends of every beam, [corners] each."""
+        """Return the skins of the beams: of every corner its point [K] and its distances along d2 and d3 [K, 2] (m); of every
+        four-sided face its corners [F, 4]; the rims of both ends of every beam, [corners] each."""
         at, arms, faces, rims = [], [], [], []
         angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
         base = 0
@@ -131,7 +131,7 @@ class Lines:
 
 
 def _samples(entry: Mapping[str, Any], refine: int) -> tuple[Array, Array, Array, Array]:
-    """Of points on a beam: arc lengths [m], nodes and weights [w], and how many of these each point has, int [m]."""
+    """Return points on a beam: arc lengths [m], nodes and weights [w], and how many of these each point has, int [m]."""
     first, count = int(entry["first"]), int(entry["count"])
     found = numbers(entry.get("s"))
     node_s = found if found is not None and found.shape == (count,) else np.full(count, np.nan)
@@ -157,7 +157,7 @@ def _samples(entry: Mapping[str, Any], refine: int) -> tuple[Array, Array, Array
 
 
 def _net_outlines(net: Mapping[str, Any], n: int) -> Array:
-    """Outlines [n, 3] of the beams of a net."""
+    """Return outlines [n, 3] of the beams of a net."""
     every, which = (x if isinstance(x, list) else [] for x in (net.get("outlines"), net.get("outline_of")))
     table = np.array([_number(x) for x in every[:len(every) // 3 * 3]]).reshape(-1, 3)
     if which == [] and len(table):
@@ -168,7 +168,7 @@ def _net_outlines(net: Mapping[str, Any], n: int) -> Array:
 
 
 def _number(x: Any) -> float:
-    """A finite size, 0 where it is none."""
+    """Return a finite size, 0 where it is none."""
     size = real(x)
     return size if size is not None and 0.0 <= size < np.inf else 0.0
 

@@ -1,4 +1,4 @@
-"""Modes of a scene about an equilibrium, without and with damping: what `modes` returns."""
+"""Modes of a scene about an equilibrium, without and with damping: the results of `modes`."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -20,12 +20,12 @@ Array = np.ndarray
 # frames at most: a film of an hour is a mistake
 MOST_FRAMES = 20_000
 SIZE, FRAMES = Number(above=0.0, most=10.0), Count(2, most=MOST_FRAMES)
-# what does not swing is shown until it has decayed to exp(-this), or has grown from that
+# motions without vibration are shown until they have decayed to exp(-this), or have grown from that
 DECAYS = 3.0
 
 
 class Motion:
-    """A mode as it moves, over one period of it.
+    """Motion of a mode over one period.
 
     Shapes at phase p, from 0 to 2 pi, are a Re(x e^(i p)), triads turned by finite rotations about a Re(spin e^(i p)). With decay
     times exp(Re r t), next to the largest of that.
@@ -59,7 +59,7 @@ class Motion:
         swings = self.rate.imag > 0.0
         fades = decay and self.rate.real != 0.0
         self.period = 2.0 * np.pi / self.rate.imag if swings else DECAYS / abs(self.rate.real) if fades else 1.0
-        # of the whole motion in a period
+        # growth and turns of the whole motion in a period
         self.growth = self.rate.real * self.period if fades else 0.0
         self.turns = float(swings or not fades)
         # a motion of nothing but triads has no displacement to scale
@@ -68,27 +68,27 @@ class Motion:
         self.displacements, self.spins = size * x, size * turn
 
     def factor(self, share: float) -> complex:
-        """By which displacements are multiplied before their real part is taken, at a time as a share of the period."""
+        """Return the factor of the displacements, before their real part is taken, at a time as a share of the period."""
         return complex(np.exp(2j * np.pi * self.turns * share + self.growth * share - max(self.growth, 0.0)))
 
     def shape(self, share: float) -> tuple[Array, Array]:
-        """Positions [N, 3], m, and directors [N, 3, 3] at a time as a share of the period."""
+        """Return positions [N, 3], m, and directors [N, 3, 3] at a time as a share of the period."""
         by = self.factor(share)
         return self.positions + np.real(by * self.displacements), _turned(self.directors, np.real(by * self.spins))
 
     def velocity(self, share: float) -> Array:
-        """Of the nodes [N, 3], m/s."""
+        """Return velocities of the nodes [N, 3], m/s."""
         rate = complex(self.growth, 2.0 * np.pi * self.turns) / self.period
         return np.real(rate * self.factor(share) * self.displacements)
 
     def reach(self) -> tuple[Array, Array]:
-        """Positions [N, 3] with the smallest and the largest coordinates that every node comes to."""
+        """Return positions [N, 3] with the smallest and the largest coordinates that every node comes to."""
         most = np.abs(self.displacements)
         return self.positions - most, self.positions + most
 
 
 def _motion(modes: Modes | DampedModes, k: int, amplitude: float, frames: int, decay: bool) -> Result:
-    """See `Modes.motion`."""
+    """Return the shapes of `Modes.motion`."""
     moving = Motion(modes, k, amplitude, decay)
     shares = np.arange(frames) / frames
     phi, directors = (np.array(x) for x in zip(*(moving.shape(share) for share in shares)))
@@ -98,12 +98,12 @@ def _motion(modes: Modes | DampedModes, k: int, amplitude: float, frames: int, d
 
 
 def size_of(positions: Array) -> float:
-    """Extent of a scene, m; 1 of a point."""
+    """Return the extent of a scene, m; 1 of a point."""
     return extent_of(positions[np.isfinite(positions).all(axis=1)]) or 1.0
 
 
 def _turned(directors: Array, turn: Array) -> Array:
-    """Directors [N, 3, 3] turned about vectors [N, 3], rad (Rodrigues)."""
+    """Turn directors [N, 3, 3] about vectors [N, 3], rad (Rodrigues)."""
     angle = np.linalg.norm(turn, axis=1)[:, None, None]
     about = turn[:, None, :]
     once = np.cross(about, directors)
@@ -123,17 +123,17 @@ class Modes(Doubts):
     growth : float64 [n]
         Rate, 1/s, with which the motion grows; 0 of vibrations.
     displacements, spins : float64 [n, N, 3]
-        Of all nodes. The largest displacement is 1 m, or, where nothing but triads turns, the largest spin 1 rad.
+        Motion of all nodes. The largest displacement is 1 m, or, where nothing but triads turns, the largest spin 1 rad.
     slides : float64 [n, S]
-        Of the sliding coordinates, m.
+        Motion of the sliding coordinates, m.
     modal_mass : float64 [n]
-        Of shapes of this size: twice the kinetic energy at unit velocity, kg (kg m^2 where triads turn).
+        Modal mass of shapes of this size: twice the kinetic energy at unit velocity, kg (kg m^2 where triads turn).
     effective_mass : float64 [n, 3]
         Share of a mode in the inertia against motions of the base along x, y, z, kg; at a free or growing mode too.
     residuals : float64 [n]
-        Of K x - B^T m - w^2 M x, next to the sum of the sizes of its terms.
+        Size of K x - B^T m - w^2 M x, relative to the sum of the sizes of its terms.
     uncertainty : float64 [n]
-        What round-off of the stiffness may make of w^2.
+        Uncertainty of w^2 by round-off of the stiffness.
     left_out : int
         Beams of nets that may spin about their axes: their free motions are not among the modes.
     is_complete : bool
@@ -141,9 +141,9 @@ class Modes(Doubts):
     info, names : dict
         Facts; names of parts as in a `Result`.
     events : list of dict
-        Where the modes are not to be trusted, as in a `Result`.
+        Events where the modes are not to be trusted, as in a `Result`.
     positions : float64 [N, 3]
-        Of the equilibrium.
+        Positions of the equilibrium.
     directors : float64 [N, 3, 3]
     """
 
@@ -171,7 +171,7 @@ class Modes(Doubts):
 
     @checked(k=Count(0))
     def shape(self, k: int) -> tuple[Array, Array]:
-        """Mode k as rates of positions [N, 3] and of directors [N, 3, 3].
+        """Return mode k as rates of positions [N, 3] and of directors [N, 3, 3].
 
         Raises
         ------
@@ -183,7 +183,7 @@ class Modes(Doubts):
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
-        """A state to start a run from, or to draw: the equilibrium moved by amplitude cos(phase) times mode k, with the
+        """Return a state to start a run from, or to draw: the equilibrium moved by amplitude cos(phase) times mode k, with the
         velocities of a vibration, -amplitude w sin(phase) times the mode.
 
         Triads turn by finite rotations; joints and sliders, which a mode closes to first order, are closed exactly. With
@@ -212,7 +212,8 @@ class Modes(Doubts):
 
     @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
     def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
-        """Shapes of one period of a mode as snapshots of a `Result`, for ParaView (`.to_vtk`) and pictures; films: `animate`.
+        """Return shapes of one period of a mode as snapshots of a `Result`, for ParaView (`.to_vtk`) and pictures; films:
+        `animate`.
 
         Shapes are those of Re(x e^(i p)) at phases p from 0 on, in equal steps without the end of the period, so that they go on
         where they begin; with the velocities of the motion. Motions without a period (free, growing, more than critically damped)
@@ -238,7 +239,7 @@ class Modes(Doubts):
         return _motion(self, k, amplitude, frames, decay)
 
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
-        """Rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
+        """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         rate, x, turn = complex(self.growth[k], self.angular[k]), self.displacements[k], self.spins[k]
         if not (rate.real and rate.imag):
             return rate, x.astype(complex), turn.astype(complex)
@@ -249,7 +250,7 @@ class Modes(Doubts):
         return rate, x + sign * self.displacements[other], turn + sign * self.spins[other]
 
     def table(self) -> str:
-        """Text: frequency, w, rate of growth, residual and effective masses of every mode."""
+        """Return a text: frequency, w, rate of growth, residual and effective masses of every mode."""
         rows = [f"{'mode':>4} {'Hz':>14} {'rad/s':>14} {'growth 1/s':>11} {'residual':>9}   effective mass x, y, z [kg]"]
         for k in range(len(self)):
             masses = " ".join(f"{x:10.3g}" for x in self.effective_mass[k])
@@ -272,7 +273,7 @@ class Modes(Doubts):
 class DampedModes(Doubts):
     """Motions Re(x e^(r t)) of a scene with damping about an equilibrium, by |r| (theory.md 14).
 
-    Of a vibration the motion with positive Im r is listed. One with more than critical damping is two motions without vibration,
+    A vibration is listed by its motion with positive Im r; with more than critical damping it is two motions without vibration,
     each with a rate of its own.
 
     Attributes
@@ -288,17 +289,17 @@ class DampedModes(Doubts):
     damping_ratios : float64 [n]
         -Re r/|r|: 1 or -1 of what does not swing; 0 of a free motion.
     displacements, spins : complex128 [n, N, 3]
-        Of all nodes. The largest displacement is 1 m, or, where nothing but triads turns, the largest spin 1 rad.
+        Motion of all nodes. The largest displacement is 1 m, or, where nothing but triads turns, the largest spin 1 rad.
     slides : complex128 [n, S]
-        Of the sliding coordinates, m.
+        Motion of the sliding coordinates, m.
     residuals : float64 [n]
-        Of (K + r C + r^2 M) x - B^T m, next to the sum of the sizes of its terms.
+        Size of (K + r C + r^2 M) x - B^T m, relative to the sum of the sizes of its terms.
     info, names : dict
         Facts; names of parts as in a `Result`.
     events : list of dict
-        Where the modes are not to be trusted, as in a `Result`.
+        Events where the modes are not to be trusted, as in a `Result`.
     positions, directors : float64 [N, 3], [N, 3, 3]
-        Of the equilibrium.
+        Shape of the equilibrium.
     """
 
     def __init__(self, rates: Array, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any,
@@ -316,7 +317,8 @@ class DampedModes(Doubts):
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
-        """A state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the motion.
+        """Return a state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the
+        motion.
 
         Parameters
         ----------
@@ -340,7 +342,7 @@ class DampedModes(Doubts):
 
     @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
     def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
-        """Shapes of one period of a mode as snapshots of a `Result`; as `Modes.motion`, with the phases that points have.
+        """Return shapes of one period of a mode as snapshots of a `Result`; as `Modes.motion`, with the phases that points have.
 
         Parameters
         ----------
@@ -362,11 +364,11 @@ class DampedModes(Doubts):
         return _motion(self, k, amplitude, frames, decay)
 
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
-        """Rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
+        """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         return complex(self.rates[k]), self.displacements[k], self.spins[k]
 
     def table(self) -> str:
-        """Text: damped and undamped frequency, damping ratio, decay and residual of every mode."""
+        """Return a text: damped and undamped frequency, damping ratio, decay and residual of every mode."""
         rows = [f"{'mode':>4} {'Hz':>14} {'undamped Hz':>14} {'damping ratio':>14} {'decay 1/s':>12} {'residual':>9}"]
         for k in range(len(self)):
             rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.undamped[k] / (2.0 * np.pi):14.8g} "
@@ -387,10 +389,10 @@ class SteadyModes(DampedModes):
     Attributes
     ----------
     whirl : float64 [n]
-        Of a spin: 1 of what circles the axis forward in that frame, -1 backward, 0 of motions to and fro, along the axis, and of
-        a `Travel`. By share of the kinetic energy.
+        About a spin: 1 for modes that circle the axis forward in that frame, -1 backward, 0 for motions to and fro or along the
+        axis, and for a `Travel`. By share of the kinetic energy.
     in_space : float64 [n]
-        Of what circles (|whirl| > 0.999): frequency seen from space, Hz; positive forward. NaN of others.
+        Frequency of modes that circle (|whirl| > 0.999) as seen from space, Hz; positive forward. NaN for others.
     is_complete : bool
         Whether a count of signs confirms that no mode below the last is missing; False where K alone is not stable, as beyond a
         critical speed, or something is damped.
@@ -409,8 +411,8 @@ class SteadyModes(DampedModes):
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
-        """A state to start a run from, in space: the scene with the velocities of its spin, moved by amplitude Re(x e^(i phase)),
-        with the velocities of the motion.
+        """Return a state to start a run from, in space: the scene with the velocities of its spin, moved by amplitude Re(x e^(i
+        phase)), with the velocities of the motion.
 
         Parameters
         ----------
@@ -433,7 +435,7 @@ class SteadyModes(DampedModes):
                                   *self._source.in_motion(np.real(a * x), np.real(a * rate * x), np.real(a * rate * turn)))
 
     def table(self) -> str:
-        """Text: frequency in the frame and in space, whirl, growth and residual of every mode."""
+        """Return a text: frequency in the frame and in space, whirl, growth and residual of every mode."""
         rows = [f"{'mode':>4} {'Hz':>14} {'Hz in space':>14} {'whirl':>8} {'decay 1/s':>12} {'residual':>9}   "
                 f"{self.info['steady']}"]
         for k in range(len(self)):

@@ -14,7 +14,7 @@ QUIET_TIME = 1.0
 LINE_TIME, LONGEST_PAUSE = 10.0, 1200.0
 # s between two pictures of a bar in a notebook
 NOTEBOOK_TIME = 0.2
-# s; what takes longer is not foretold, nor what began less than this share of the work ago
+# s; longer remaining times are not shown, nor any before this share of the work is done
 LONGEST_FORETOLD, LEAST_SHARE = 24 * 3600.0, 1e-3
 
 
@@ -90,7 +90,7 @@ class Progress:
         self.close()
 
     def _left(self, elapsed: float) -> str:
-        """Time that is left if the rest goes on like what is known, as a text; '?' where nothing is."""
+        """Return the time that is left if the rest goes on like the work so far, as a text; '?' where nothing is known."""
         begin, done = self._mark or (0.0, 0.0)
         moved = min(self.done, self.total) - done
         if self.done >= self.total:
@@ -141,7 +141,7 @@ class Progress:
 
 
 def clock_time(seconds: float) -> str:
-    """h:mm:ss, or mm:ss below an hour."""
+    """Return a time as h:mm:ss, or mm:ss below an hour."""
     whole = round(seconds)
     hours, minutes = divmod(whole // 60, 60)
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes:02}:{whole % 60:02}"

@@ -1,4 +1,4 @@
-"""What is read out of the rows of a result besides energies and sliders: velocities, section forces, reactions."""
+"""Readings of the rows of a result besides energies and sliders: velocities, section forces, reactions."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 # series of sliders with friction, drives, stops or locks: velocity, forces on the point in the direction of growing s, energies
 EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss")
 ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force", *EXCHANGED)
-# of sleeves that rub on beams that turn in them: angle, rad, and moment of friction on the beam, N m, about d_1
+# series of sleeves with friction on beams that turn in them: angle, rad, and moment of friction on the beam, N m, about d_1
 TWISTING = ("twist", "twist_moment")
-# of what joints leave free: angles or distances and their rates; energies of springs, dampers and motors
+# series of joint coordinates: angles or distances and their rates; energies of springs, dampers and motors
 FREE, IN_JOINTS = ("joint_value", "joint_rate"), ("joint_energy", "joint_loss", "joint_work")
-# of springs, and of bushings
+# quantities of springs, and of bushings
 SPRINGS, BUSHINGS = ("length", "force", "energy"), ("displacement", "rotation", "force", "moment", "energy")
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
@@ -37,9 +37,9 @@ ROWS: dict[str, tuple[int | str, ...]] = {
 # a series with a column for each name of a kind
 COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value",
            "springs": "spring_length", "bushings": "bushing_energy", "winches": "winch_length"}
-# what the entries of names hold: numbers of nodes, or of nodes from 'first' on
+# keys of the entries of names: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
-# what to write for series that are not there
+# advice for series that are missing
 HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end})", "energy": "the energy is 'total'",
          "momentum": "momenta are 'lin_mom' and 'ang_mom'",
          **dict.fromkeys(("kinetic", "strain", "gravity", "potential"), "record it with simulate(..., observe=('energy', ...))"),
@@ -56,7 +56,7 @@ SECTION = (("section_force", ("N", "Q2", "Q3")), ("section_moment", ("T", "M2", 
 
 
 class Readings:
-    """Of a result: `_series(name)` and `_index(kind, noun, name)` find what was recorded."""
+    """Readings of a result, whose `_series(name)` and `_index(kind, noun, name)` find what was recorded."""
 
     series: Any
     _series: Any
@@ -64,7 +64,7 @@ class Readings:
 
     @checked(name=NAMED)
     def velocity(self, name: str) -> np.ndarray:
-        """Velocity of an observed point [n, 3], m/s; needs `observe=("velocity", ...)`.
+        """Return the velocity of an observed point [n, 3], m/s; needs `observe=("velocity", ...)`.
 
         Raises
         ------
@@ -75,7 +75,7 @@ class Readings:
 
     @checked(name=NAMED)
     def acceleration(self, name: str) -> np.ndarray:
-        """Acceleration of an observed point [n, 3], m/s^2; needs `observe=("acceleration", ...)`.
+        """Return the acceleration of an observed point [n, 3], m/s^2; needs `observe=("acceleration", ...)`.
 
         Changes of the velocity over the steps before and after a row, in the mean, as contact forces are: of second order in the
         step. At both ends of the run and behind impacts from short steps ahead or back, NaN where these fail. Jumps of velocities
@@ -90,8 +90,8 @@ class Readings:
 
     @checked(name=NAMED)
     def spin(self, name: str) -> np.ndarray:
-        """Angular velocity at an observed point [n, 3], rad/s, in axes of space: of its body, or of the section of its beam.
-        Needs `observe=("spin", ...)`. Of a point mass, which nothing turns, that of the connection that holds it, or 0.
+        """Return the angular velocity at an observed point [n, 3], rad/s, in axes of space: of its body, or of the section of its
+        beam. Needs `observe=("spin", ...)`. A point mass, which nothing turns, has that of the connection that holds it, or 0.
 
         Raises
         ------
@@ -102,8 +102,8 @@ class Readings:
 
     @checked(name=NAMED)
     def orientation(self, name: str) -> np.ndarray:
-        """Triad at an observed point over time [n, 3, 3], rows d1, d2, d3 in axes of space: of its body, or of the section of its
-        beam. Needs `observe=("orientation", ...)`.
+        """Return the triad at an observed point over time [n, 3, 3], rows d1, d2, d3 in axes of space: of its body, or of the
+        section of its beam. Needs `observe=("orientation", ...)`.
 
         Raises
         ------
@@ -118,11 +118,11 @@ class Readings:
 
     @checked(name=NAMED)
     def section(self, name: str) -> dict[str, np.ndarray]:
-        """Section forces at an observed point of a beam over time, [n] each: N, Q2, Q3 (N) along d1, d2, d3, and T, M2, M3 (N m)
-        about them; what the part behind the section, at larger arc lengths, exerts on the part before it. Needs
+        """Return section forces at an observed point of a beam over time, [n] each: N, Q2, Q3 (N) along d1, d2, d3, and T, M2, M3
+        (N m) about them; the part behind the section, at larger arc lengths, exerts them on the part before it. Needs
         `observe=("section", ...)`; NaN where the point lies on no beam. Along whole beams: `fb.section_forces`.
 
-        Of damped sections (`damping=`) with the stresses of rates of strains, means of the steps around a row as contact forces
+        Damped sections (`damping=`) add the stresses of rates of strains, means of the steps around a row as contact forces
         are, of second order in the step.
 
         With `observe=("section", "reaction", ...)` also 'force' (N) and 'moment' about the section (N m) in space, [n, 3] each,
@@ -144,8 +144,9 @@ class Readings:
 
     @checked(name=NAMED)
     def spring(self, name: str) -> dict[str, np.ndarray]:
-        """Of a spring or damper, [n] each: length (m), force (N, positive where it pulls, that of its damper included), energy
-        (J) and, where energies were recorded, loss: what its damper took since the start (J). Needs `observe=("spring", ...)`.
+        """Return the series of a spring or damper, [n] each: length (m), force (N, positive where it pulls, that of its damper
+        included), energy (J) and, where energies were recorded, loss: energy that its damper dissipated since the start (J).
+        Needs `observe=("spring", ...)`.
 
         Raises
         ------
@@ -156,9 +157,9 @@ class Readings:
 
     @checked(name=NAMED)
     def bushing(self, name: str) -> dict[str, np.ndarray]:
-        """Of a bushing in the axes that its side a carries: displacement (m) of the point of b and rotation (vector, rad) of its
-        triad since t = 0, force (N) and moment (N m) that b exerts on it, dampers included, [n, 3] each; energy (J) and, where
-        energies were recorded, loss (J) [n]. Needs `observe=("spring", ...)`.
+        """Return the series of a bushing in the axes that its side a carries: displacement (m) of the point of b and rotation
+        (vector, rad) of its triad since t = 0, force (N) and moment (N m) that b exerts on it, dampers included, [n, 3] each;
+        energy (J) and, where energies were recorded, loss (J) [n]. Needs `observe=("spring", ...)`.
 
         Raises
         ------
@@ -169,8 +170,8 @@ class Readings:
 
     @checked(name=NAMED)
     def winch(self, name: str) -> dict[str, np.ndarray]:
-        """Of a winch, [n] each: unstressed free length (m), its rate, speed (m/s), tensions at the ends of the rope, at the drum
-        and at the load (N; of one segment without its inertia). Needs `observe=("spring", ...)`.
+        """Return the series of a winch, [n] each: unstressed free length (m), its rate, speed (m/s), tensions at the ends of the
+        rope, at the drum and at the load (N; of one segment without its inertia). Needs `observe=("spring", ...)`.
 
         Raises
         ------
@@ -183,7 +184,7 @@ class Readings:
                 "load_tension": tension[:, k, 1]}
 
     def _elastic(self, kind: str, nouns: tuple[str, ...], name: str, what: tuple[str, ...]) -> dict[str, np.ndarray]:
-        """Series of one spring or bushing."""
+        """Return the series of one spring or bushing."""
         self._series(COLUMNS[f"{kind}s"])
         k = self._index(f"{kind}s", kind, name)
         out = {key: self._series(f"{kind}_{key}")[:, k] for key in what}
@@ -195,11 +196,11 @@ class Readings:
 
     @checked(name=Anything())
     def reaction(self, name: str | Clamp | Pin | PrescribedMotion | RigidConnection | BallJoint | Link) -> dict[str, np.ndarray]:
-        """Of a support, the force (N) and moment about its node (N m) that it exerts on what it holds; of a joint, what it exerts
-        on its second part, the moment about the point of the first: 'force' and 'moment', [n, 3] each. Needs
+        """Return the force and moment of a support or joint, [n, 3] each: 'force' (N) and 'moment' (N m). A support exerts them
+        on what it holds, about its node; a joint on its second part, about the point of the first. Needs
         `observe=("reaction", ...)`.
 
-        In rows of a run they are means of the steps around a row, as contact forces are. NaN where nothing tells them: of
+        In rows of a run they are means of the steps around a row, as contact forces are. NaN where they are not determined: of
         supports and joints that hold the same parts more than once.
 
         Parameters

@@ -1,4 +1,4 @@
-"""Frequency response of a scene about an equilibrium: what `frequency_response` returns."""
+"""Frequency response of a scene about an equilibrium: the result of `frequency_response`."""
 from __future__ import annotations
 
 from typing import Any
@@ -25,26 +25,26 @@ class FrequencyResponse(Doubts):
     frequencies, angular : float64 [f]
         Hz, rad/s.
     displacements : complex128 [f, P, 3]
-        Of the points, in space (with a moving base not relative to it), m.
+        Displacements of the points, in space (with a moving base not relative to it), m.
     spins : complex128 [f, P, 3]
         Rotations of points that are nodes, rad; NaN of others.
     slides : complex128 [f, S]
-        Of the sliding coordinates, m.
+        Motion of the sliding coordinates, m.
     residuals : float64 [f]
-        Of the equations, scaled, next to the excitation.
+        Residuals of the scaled equations, relative to the excitation.
     sensitivity : float64 [f]
         Relative change of the amplitudes with a relative change of the frequency; 1e9: of 16 digits 7 are left. About Q, the
         amplification, at the peak of a single mode.
     uncertainty : float64 [f]
-        What round-off of the stiffness may make of the amplitudes, next to the largest.
+        Uncertainty of the amplitudes by round-off of the stiffness, relative to the largest.
     motions : complex128 [f, N, 3], or None
         Displacements of all nodes, with shapes=True.
     info, names : dict
         Facts; names of parts as in a `Result`, and `points`.
     events : list of dict
-        Where the response is not to be trusted, as in a `Result`.
+        Events where the response is not to be trusted, as in a `Result`.
     positions : float64 [N, 3]
-        Of the equilibrium.
+        Positions of the equilibrium.
     """
 
     def __init__(self, frequencies: Array, displacements: Array, spins: Array, slides: Array, residuals: Array,
@@ -60,7 +60,7 @@ class FrequencyResponse(Doubts):
 
     @checked(name=Name())
     def point(self, name: str) -> Array:
-        """Amplitudes [f, 3] of a point, m.
+        """Return the amplitudes [f, 3] of a point, m.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class FrequencyResponse(Doubts):
 
     @checked(name=Name())
     def spin(self, name: str) -> Array:
-        """Rotations [f, 3] of a point that is a node, rad.
+        """Return the rotations [f, 3] of a point that is a node, rad.
 
         Raises
         ------
@@ -82,7 +82,7 @@ class FrequencyResponse(Doubts):
 
     @checked(name=Name())
     def slide(self, name: str) -> Array:
-        """Motion [f] of a slider along its beam, m.
+        """Return the motion [f] of a slider along its beam, m.
 
         Raises
         ------
@@ -93,7 +93,7 @@ class FrequencyResponse(Doubts):
 
     @checked(k=Count(0))
     def shape(self, k: int) -> Array:
-        """Displacements of all nodes [N, 3] at frequency k.
+        """Return displacements of all nodes [N, 3] at frequency k.
 
         Raises
         ------
@@ -108,8 +108,8 @@ class FrequencyResponse(Doubts):
 
     @checked(name=Name())
     def peaks(self, name: str) -> list[tuple[float, float]]:
-        """(frequency, Hz, amplitude, m) where the amplitude of a point is larger than at the frequencies beside it, as sampled;
-        the largest first.
+        """Return (frequency, Hz, amplitude, m) where the amplitude of a point is larger than at the frequencies beside it, as
+        sampled; the largest first.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class FrequencyResponse(Doubts):
         return [(float(self.frequencies[order][k]), float(size[k])) for k in at]
 
     def table(self) -> str:
-        """Text: of every point its largest amplitude, and its peaks."""
+        """Return a text: the largest amplitude and the peaks of every point."""
         low, high = float(self.frequencies.min()), float(self.frequencies.max())
         rows = [f"response to {self.info['excitation']}: {len(self)} frequencies, {low:.6g} to {high:.6g} Hz; largest residual "
                 f"{self.residuals.max():.1e}, round-off {self.uncertainty.max():.1e}"]

@@ -1,4 +1,4 @@
-"""What a run leaves behind: rows over time, snapshots of the shape, events, and the invariants read from them.
+"""Results of a run: rows over time, snapshots of the shape, events, and the invariants read from them.
 
 `ResultHeader` says which series a run records. `ResultBuffer` (memory) and `hdf5_writer.ResultWriter` (file) take the same calls
 `append`, `snapshot`, `event`, `close`; `Result` is what the user reads.
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from fastbeam.kernels.state import State
     from fastbeam.model.model import Model
 
-# where a result has none
+# text where a result has none
 NOTHING = "nothing (none recorded)"
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
@@ -40,7 +40,7 @@ INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energ
 
 @dataclass
 class ResultHeader:
-    """What is known before the first step: the model, the names, and the shape of one row of every series.
+    """Facts that are known before the first step: the model, the names, and the shape of one row of every series.
 
     Attributes
     ----------
@@ -71,20 +71,20 @@ class ResultHeader:
     spins: bool = False
 
     def row_tables(self) -> tuple[dict[str, tuple[int, ...]], dict[str, type]]:
-        """Row shapes and types of the time series, 't' first."""
+        """Return row shapes and types of the time series, 't' first."""
         shapes = {"t": (), **{name: tuple(int(k) for k in shape) for name, shape in self.series.items()}}
         return shapes, {name: np.int64 if name in self.integer else np.float64 for name in shapes}
 
     def snapshot_tables(self) -> dict[str, tuple[int, ...]]:
-        """Row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities, spins (N, 3) where they are
-        kept."""
+        """Return row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities, spins (N, 3) where they
+        are kept."""
         kept = {"velocities": self.velocities, "spins": self.spins}
         moving = {name: (self.n_nodes, 3) for name, there in kept.items() if there}
         return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3), **moving}
 
 
 class ResultBuffer:
-    """Collects a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
+    """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
 
     Parameters
     ----------
@@ -114,13 +114,13 @@ class ResultBuffer:
         self._events.append(dict(event))
 
     def result(self, info: Mapping[str, Any] | None = None) -> Result:
-        """The result so far (also for an aborted run); `info` is added to the header's."""
+        """Return the result so far (also for an aborted run); `info` is added to the header's."""
         series = self._rows.views()
         return Result(model_text=self.header.model_text, info={**self.header.info, **(info or {})}, names=self.header.names,
                       t=series.pop("t"), series=series, events=list(self._events), **self._snapshots.views())
 
     def close(self, info: Mapping[str, Any] | None = None) -> Result:
-        """The finished result; the same as `result(info)`."""
+        """Return the finished result, as `result(info)`."""
         return self.result(info)
 
 
@@ -211,7 +211,7 @@ class Result(Readings, Exports, Doubts):
     t_snap, phi, directors : ndarray [m], [m, N, 3], [m, N, 3, 3]
         Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
     velocities, spins : ndarray [m, N, 3], optional
-        Of the nodes at these times, m/s and rad/s, from runs with `observe=("velocity", ...)`; else None.
+        Rates of the nodes at these times, m/s and rad/s, from runs with `observe=("velocity", ...)`; else None.
     events : list of dict
         {'kind', 'time', 'text', ...}.
 
@@ -247,15 +247,15 @@ class Result(Readings, Exports, Doubts):
 
     @checked(name=NAMED)
     def point(self, name: str) -> np.ndarray:
-        """Path of an observed point [n, 3], m."""
+        """Return the path of an observed point [n, 3], m."""
         return self._series("points")[:, self._index("points", "point", name)]
 
     @checked(name=NAMED)
     def slider(self, name: str) -> dict[str, np.ndarray]:
-        """Of one slider: s [n] (m), force [n, 3] (N, on the slider; NaN where no steps tell it), gap [n] (m); position [n, 3] (m)
-        where recorded; where there are sleeves, moment [n, 3] (N m, on the holder), and where some rub on beams that turn in
-        them twist, the angle by which the beam has turned about d_1 in the sleeve (rad), and twist_moment, that of friction on
-        the beam about d_1 (N m), [n]."""
+        """Return the series of one slider: s [n] (m), force [n, 3] (N, on the slider; NaN where it is not known), gap [n] (m);
+        position [n, 3] (m) where recorded; where there are sleeves, moment [n, 3] (N m, on the holder); where some have friction
+        on beams that turn in them, twist, the angle by which the beam has turned about d_1 in the sleeve (rad), and twist_moment,
+        that of friction on the beam about d_1 (N m), [n]."""
         k = self._index("sliders", "slider", name)
         out = {"s": self._series("s_slide")[:, k], "gap": self._series("gap")[:, k]}
         if self.names.get("moving_meshes") and "contact_force" not in self.series:
@@ -275,10 +275,11 @@ class Result(Readings, Exports, Doubts):
 
     @checked(name=NAMED)
     def joint(self, name: str) -> dict[str, np.ndarray]:
-        """What a joint with axes leaves free, zero at t = 0, [n], two of a kind in columns: angle (rad) and spin (rad/s),
-        distance (m) and speed (m/s), swing, swing_rate and twist; energy of its springs and stops, loss of its dampers, work of
-        its motors or drives (J); where one is given, rubs or has rigid stops the torque (N m), force (N) or cone_torque of that,
-        friction_loss and stop_loss (J); drive, the torque or force of those that push, in columns where there are several.
+        """Return the series of the joint coordinates of a joint with axes, zero at t = 0, [n], two of a kind in columns: angle
+        (rad) and spin (rad/s), distance (m) and speed (m/s), swing, swing_rate and twist; energy of its springs and stops, loss
+        of its dampers, work of its motors or drives (J); where one is prescribed, has friction or rigid stops, its torque (N m),
+        force (N) or cone_torque, friction_loss and stop_loss (J); drive, the torque or force of drives that push, in columns
+        where there are several.
 
         Raises
         ------
@@ -290,9 +291,9 @@ class Result(Readings, Exports, Doubts):
 
     @checked()
     def balance(self) -> dict[str, np.ndarray]:
-        """Energies of all parts over time, [n] each, J: what is stored ('kinetic', 'strain', 'stops', 'gravity'), what was taken
-        away ('friction of slider ...', 'damping of beam ...', 'damper of joint ...'), and with a minus what was put in ('drive of
-        slider ...', 'motor of joint ...', 'motion of ...', 'loads'); 'sum' is constant.
+        """Return energies of all parts over time, [n] each, J: stored ('kinetic', 'strain', 'stops', 'gravity'), taken away
+        ('friction of slider ...', 'damping of beam ...', 'damper of joint ...'), and with a minus put in ('drive of slider ...',
+        'motor of joint ...', 'motion of ...', 'loads'); 'sum' is constant.
 
         Where loads change in time or are moments, 'loads' is their work and that of gravity since the start.
 
@@ -306,9 +307,9 @@ class Result(Readings, Exports, Doubts):
 
     @checked(name=NAMED)
     def power(self, name: str) -> np.ndarray:
-        """Rate of an entry of `balance()` over time [n], W: with its sign there, so that what a damper takes is positive and what
-        a motor puts in negative. Differences of the energies of neighbouring rows, of second order in their distance: record
-        rows often enough (`every=1`).
+        """Return the rate of an entry of `balance()` over time [n], W: with its sign there, so that what a damper takes is
+        positive and what a motor puts in negative. Rates are differences of the energies of neighbouring rows, of second order in
+        their distance: record rows often enough (`every=1`).
 
         Raises
         ------
@@ -320,7 +321,7 @@ class Result(Readings, Exports, Doubts):
 
     @checked(name=NAMED)
     def deviation(self, name: str) -> np.ndarray:
-        """Relative deviation of a series from its first row [n]: |x - x0| / scale.
+        """Return the relative deviation of a series from its first row [n]: |x - x0| / scale.
 
         The scale is `info['scale'][name]` where the run stored one, else the largest |x| over time. A gap should vanish:
         its deviation is the largest |gap| of all sliders, in m unless info['scale'] holds a length for it.
@@ -338,19 +339,20 @@ class Result(Readings, Exports, Doubts):
 
     @checked(name=NAMED)
     def drift(self, name: str) -> float:
-        """Largest relative deviation of a series from its start (see `deviation`); NaN where the series holds NaN."""
+        """Return the largest relative deviation of a series from its start (see `deviation`); NaN where the series holds NaN."""
         return float(self.deviation(name).max(initial=0.0))
 
     @checked(name=NAMED)
     def is_conserved(self, name: str) -> bool:
-        """Whether the run expected this series to be constant: listed in info['conserved'], or no list was stored."""
+        """Return whether the run expected this series to be constant: listed in info['conserved'], or no list was stored."""
         conserved = self.info.get("conserved")
         return name not in ("kinetic", "potential") and (conserved is None or name in conserved)
 
     @checked()
     def table(self) -> str:
-        """Neat table of energies, momenta and gap: first value, last value, largest relative drift; where something dissipates or
-        drives also of the parts of the balance (`balance()`); events that say where numbers are not to be trusted."""
+        """Return a table of energies, momenta and gap: first value, last value, largest relative drift; where something
+        dissipates or drives also of the parts of the balance (`balance()`); events that say where numbers are not to be
+        trusted."""
         first, second = self._rows_of_table()
         lines = [f"{label:<28}{start:>16}{end:>16}{drift:>14}" for label, start, end, drift in first]
         if second:
@@ -359,7 +361,7 @@ class Result(Readings, Exports, Doubts):
         return "\n".join([*lines, *self._doubts()])
 
     def _rows_of_table(self) -> tuple[list[tuple[str, str, str, str]], list[tuple[str, str, str, str]]]:
-        """Cells of the table: quantities, and parts of the balance where there are some, each below its header."""
+        """Return the cells of the table: quantities, and parts of the balance where there are some, each below its header."""
         rows = [("quantity", "start", "end", "max drift")]
         for name, label, unit in INVARIANTS:
             x = self.series.get(name)
@@ -379,7 +381,7 @@ class Result(Readings, Exports, Doubts):
 
     @checked(model=Anything())
     def state_for(self, model: Model) -> State:
-        """The state at the end of this run as one of another model, to start from: `simulate(model, start=run.state_for(model))`.
+        """Return the state at the end of this run for another model: `simulate(model, start=run.state_for(model))`.
 
         Parts with the same name and the same nodes keep their positions, triads and velocities, sliders of the same name their
         place and, where they have as many locks, what these have done; supports that have let go stay so. Parts that only the
@@ -415,7 +417,7 @@ class Result(Readings, Exports, Doubts):
 
     @checked()
     def header(self) -> ResultHeader:
-        """The header that a run with these series would have started with."""
+        """Return the header that a run with these series would have started with."""
         return ResultHeader(model_text=self.model_text, info=self.info, names=self.names, n_nodes=self.phi.shape[1],
                             series={name: x.shape[1:] for name, x in self.series.items()},
                             integer=tuple(name for name, x in self.series.items() if x.dtype.kind in "iub"),
@@ -464,7 +466,7 @@ class Result(Readings, Exports, Doubts):
                 raise SceneError(f"snapshots: {name} {x.shape} do not fit positions {shape}")
 
     def _check_names(self, n_nodes: int | None) -> None:
-        """What `names` says about nodes fits their number (None: no shapes are there)."""
+        """Refuse `names` whose nodes do not fit their number (None: no shapes are there)."""
         for kind in (*COLUMNS, "losses", "works"):
             if not _are_texts(self.names.get(kind, ())):
                 raise SceneError(f"names: '{kind}' must hold texts, got {shown(self.names[kind])}")
@@ -491,7 +493,7 @@ class Result(Readings, Exports, Doubts):
 
 
 def shape_row(header: ResultHeader, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None, w: np.ndarray | None) -> Rows:
-    """A shape as a row of the tables of snapshots."""
+    """Return a shape as a row of the tables of snapshots."""
     return {"t_snap": t, "phi": phi, "directors": d, **({"velocities": v} if header.velocities else {}),
             **({"spins": w} if header.spins else {})}
 
@@ -504,5 +506,5 @@ def _are_nodes(numbers: Any, first: int, count: int) -> bool:
 
 
 def _is_node(k: Any, n: int | None) -> bool:
-    """Whether k is the number of one of n nodes (None: of any number)."""
+    """Return whether k is the number of one of n nodes (None: of any number)."""
     return isinstance(k, (int, np.integer)) and not isinstance(k, bool) and 0 <= k and (n is None or k < n)

@@ -58,7 +58,7 @@ class RowBuffer:
         self.n_rows = last
 
     def views(self) -> dict[str, np.ndarray]:
-        """Name -> array [n_rows, ...] without copying; later growth does not change them."""
+        """Return a mapping of names to arrays [n_rows, ...] without copying; later growth does not change them."""
         return {name: column[: self.n_rows] for name, column in self._data.items()}
 
     def _grow(self, needed: int) -> None:

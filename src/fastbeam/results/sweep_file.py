@@ -48,7 +48,7 @@ class Row(TypedDict):
 
 
 class SweepFile:
-    """Writes rows of a sweep as they come.
+    """Writer of the rows of a sweep as they come.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class SweepFile:
         self._text += json.dumps({**row, "arrays": places}).encode() + b"\n"
 
     def flush_when_due(self) -> None:
-        """Write what waits where it is time."""
+        """Write waiting rows where it is time."""
         if time.perf_counter() - self._last > FLUSH_TIME or self._waiting + len(self._text) > PENDING:
             self.flush()
 
@@ -153,11 +153,11 @@ class SweepFile:
         self._text, self._numbers, self._waiting, self._last = b"", [np.zeros(0)], 0, time.perf_counter()
 
     def _reserve(self, size: int) -> None:
-        """Room behind what is written."""
+        """Reserve room behind what is written."""
         claim(self._raw.fileno(), int(self._file.id.get_filesize()), size + MARGIN)
 
     def close(self) -> None:
-        """Write what waits and close; safe to call twice."""
+        """Write waiting rows and close; safe to call twice."""
         try:
             self.flush()
         finally:
@@ -180,13 +180,13 @@ class SweepFile:
 
 
 def let_go() -> None:
-    """In a fork: the locks are those of the process that writes."""
+    """Close the locks that a fork inherits: they belong to the process that writes."""
     while _HELD:
         _HELD.pop().close()
 
 
 def read_sweep(path: Path) -> tuple[dict[str, Any], list[Row]]:
-    """Header and rows of a file, also of one whose writer was killed or is running.
+    """Read header and rows of a file, also of one whose writer was killed or is running.
 
     Raises
     ------

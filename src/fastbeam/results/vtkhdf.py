@@ -42,7 +42,7 @@ RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
 
 @dataclass
 class _Shape:
-    """Poly data: what stays and what changes in time.
+    """Poly data: arrays that are constant and arrays that change in time.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class _Shape:
     labels: dict[str, list[str]]
 
     def size(self, steps: int, item: int) -> int:
-        """Bytes of all arrays."""
+        """Return the bytes of all arrays."""
         moving = sum(width for width, _ in self.moving.values()) * self.n_points * steps * item
         fixed = sum(x.nbytes for x in (*self.constant.values(), *self.cell_data.values()))
         return moving + fixed + sum(a.nbytes + b.nbytes for a, b in self.cells.values())
@@ -72,7 +72,7 @@ class _Shape:
 
 def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, refine: int | None, double: bool,
               sections: Any = None) -> None:
-    """See `Result.to_vtk`."""
+    """Write a VTKHDF file, see `Result.to_vtk`."""
     if path.suffix.lower() not in SUFFIXES:
         older = path.suffix.lower() in (".pvd", ".vtu", ".vtp", ".vtk")
         hint = "; .pvd and .vtu are older formats with a file for every time" if older else ""
@@ -162,7 +162,7 @@ def _shape(result: Result, surface: bool, refine: int | None, sections: Any) -> 
 
 
 def _spots(result: Result) -> tuple[Array, Array, Array, dict[str, list[str]]]:
-    """Of bodies, masses and sliders: nodes, kinds, numbers among those of their kind [n], and names."""
+    """Collect bodies, masses and sliders: nodes, kinds, numbers among those of their kind [n], and names."""
     nodes: dict[str, list[int]] = {}
     labels: dict[str, list[str]] = {}
     for kind, key in (("body", "bodies"), ("mass", "masses")):
@@ -177,7 +177,7 @@ def _spots(result: Result) -> tuple[Array, Array, Array, dict[str, list[str]]]:
 
 
 def _forces(result: Result, n: int, where: Array) -> Callable[[int], Array]:
-    """Contact forces on the sliders, zero elsewhere [n, 3] (N); zero where no steps tell them."""
+    """Return a function of contact forces on the sliders, zero elsewhere [n, 3] (N); zero where they are not known."""
     force = result.series.get("contact_force", np.zeros((0, 0, 3)))
     # snapshots are taken at rows
     row = np.searchsorted(result.t, result.t_snap - 1e-12 * np.abs(result.t_snap))
@@ -191,8 +191,9 @@ def _forces(result: Result, n: int, where: Array) -> Callable[[int], Array]:
 
 
 def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
-    """Name and values [N, 3] (m/s) of the velocities of all nodes at snapshot k: those that the run kept, else slopes of the
-    parabola through three shapes, at the first and last the nearest three; None where shapes are not those of a motion."""
+    """Return the name of the velocities of all nodes, and a function of snapshot k that returns them [N, 3] (m/s): those that the
+    run kept, else slopes of the parabola through three shapes, at the first and last the nearest three; None where shapes are not
+    those of a motion."""
     if result.velocities is not None:
         kept = result.velocities
         return "velocity", lambda k: kept[k]
@@ -206,14 +207,14 @@ def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
         # derivative at t[k] of the polynomials that are 1 at one of the three times and 0 at the others
         weights = ((2 * t[k] - b - c) / ((a - b) * (a - c)), (2 * t[k] - a - c) / ((b - a) * (b - c)),
                    (2 * t[k] - a - b) / ((c - a) * (c - b)))
-        # from the middle one: what all share cancels before it is weighted
+        # relative to the middle shape: common parts cancel before they are weighted
         return np.asarray(weights[0] * (phi[j - 1] - phi[j]) + weights[2] * (phi[j + 1] - phi[j]))
     return "velocity_from_shapes", slope
 
 
 def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Callable[[int], Array]]:
-    """Forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3], linear between the arc lengths that
-    are given; NaN on beams of which nothing is.
+    """Return functions of snapshot k: forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3],
+    linear between the arc lengths that are given; NaN on beams without section forces.
 
     Raises
     ------

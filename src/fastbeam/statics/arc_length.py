@@ -25,16 +25,16 @@ Array = np.ndarray
 LEAST_TURN, SAME = 1e-8, 0.1
 # longest correction, in sizes of the scene and rad, and one that a start may need
 LONGEST, AT_REST = 1.0, 1e-6
-# relative, of one number
+# relative rounding error of one number
 EPSILON = float(np.finfo(float).eps)
-# eigenvalues that are looked for at a critical point; those below this share of the next one vanish together; directions tried in
-# each dimension of their vectors; cosine of two that are the same
+# at a critical point: most eigenvalues computed; share of the next one below which they vanish together; directions tried in each
+# dimension of their vectors; cosine from which two directions are the same
 MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
 # eigenvalues of a tangent without symmetry that are looked for, until two numbers tell the same number of negative ones
 NUMBERS = (6, 12, 24, 48)
-# imaginary part of a real eigenvalue, next to the largest that was found
+# largest imaginary part of a real eigenvalue, relative to the largest eigenvalue found
 REAL = 1e-9
-# next to the largest stiffness: where they are looked for, and round-off of one
+# relative to the largest stiffness: distance below zero from which vanishing eigenvalues are computed, and their round-off
 NEXT_TO, ROUND_OFF = 1e-9, 1e-14
 # a direction with less than this out of a plane lies in it; a vector of length 1 that moves places by less only spins
 ASIDE, SPINS = 1e-3, 1e-6
@@ -43,27 +43,27 @@ ACCURATE, MOST_EVALUATIONS = 1e-12, 40
 
 
 class Direction(NamedTuple):
-    """Of a path, of unit length: all unknowns, and the load factor."""
+    """Unit direction of a path: increments of all unknowns and of the load factor."""
 
     x: Array
     factor: float
 
 
 class PathSolver(SlidingSolver):
-    """An equilibrium with its load factor as one more unknown.
+    """Solver for equilibria with the load factor as one more unknown.
 
     Parameters
     ----------
     model, start, max_iterations, held, flat, backend
-        As `SlidingSolver`.
+        See `SlidingSolver`.
     factors : (float64 [K], float64 [K])
-        Of the loads at load factor 0, and their change until load factor 1.
+        Factors of the loads at load factor 0, and their change until load factor 1.
     factor : float
         Load factor of the start.
     laws : LawPath
-        Of forces by laws.
+        Path of forces by laws.
     strains : StrainPath, optional
-        Of prestrains that change.
+        Path of prestrains that change.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None, backend: str,
@@ -96,12 +96,12 @@ class PathSolver(SlidingSolver):
         self._stiffest = 1.0
         # what the last step has added to the unknowns, to first order
         self.gone = np.zeros(0)
-        # of a path in a plane: makes a solver in space of the same path, and that solver
+        # for a path in a plane: function that makes a solver in space of the same path, and that solver
         self.in_space: Callable[[State, float], PathSolver] | None = None
         self._judge: PathSolver | None = None
         # eigenvalues that are zero all along, of parts that may spin about their own line
         self.free = 0
-        # of one that judges, in space: the axes of the plane that the path runs in, and its normal
+        # for a judge in space: axes of the plane of the path, and its normal
         self.axes: Array | None = None
         core = self.core
         size, rows = len(core.dofs), core.pattern.n
@@ -112,8 +112,8 @@ class PathSolver(SlidingSolver):
 
     @property
     def judge(self) -> PathSolver:
-        """The solver, at the present equilibrium, whose tangent tells what is stable: in space where the scene may leave the
-        plane in which the path runs."""
+        """Solver, at the present equilibrium, whose tangent decides on stability: in space where the scene may leave the plane in
+        which the path runs."""
         if self.in_space is None:
             return self
         state = self.state
@@ -125,8 +125,8 @@ class PathSolver(SlidingSolver):
         return self._judge
 
     def in_plane(self, way: Direction, number: int, step: float) -> Direction | None:
-        """Of the directions in which paths branch off in the plane the one nearest to `way`, a direction of the judge; None where
-        that leaves the plane. number, step: as of `branches`."""
+        """Return the in-plane branch direction nearest to `way`, a direction of the judge; None where `way` leaves the plane.
+        number, step: see `branches`."""
         if np.linalg.norm(self.judge.aside(way.x)) > ASIDE:
             return None
         flat = Direction(self.within(way.x[:, None])[:, 0], 0.0)
@@ -134,7 +134,8 @@ class PathSolver(SlidingSolver):
         return max(own, key=lambda x: self.product(x, flat), default=None)
 
     def within(self, x: Array) -> Array:
-        """What vectors [n, m] of the judge have in the plane of this solver, without their forces; in space they are its own."""
+        """Project vectors [n, m] of the judge onto the plane of this solver, with zero multipliers; in space return them
+        unchanged."""
         plane, rows, sliding = self.stepper.plane, self.core.pattern.n, self.sliding.size
         if self.in_space is None:
             return x
@@ -145,7 +146,7 @@ class PathSolver(SlidingSolver):
         return np.concatenate((flat, x[6 * rows:6 * rows + sliding], np.zeros((self.core.n_forces, x.shape[1]))))
 
     def aside(self, x: Array) -> Array:
-        """What vectors [n, ...] of a solver in space have out of the plane that the path runs in, in the metric of the steps."""
+        """Return the out-of-plane part of vectors [n, ...] of a solver in space, in the metric of the steps, [3 rows, ...]."""
         rows, (*within, normal) = self.core.pattern.n, self.axes
         parts = x[:6 * rows].reshape(rows, 2, 3, -1)
         out = np.stack((np.tensordot(parts[:, 0], normal, (1, 0)) / self.core.length,
@@ -154,12 +155,12 @@ class PathSolver(SlidingSolver):
 
     @property
     def load_factors(self) -> Array:
-        """Of all load vectors at the present load factor, [K]."""
+        """Factors of all load vectors at the present load factor, [K]."""
         return np.asarray(self._of_time[0] + self.factor * self._of_time[1])
 
     @property
     def name(self) -> str:
-        """What was used, for the result."""
+        """Linear solver and its number of factorisations, for the result."""
         f = self._of_path
         if f is None or not f.count:
             return "SuperLU on nodes and load factor"
@@ -172,25 +173,26 @@ class PathSolver(SlidingSolver):
         return None if self.along is None else (laws.time, laws.first + self.factor * laws.change)
 
     def saved(self) -> tuple[Any, ...]:
-        """State and load factor, for `restore`."""
+        """Return state and load factor, for `restore`."""
         return (*self._saved(), self.factor)
 
     def restore(self, saved: tuple[Any, ...]) -> None:
-        """Go back to it."""
+        """Restore a state and load factor of `saved`."""
         self._restore(saved[:3])  # type: ignore[arg-type]
         self.factor = saved[3]
         if self._strains is not None:
             self._strains.put(self.factor)
 
     def place(self) -> Array:
-        """Coordinates, arc lengths of sliders and load factor such that differences have the length of steps, to first order."""
+        """Return coordinates, arc lengths of sliders and load factor such that differences have the length of steps, to first
+        order."""
         state, size = self.state, self.core.length
         q = state.q.reshape(-1, 4, 3)
         nodes = np.concatenate((q[:, 0] / size, q[:, 1:].reshape(len(q), -1) / np.sqrt(2.0)), axis=1) / np.sqrt(len(q))
         return np.concatenate((nodes.reshape(-1), state.s / size, [self.factor]))
 
     def equations(self) -> tuple[Saddle, Array, Array]:
-        """Tangent, forces and gaps that are left, and their derivative by the load factor; kept until the state changes."""
+        """Return tangent, residual (forces and gaps) and its derivative by the load factor; kept until the state changes."""
         state = self.stepper.core_state
         now = np.concatenate((state.q, state.s, state.force, [self.factor, float(self.sliding.sum())]))
         if self._known is None or not np.array_equal(self._known[0], now):
@@ -198,7 +200,7 @@ class PathSolver(SlidingSolver):
         return self._known[1]
 
     def _equations(self) -> tuple[Saddle, Array, Array]:
-        """The same, computed."""
+        """Assemble what `equations` returns."""
         if self._push is not None:
             self._at(self.factor)
             return *self._assembled(self.sliding), self._push
@@ -210,7 +212,7 @@ class PathSolver(SlidingSolver):
         push = more - right
         alike = self.motion is None and self._strains is None and not self._by_laws and self.along is None
         if alike and self.core.ties is None:
-            # of dead loads it is the same everywhere: the loads themselves, without round-off, where nothing is held
+            # for dead loads it is constant: the loads themselves, without round-off, except on fixed unknowns
             size, n = len(self.core.dofs), self.core.pattern.n
             self._push = push = np.where(push == 0.0, 0.0, push)
             loads = self._unit_loads[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
@@ -218,7 +220,7 @@ class PathSolver(SlidingSolver):
         return saddle, right, push
 
     def _at(self, factor: float, ahead: float = 0.0) -> None:
-        """Loads, prestrains, laws and supports at a load factor, and by `ahead` further, supports to first order."""
+        """Set loads, prestrains, laws and supports at a load factor, and by `ahead` further, supports to first order."""
         if self.motion is not None:
             self.motion.share, self.motion.ahead = factor, ahead
         factor += ahead
@@ -231,8 +233,7 @@ class PathSolver(SlidingSolver):
             self.stepper.load_at(laws.time, laws.first, laws.shares[0] + factor * laws.shares[1])
 
     def _bordered(self, saddle: Saddle, column: Array, row: Array, corner: float, right: Array, last: float) -> Array | None:
-        """Solution of [K, -column; row, corner]; None where none is found that leaves no more than round-off of the right-hand
-        side out."""
+        """Solve [K, -column; row, corner]; None where no solution leaves only round-off of the right-hand side."""
         from scipy import sparse
         inner, n = saddle.matrix, column.size
         kind = inner.indptr, inner.indices, column != 0.0, row != 0.0
@@ -253,24 +254,24 @@ class PathSolver(SlidingSolver):
         return x
 
     def round_off(self, saddle: Saddle, vectors: Array) -> Array:
-        """What that of places makes of forces along vectors [n, m], [m]."""
+        """Return the forces along vectors [n, m] that round-off of positions causes, [m]."""
         stiff = np.where(saddle.multiplier, 0.0, np.abs(saddle.matrix.diagonal()))
         return np.asarray(EPSILON * self.core.length * np.linalg.norm(stiff[:, None] * vectors, axis=0))
 
     def product(self, a: Direction, b: Direction) -> float:
-        """Of two directions."""
+        """Return the inner product of two directions."""
         return float(np.sum(self.weight * a.x * b.x)) + a.factor * b.factor
 
     def balanced(self) -> bool:
-        """Whether the start is an equilibrium: Newton's method would not leave it."""
+        """Return whether the start is an equilibrium: Newton's increment is negligible, or none is found."""
         self.work.increment.control[0] = 0.0
         saddle, right, loads = self.equations()
         x = self._bordered(saddle, loads, np.zeros_like(right), 1.0, right, 0.0)
         return x is None or self._size(x[:len(self.core.dofs) * self.core.pattern.n]) < AT_REST
 
     def direction(self, along: Direction | None, sign: float = 1.0) -> Direction | None:
-        """Of the path at the present equilibrium, forward along one before it; without one as the load factor grows (sign -1:
-        falls)."""
+        """Return the direction of the path at the present equilibrium, forward along an earlier direction; without one the load
+        factor grows (sign -1: falls). None where no direction is found."""
         self.work.increment.control[0] = 0.0
         saddle, right, loads = self.equations()
         row = np.zeros(right.size) if along is None else self.weight * along.x
@@ -282,8 +283,8 @@ class PathSolver(SlidingSolver):
         return Direction(found.x / size, found.factor / size)
 
     def go(self, along: Direction, step: float, to: float | None = None) -> int:
-        """From an equilibrium to the next one by a step; the number of iterations, 0 where it fails. to: a load factor that it
-        ends at instead of the plane across the direction."""
+        """Advance from an equilibrium to the next one by a step; return the number of iterations, 0 on failure. to: a load factor
+        at which the step ends instead of the plane across the direction."""
         self.work.increment.control[0] = 0.0
         self.stepper.forget_failures()
         nodes = self._cuts[0]
@@ -307,25 +308,25 @@ class PathSolver(SlidingSolver):
             return (SLIDER_END if self.beyond_ends(self.stepper.core_state.s) else OK), size
 
         status, sizes = newton_loop(increment, self.max_iterations, self.interrupted)
-        # further off than a path that turns by less than the steps allow: another one
+        # farther off than a path can be that turns by less than the steps allow: another path
         strayed = to is None and self._strayed(along, step, first) > max(STRAY * step, LEAST_STRAY)
         return 0 if status != OK or strayed else len(sizes)
 
     @property
     def _cuts(self) -> tuple[int, int]:
-        """Where among the unknowns of a direction those of sliders begin, and where forces do."""
+        """Offsets of the sliding coordinates and of the forces among the unknowns of a direction."""
         n = self.weight.size - self.core.n_forces
         return n - self.sliding.size, n
 
     def _go_by(self, x: Array, factor: float) -> float:
-        """Add an increment of all unknowns and of the load factor; its size."""
+        """Add an increment of all unknowns and of the load factor; return its size."""
         nodes, n = self._cuts
         size = self.move(Increment(x[:nodes], x[nodes:n], x[n:]))
         self.factor += factor
         return size + abs(factor)
 
     def around_corner(self, along: Direction, size: float) -> tuple[int, Direction] | None:
-        """Go by a step of this size around a corner of the path, where the law of a force has a kink (a stop, a rope that becomes
+        """Take a step of this size around a corner of the path, where the law of a force has a kink (a stop, a rope that becomes
         taut), with the tangent that holds a little further along.
 
         Returns
@@ -349,25 +350,26 @@ class PathSolver(SlidingSolver):
             way = Direction(sign * beyond[1].x, sign * beyond[1].factor)
             iterations = self.go(way, size)
             after = self.direction(way) if iterations else None
-            # the way back has the tangent of before
+            # the direction back has the tangent before the corner
             if after is not None and self._between(way, after) < SAME * turn:
                 return iterations, after
             self.restore(before)
         return None
 
     def _between(self, a: Direction, b: Direction) -> float:
-        """Distance of two directions."""
+        """Return the distance of two directions."""
         off = Direction(b.x - a.x, b.factor - a.factor)
         return float(np.sqrt(self.product(off, off)))
 
     def _strayed(self, along: Direction, step: float, first: float) -> float:
-        """How far from the end of a step along the direction its equilibrium lies, from the load factor `first` on."""
+        """Return the distance of the equilibrium found from the end of a step along the direction; first: load factor at its
+        beginning."""
         off = self.gone - step * along.x
         return float(np.sqrt(np.sum(self.weight * off * off) + (self.factor - first - step * along.factor)**2))
 
     def test_of(self, v: Array) -> float:
-        """A number that vanishes with the determinant of the tangent, and changes its sign with the eigenvalue whose vector is
-        near v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000). NaN where it is not found."""
+        """Return a number that vanishes with the determinant of the tangent, and changes its sign with the eigenvalue whose
+        vector is near v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000). NaN where it is not found."""
         self.work.increment.control[0] = 0.0
         saddle, right, _ = self.equations()
         border = self.weight * v
@@ -375,8 +377,8 @@ class PathSolver(SlidingSolver):
         return np.nan if x is None else float(x[-1])
 
     def eigenvalue(self, k: int) -> float:
-        """The k-th lowest eigenvalue of the tangent, counted from 0, in the metric of the steps; NaN where it is not found. That
-        of number k changes its sign where k + 1 directions become unstable after k."""
+        """Return the k-th lowest eigenvalue of the tangent, counted from 0, in the metric of the steps; NaN where it is not
+        found. Eigenvalue number k changes its sign where k + 1 directions become unstable after k."""
         found = self._eigen(k + 1 + self.free)
         if found is None:
             return np.nan
@@ -384,7 +386,7 @@ class PathSolver(SlidingSolver):
         return float(values[k]) if values.size > k else np.nan
 
     def nearest(self, m: int) -> Array:
-        """Vectors [n, m] of the m real eigenvalues nearest to zero, fewer where so many are not found."""
+        """Return vectors [n, m] of the m real eigenvalues nearest to zero, fewer where so many are not found."""
         found = self._eigen(NUMBERS[0] + m)
         if found is None:
             return np.zeros((self.weight.size, 0))
@@ -393,8 +395,8 @@ class PathSolver(SlidingSolver):
         return np.asarray(found[1][:, order[np.isfinite(size[order])]])
 
     def critical_directions(self, k: int, left: bool = False) -> Array | None:
-        """Of the eigenvalues that vanish together next to the k-th, vectors of length 1 by columns [n, m], their largest
-        component positive; left: those of the transposed tangent."""
+        """Return unit vectors of the eigenvalues that vanish together near the k-th, by columns [n, m], their largest component
+        positive; left: vectors of the transposed tangent. None where no eigenvalue vanishes or is found."""
         found = self._eigen(k + MOST_TOGETHER + self.free, NEXT_TO, left)
         if found is None or not found[0].size:
             return None
@@ -417,7 +419,7 @@ class PathSolver(SlidingSolver):
         return np.asarray(v * np.sign(v[peak, np.arange(v.shape[1])]))
 
     def _moving(self, v: Array) -> Array:
-        """Vectors [n, m] without the spins that move nothing among their combinations, if anything is left."""
+        """Remove from vectors [n, m] the spins that move nothing among their combinations, if anything is left."""
         n, size = self.core.pattern.n, len(self.core.dofs)
         places = v[:n * size].reshape(n, size, -1)[:, :self.core.dim].reshape(n * self.core.dim, -1)
         moves = np.concatenate((places, v[n * size:n * size + self.sliding.size])) / self.core.length / np.sqrt(n)
@@ -426,7 +428,7 @@ class PathSolver(SlidingSolver):
         return v @ rows.T if 0 < len(rows) < v.shape[1] else v
 
     def branches(self, k: int, step: float) -> tuple[list[Direction], bool]:
-        """Directions in which other paths leave a critical point, and whether they are some of a continuum.
+        """Find directions in which other paths leave a critical point; return them, and whether they are some of a continuum.
 
         Where several eigenvalues vanish together, steps into many directions of their vectors are tried; each that ends in an
         equilibrium tells the direction of its path.
@@ -460,9 +462,9 @@ class PathSolver(SlidingSolver):
         return [Direction(v @ way, 0.0) for way in (ways[:1] + [-ways[0]] if is_continuum else ways)], is_continuum
 
     def _eigen(self, n: int, below_zero: float = 0.0, left: bool = False) -> tuple[Array, Array] | None:
-        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: looked for so
-        far below zero, next to the largest stiffness, where several may vanish; left: vectors of the transposed tangent. Those
-        asked for last are kept: the same critical point is looked at several times."""
+        """Find the lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: distance
+        below zero, relative to the largest stiffness, from which they are computed where several may vanish; left: vectors of the
+        transposed tangent. The last ones are kept, because the same critical point is looked at several times."""
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
         assert self._known is not None
@@ -472,7 +474,7 @@ class PathSolver(SlidingSolver):
         return self._last[2]
 
     def _eigen_of(self, saddle: Saddle, n: int, below_zero: float, left: bool) -> tuple[Array, Array] | None:
-        """Find the same of a tangent."""
+        """Find the lowest n eigenvalues and vectors of this tangent, see `_eigen`."""
         from scipy import sparse
         k = int(np.sum(~saddle.multiplier))
         free = np.append(self.map.free, np.ones(self.sliding.size))
@@ -499,7 +501,7 @@ class PathSolver(SlidingSolver):
         return np.sum(v * (matrix @ v), axis=0), v
 
     def unstable(self) -> int | None:
-        """Number of negative eigenvalues of the tangent; None where moments leave it undecided."""
+        """Return the number of negative eigenvalues of the tangent; None where moments leave it undecided."""
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
         if not self.is_unsymmetric:
@@ -523,14 +525,14 @@ class PathSolver(SlidingSolver):
 
 
 def _are_real(values: Array) -> Array:
-    """Which of some eigenvalues are real, bool [m]."""
+    """Return which eigenvalues are real, bool [m]."""
     return np.asarray(np.abs(np.imag(values)) <= REAL * np.max(np.abs(values), initial=0.0))
 
 
 def _bordered_places(inner_indptr: Array, inner_indices: Array, column: Array, row: Array
                      ) -> tuple[Array, Array, Array, Array]:
-    """Structure by rows of a matrix [n, n] with one more column and row, of whose entries these masks [n] tell, and a corner:
-    ends of rows, columns, and where entries of the matrix and of the column stand."""
+    """Form the structure by rows of a matrix [n, n] with one more column and row, whose entries these masks [n] mark, and a
+    corner: ends of rows, columns, and where entries of the matrix and of the column stand."""
     n = column.size
     more = np.concatenate(([0], np.cumsum(column)))
     indptr = np.append(inner_indptr + more, inner_indices.size + more[-1] + np.sum(row) + 1).astype(np.int32)
@@ -541,7 +543,7 @@ def _bordered_places(inner_indptr: Array, inner_indices: Array, column: Array, r
 
 
 def root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float, accurate: float = ACCURATE) -> float | None:
-    """Where f changes its sign between a and b, as accurate as this; None where it cannot be evaluated there."""
+    """Find where f changes its sign between a and b, to this accuracy; None where f is not finite there."""
     x = b
     for _ in range(MOST_EVALUATIONS):
         x = (a * fb - b * fa) / (fb - fa)

@@ -46,19 +46,19 @@ class Increment(NamedTuple):
 
 
 class SaddleSolver(StaticSolver):
-    """As `StaticSolver`, around one sparse matrix without elimination of inner nodes: PARDISO, SuperLU where that finds nothing
-    that is certain.
+    """Newton solver for equilibria with constraints: `StaticSolver` around one sparse matrix without elimination of inner nodes,
+    factored by PARDISO, or by SuperLU where PARDISO finds no reliable solution.
 
     Parameters
     ----------
     model : Model
     start : State or None
     max_iterations : int
-        Of each Newton iteration.
+        Largest number of increments of each Newton iteration.
     held : bool [S]
         Sliders that stay at their s.
     at_time : float
-        When drives that are functions of time are evaluated, s.
+        Time at which drives are evaluated, s.
     flat : bool, optional
         Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
     backend : {'auto', 'pardiso', 'superlu'}
@@ -83,13 +83,13 @@ class SaddleSolver(StaticSolver):
         self.along = None
         if uneliminated.slider_forces is not None:
             self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held, self.stepper.core_state.history)
-        # what joints are given at the start and at the end of the load
+        # prescribed joint coordinates at the start and at the end of the load
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.place("motions"), at_time)
-        # how much of that way they had gone at the last equilibrium
+        # part of that increment that was applied at the last equilibrium
         self._reached = 0.0
-        # those that friction or rigid stops may hold, and where those of joints are
+        # coordinates that friction or rigid stops may hold, and places of those of joints
         self.joints, self.resting = static_joints(self), np.zeros(0)
         if self.joints is not None:
             self.hold_joints()
@@ -97,7 +97,7 @@ class SaddleSolver(StaticSolver):
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
-        # what they are without constraints, whatever the shape, and loads with the forces of constraints
+        # equations of a scene without constraints, and loads with the forces of constraints
         self._without: Equations | None = None
         self._all_loads = self.work.f_ext
         # forces of inertia of a steady motion
@@ -122,14 +122,15 @@ class SaddleSolver(StaticSolver):
 
     @property
     def turns_too_far(self) -> bool:
-        """Whether a joint is given half a turn or more beyond the last equilibrium, which may as well be the other way."""
+        """True where a prescribed joint angle lies half a turn or more beyond the last equilibrium, so that its direction is
+        ambiguous."""
         if self.given is None:
             return False
         holds, way = self.core.motions.holds, (self.share - self._reached) * (self.given[1] - self.given[0])
         return bool(np.any(np.abs(way[holds.is_angle[holds.given]]) > HALF_TURN))
 
     def hold_joints(self) -> None:
-        """Where coordinates of joints stand that are given, or that friction and rigid stops hold."""
+        """Prescribe the joint coordinates that are given, and fix those that friction and rigid stops hold."""
         given = [] if self.given is None else [(1.0 - self.share) * self.given[0] + self.share * self.given[1]]
         if self.joints is not None:
             self.joints.hold()
@@ -139,7 +140,7 @@ class SaddleSolver(StaticSolver):
 
     @property
     def name(self) -> str:
-        """What was used, for the result."""
+        """Linear solver and its number of factorisations, for the result."""
         f = self._factoriser
         if f is None or not f.count:
             return "SuperLU on nodes and sliders"
@@ -147,7 +148,7 @@ class SaddleSolver(StaticSolver):
 
     @property
     def sliding(self) -> Array:
-        """Which sliders are free to move, bool [S]."""
+        """Sliders that are free to move, bool [S]."""
         return ~self.held if self.along is None else self.along.free
 
     # --- states -------------------------------------------------------------------------------------------------------
@@ -160,8 +161,8 @@ class SaddleSolver(StaticSolver):
         state.q[:], state.s[:], state.force[:] = saved
 
     def _of_constraints(self, rubs: bool = True) -> Equations:
-        """Equations of the constraints at the present shape, with friction of sliders that slip or without; their residuals are
-        kept for messages."""
+        """Evaluate the equations of the constraints at the present shape, with friction of sliders that slip or without; their
+        residuals are kept for messages."""
         if self._without is not None:
             return self._without
         state, contact, along = self.stepper.core_state, self.stepper.contact, self.along
@@ -180,12 +181,12 @@ class SaddleSolver(StaticSolver):
         return found
 
     def _shape(self) -> Array:
-        """Coordinates in space [12 N]; nothing where no equation asks for them."""
+        """Return coordinates in space [12 N]; nothing where no equation asks for them."""
         return self.state.q if self.steady is not None or self.motion is not None else np.zeros(0)
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
     def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
-        """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
+        """Assemble tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
         model, work = self.core, self.work
         size, n = len(model.dofs), model.pattern.n
         equations, q = self._of_constraints(), self._shape()
@@ -225,30 +226,32 @@ class SaddleSolver(StaticSolver):
             if x is None or not np.logical_and.reduce(np.isfinite(x)):
                 return None
             if used.unbalanced > 0.0 and used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
-                # forces push where nothing resists: a little along, and sliders with it
+                # forces push along free motions: follow them a little, sliders too
                 size = self._size(used.drift[:n])
                 if size > 0.0:
                     x[:n + sliding.size] += DRIFT / size * used.drift[:n + sliding.size]
-            # what is soft runs away by itself: it alone is kept back
+            # soft motions grow without bounds: stiffness is added against these alone
             size = self._size(x[:n])
             if size <= LARGEST_MOVE:
                 break
         return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0, size)
 
     def _with_spins_held(self, saddle: Saddle, right: Array) -> Saddle:
-        """The same with an unknown held of every beam that may spin about its axis; right: of the nodes [n]."""
+        """Fix one unknown of every beam that may spin about its axis; right: residual of the nodes [n]. Return the fixed
+        system."""
         unknowns = self.free_motions.spins(saddle.matrix, self.state.q.reshape(-1, 4, 3), right, lambda: self._round_off(saddle))
         return saddle.holding(unknowns) if unknowns.size else saddle
 
     def _round_off(self, saddle: Saddle) -> Array:
-        """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""
+        """Return the possible round-off in the residuals of the nodes [n]: from loads and contact forces, and from forces in the
+        beams."""
         size, n = len(self.core.dofs), self.core.pattern.n
         loads = np.abs(self._all_loads[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
         stiff = np.abs(saddle.matrix.diagonal()[:size * n])
         return UNBALANCED * loads + EPSILON * self.core.length * stiff
 
     def _size(self, nodes: Array) -> float:
-        """Of an increment of the nodes, in sizes of the scene and rad."""
+        """Return the size of a nodal increment, in sizes of the scene and rad."""
         x = np.maximum.reduce(np.abs(nodes.reshape(-1, len(self.core.dofs))))
         dim = self.core.dim
         return float(np.maximum.reduce(x[:dim])) / self.core.length + float(np.maximum.reduce(x[dim:], initial=0.0))
@@ -272,7 +275,7 @@ class SaddleSolver(StaticSolver):
         return moved + float(np.maximum.reduce(np.abs(x.s), initial=0.0)) / core.length
 
     def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
-        """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
+        """Iterate by Newton's method with these sliders [S] free; not patient: give up where increments do not become smaller."""
         self.work.increment.control[0] = 0.0
         is_whole, carries = False, self._follows and self._led is None
 
@@ -302,20 +305,20 @@ class SaddleSolver(StaticSolver):
 
     @property
     def _follows(self) -> bool:
-        """Whether supports or joints are taken along, and nothing finds a place of its own."""
+        """True where supports or joints are moved as prescribed, and no slider or joint finds its own place."""
         moves = self.motion is not None or self.given is not None
         return moves and self.joints is None and not self.sliding.any()
 
     def interrupted(self, _: list[float]) -> int:
-        """Between iterations, where nothing else ends them."""
+        """Serve interrupts between iterations; return OK, nothing else ends them."""
         self.interrupts.serve()
         return OK
 
     @property
     def no_increment(self) -> int:
-        """Why Newton's method has found no increment."""
+        """Status that tells why Newton's method has found no increment."""
         return SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE
 
     def beyond_ends(self, s: Array) -> bool:
-        """Whether some slider would run off its beam."""
+        """Return whether some slider would run off its beam at s [S]."""
         return bool(np.logical_or.reduce((s < self.ends[:, 0]) | (s > self.ends[:, 1])))

@@ -1,5 +1,5 @@
-"""Equilibria by motion: conserving steps whose velocities are taken away where the kinetic energy has a peak, then Newton's
-method (theory.md 15)."""
+"""Dynamic relaxation: conserving steps whose velocities are set to zero at peaks of the kinetic energy, then Newton's method
+(theory.md 15)."""
 from __future__ import annotations
 
 import time
@@ -48,7 +48,7 @@ FIRST = 0.02
 SMALLEST = 1e-9
 # swings after which Newton's method is tried for the first time; tries come at ever longer distances
 FIRST_TRY, LATER = 2, 1.5
-# an equilibrium may lie so far above the energy that was reached, next to what motion has taken
+# an equilibrium may lie higher than the energy reached by this share of the energy lost in the motion
 HIGHER = 1e-9
 # supports that move go so far in a step, in sizes of the scene and rad, and by such a share of their way
 LONGEST_WAY, LARGEST_SHARE = 0.01, 0.05
@@ -64,19 +64,18 @@ NEAR = 1e-4
 def relax(model: Model, *, start: State | None = None, step: float | None = None, most_steps: int = 20_000,
           at_time: float | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None,
           finish: bool = True, max_iterations: int = 25, backend: str = "auto", mend_start: bool = False) -> Result:
-    """An equilibrium of a scene that Newton's method does not reach from its start: mechanisms, slack cables and nets, sliders
-    far from their place.
+    """Find an equilibrium by dynamic relaxation where Newton's method does not reach it from the start: mechanisms, slack cables
+    and nets, sliders far from their place.
 
-    The scene moves from rest, by conserving steps under all of its loads. Wherever its kinetic energy has a peak the velocities
-    are taken away (kinetic damping), so that the potential energy falls from swing to swing, into a valley. After some swings
-    Newton's
-    method finishes, and goes on being tried until it finds an equilibrium that lies no higher and is not unstable. Steps adapt to
-    the swings; masses decide the way, not the equilibrium.
+    The scene moves from rest, by conserving steps under all of its loads. At every peak of its kinetic energy the velocities are
+    set to zero (kinetic damping), so that the potential energy falls from swing to swing, into a valley. After some swings
+    Newton's method finishes; it is tried again until it finds an equilibrium that lies no higher and is not unstable. Steps
+    adapt to the swings; masses influence the path, not the equilibrium.
 
     Parameters
     ----------
     model : Model
-        With every part that hangs together held at a point at least, about which it may turn. With `at_time` supports that
+        Every part has to be held at one point at least, about which it may turn. With `at_time` supports that
         move go to their place at that time first, along their functions; without a time they stand still.
     start : State
         Begin from this shape instead of the reference; its velocities do not count.
@@ -99,9 +98,8 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     Returns
     -------
     Result
-        With the equilibrium in `.state`. `info["finished"]`: whether Newton's method did, `info["residual"]` its last increment,
-        in
-        sizes of the scene and rad (without it the motion of the last swing); `info["energy_loss"]` what the motion has lost, J;
+        With the equilibrium in `.state`. `info["finished"]`: whether Newton's method finished, `info["residual"]` its last
+        increment, in sizes of the scene and rad (else the motion of the last swing); `info["energy_loss"]` the energy lost, J;
         `info["swings"]`, `info["steps"]`; `info["unstable_directions"]` and `info["free_directions"]` as in `solve_static`.
 
     Raises
@@ -150,12 +148,12 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
 
 
 def _way(model: Model, start: State | None, at_time: float | None) -> _Way | None:
-    """Of supports that move; None where they stand where they are at the time of the loads.
+    """Return the path of supports that move; None where they stand at their places at the time of the loads.
 
     Raises
     ------
     SceneError
-        In the start they stand elsewhere, neither where they are then nor where they are at t = 0.
+        A support of the start stands neither at its place at that time nor at its place at t = 0.
     """
     if model.prescribed is None or at_time is None:
         return None
@@ -169,7 +167,7 @@ def _way(model: Model, start: State | None, at_time: float | None) -> _Way | Non
 
 
 def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
-    """The model with loads that are constant and supports that go their way, or stand still."""
+    """Return the model with loads that are constant and supports that go their way, or stand still."""
     def constant(one: Model) -> Model:
         loads = one.loads * factors[:, None] if one.loads.size else one.loads
         features = tuple(_Still(x, way) if isinstance(x, PrescribedMotions) else x for x in one.features)
@@ -184,12 +182,12 @@ def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
 
 
 class _Way:
-    """How far supports that move have gone on their way from t = 0 to where they are at one time, s.
+    """Progress of supports on their path from t = 0 to their places at one time, s.
 
     Attributes
     ----------
     share, size : float
-        Of the way: gone, and of the next step.
+        Part of the path that is done, and that of the next step.
     """
 
     def __init__(self, of: PrescribedMotions, at_time: float, length: float) -> None:
@@ -202,11 +200,11 @@ class _Way:
         self.most = self.size = min(LONGEST_WAY / far, LARGEST_SHARE) if far > 0.0 else LARGEST_SHARE
 
     def times(self) -> Array:
-        """Of the functions, at both ends of the next step."""
+        """Return times of the functions of supports, at both ends of the next step, s."""
         return self.at_time * np.array([self.share, min(self.share + self.size, 1.0)])
 
     def took(self) -> None:
-        """The step is done."""
+        """Advance by the step that was taken."""
         self.share = 1.0 if self.share + self.size > 1.0 - 1e-9 else self.share + self.size
         self.size = min(GROWTH * self.size, self.most, 1.0 - self.share)
 
@@ -223,18 +221,19 @@ class _Still(PrescribedMotions):
         self._of, self._way = of, way
 
     def schedule(self, times: Array, tables: Any, plane: Any = None) -> Array:
-        """Increments of a step, as `PrescribedMotions.schedule`."""
+        """Return increments of a step, as `PrescribedMotions.schedule`."""
         if self._way is None or self._way.is_done:
             return np.zeros((len(times) - 1, len(self._of.motions), 6 if plane is None else 3))
         return self._of.schedule(self._way.times(), tables, plane)
 
     def vectors(self, t: float) -> Array:
-        """Rotation vectors [3 K] of supports where they are on their way, less those at t = 0; zeros where they stand still."""
+        """Return rotation vectors [3 K] of supports where they are on their way, less those at t = 0; zeros where they stand
+        still."""
         return np.zeros(self._of.history_size) if self._way is None else self._of.vectors(self._way.at_time * self._way.share)
 
 
 class _Motion:
-    """From the start to rest."""
+    """Damped motion from the start to rest."""
 
     def __init__(self, model: Model, at_rest: Model, start: State | None, factors: Array, t: float, max_iterations: int,
                  backend: str, observe: Sequence[str], points: Mapping[str, Place] | None, way: _Way | None) -> None:
@@ -264,7 +263,7 @@ class _Motion:
 
     # --- states -------------------------------------------------------------------------------------------------------
     def state(self) -> State:
-        """The present shape at rest, as one of the model."""
+        """Return the present shape at rest, as a state of the model."""
         now, history = self.stepper.state, self.model.state().history
         found = State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
         self.model.keep_turns(history, now.history)
@@ -291,7 +290,7 @@ class _Motion:
         return result
 
     def energies(self, state: State | None = None) -> tuple[float, float, float]:
-        """Kinetic, strain and potential, J: the last one of forces, moments have none."""
+        """Return kinetic, strain and potential energy, J: the last one of forces, moments have none."""
         model = self.stepper.model
         state = self.stepper.state if state is None else state
         row = self.meter.row(self.at_time, state)
@@ -374,7 +373,7 @@ class _Motion:
             bar.close()
 
     def _first_step(self) -> float:
-        """A share of the time in which the loads, or the stresses of the start, move the scene by its size."""
+        """Return a share of the time in which the loads, or the stresses of the start, move the scene by its size."""
         model = self.stepper.model
         mass = float(model.gravity_weight.sum())
         forces = model.loads.reshape(len(model.loads), model.loads.shape[1] // 8, 8)[:, :, :3]
@@ -385,7 +384,7 @@ class _Motion:
         return FIRST * float(np.sqrt(model.length * mass / push))
 
     def _way(self, before: Array) -> float:
-        """How far nodes are from coordinates before, in sizes of the scene."""
+        """Return the largest displacement of a node from the coordinates `before`, in sizes of the scene."""
         change = (self.stepper.state.q - before).reshape(-1, 4, 3)[:, 0]
         return float(np.max(np.linalg.norm(change, axis=1))) / self.model.length
 
@@ -397,8 +396,8 @@ class _Motion:
 
     # --- the end ------------------------------------------------------------------------------------------------------
     def _finished(self) -> bool:
-        """Whether Newton's method finds an equilibrium from here that lies no higher and is not unstable; then it is the
-        state."""
+        """Apply Newton's method from here; return whether it finds an equilibrium that lies no higher and is not unstable, which
+        becomes the state then."""
         state = self.state()
         at_rest = self.stepper.model
         reached = self.energies()[2]
@@ -454,14 +453,14 @@ class _Motion:
         return self.result()
 
     def _stuck(self) -> ConvergenceError:
-        """The error of a motion that has come to rest where Newton's method does not finish."""
+        """Form the error of a motion that has come to rest where Newton's method does not finish."""
         text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, its last one moved it by "
                 f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it "
                 "is in .state, everything until then in .result")
         return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
 
     def _restless(self, most_steps: int) -> ConvergenceError:
-        """The error of a scene that does not come to rest."""
+        """Form the error of a scene that does not come to rest."""
         text = (f"relax: scene {self.model.scene_name!r} did not come to rest in {most_steps} steps, {self.swings} swings; the "
                 f"last "
                 f"swing moved it by {self.info['residual']:.2g} of its size. Give more most_steps, damping (damping= of "

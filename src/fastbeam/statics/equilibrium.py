@@ -29,7 +29,7 @@ DRIFT = 1e-4
 
 
 class Counts(NamedTuple):
-    """Of the eigenvalues of a tangent."""
+    """Numbers of negative and zero eigenvalues of a tangent."""
 
     unstable: int            # negative ones
     free: int                # zeros
@@ -37,7 +37,7 @@ class Counts(NamedTuple):
 
 
 class StaticSolver:
-    """Newton iterations of one model; keeps the last equilibrium."""
+    """Newton solver for equilibria of one model; it keeps the last equilibrium."""
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None) -> None:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
@@ -54,14 +54,14 @@ class StaticSolver:
         # iterations of the last equilibrium, or of the hardest part of it
         self.longest = 0
         self.interrupts = Interrupts()
-        # what slipped in the last equilibrium without anything that resists
+        # label of what slipped in the last equilibrium without resistance
         self.unresisted = ""
         # supports on their way to where they are at the time of the loads
         self.motion: StaticMotion | StaticShift | None = None
         self._carrying: Carrying | None = None
-        # how much of their way these, and whatever else is given, have gone
+        # part of their path that these, and other prescribed coordinates, have gone
         self.share = 0.0
-        # coordinates to which that takes the scene, before Newton's method on everything
+        # coordinates to which moving supports lead the scene, before Newton's method on all unknowns
         self._led: Array | None = None
         # load factors of the last equilibrium; without loads at the start
         self._factors_before: Any = 0.0
@@ -75,16 +75,16 @@ class StaticSolver:
 
     @property
     def name(self) -> str:
-        """What was used, for the result."""
+        """Linear solver, for the result."""
         return self.linear.name
 
     @property
     def state(self) -> State:
-        """The present shape."""
+        """Present shape."""
         return self.stepper.state
 
     def count_turns(self) -> None:
-        """Bring what counts turns, coordinates of joints and supports, up to the present equilibrium."""
+        """Update turns of coordinates of joints and supports to the present equilibrium."""
         if self.motion is not None:
             self.motion.count_turns(self.core.turns_of(self.stepper.core_state.history))
         motions = self.core.motions
@@ -92,17 +92,17 @@ class StaticSolver:
             motions.settle(self.stepper.core_state, self.state, self.core.place("motions"), None)
 
     def has_potential(self, in_plane: bool) -> bool:
-        """Whether all loads have one: moments that are fixed in space do in a plane only, loads by laws nowhere."""
+        """Return whether all loads have a potential: moments fixed in space have one in a plane only, loads by laws never."""
         return not self.moments or in_plane and not self._turns
 
     def set_time(self, t: float, factor: float) -> None:
-        """At which time, and with which load factor, forces by laws, moving air and drives are evaluated."""
+        """Set the time and the load factor at which forces by laws, moving air and drives are evaluated."""
         self.stepper.load_at(t, factor)
         if self.stepper.motion is not None:
             self.core.motions.at_rest(self.stepper.motion, t, factor)
 
     def move_to(self, share: float) -> None:
-        """How much of their way supports and prescribed places of sliders have gone at the next equilibrium."""
+        """Set the part of their path that supports and prescribed places of sliders have gone at the next equilibrium."""
         self.share = share
         if self.motion is not None:
             self.motion.share = share
@@ -113,7 +113,7 @@ class StaticSolver:
             kernels.external_forces(self.core.loads, factors, self.work.f_ext)
 
     def load_all(self, factors: Array) -> None:
-        """All that acts on nodes at the present shape, under load factors [K], into `work.f_ext`."""
+        """Assemble all loads on nodes at the present shape, under load factors [K], into `work.f_ext`."""
         self._load(factors)
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
@@ -143,7 +143,7 @@ class StaticSolver:
         else:
             self.stepper.parts.start(0.0)
             status, sizes = self.stepper.parts.newton(0.0, self.max_iterations, LARGEST_INCREMENT, self.interrupts.serve)
-        # what nothing resists goes anywhere by round-off, and has to be held
+        # round-off moves free motions arbitrarily, so that they have to be held
         drifts = status in (NOT_CONVERGED, NOT_FINITE) and min(sizes, default=1.0) < DRIFT and not self.stepper.pivots_everywhere
         if status == SINGULAR and not self.stepper.pivots_everywhere or drifts and self.fallback.free_motions.may_be:
             state.q[:] = before
@@ -160,9 +160,9 @@ class StaticSolver:
         return status, sizes
 
     def _leaps(self, before: Array, factors: Array) -> bool:
-        """Whether the present equilibrium, under load factors [K], lies further from where moving supports have taken the
-        coordinates `before` than these have gone, and may not: another one. One that may is kept in `leaps`. Where loads change
-        too, as on a slack rope, nothing tells."""
+        """Return whether the present equilibrium, under load factors [K], is remote and has to be rejected: it lies too far from
+        the shape to which moving supports have led the scene, next to the distance of the coordinates `before`. With `may_leap`
+        keep it in `leaps` instead. Where loads change too, as on a slack rope, nothing is decided."""
         changed, self._factors_before = bool(np.any(factors != self._factors_before)), factors.copy()
         if self._led is None or changed:
             return False
@@ -175,7 +175,7 @@ class StaticSolver:
         return is_other and not self.may_leap
 
     def _carry(self, factors: Array) -> int:
-        """Where supports move, one iteration that takes the scene along with them."""
+        """Move the scene along with its supports in one iteration; return a status."""
         if self.motion is None:
             return OK
         core, own = self.core, self.motion.own
@@ -197,7 +197,8 @@ class StaticSolver:
         return self.fallback._carried(given)
 
     def _carried(self, given: Array) -> int:
-        """The same with what is missing, under the loads in `work.f_ext`."""
+        """Do one Newton iteration with prescribed increments `given` of the supports, under the loads in `work.f_ext`; return a
+        status."""
         stepper = self.stepper
         assert self.motion is not None
         x = self.motion.rows(given, stepper.core, None if stepper.plane is None else stepper.plane.axes)
@@ -219,7 +220,7 @@ class StaticSolver:
 
     @property
     def carrying(self) -> Carrying:
-        """Of the supports that move."""
+        """Iteration that moves the scene along with its supports."""
         if self._carrying is None:
             assert self.motion is not None
             self._carrying = Carrying(self.stepper, self.motion.own)
@@ -234,7 +235,7 @@ class StaticSolver:
 
     @cached_property
     def fallback(self) -> StaticSolver:
-        """The same state around SuperLU without elimination of inner nodes, see `Stepper.fallback`."""
+        """Solver of the same state around SuperLU without elimination of inner nodes, see `Stepper.fallback`."""
         fallback = self._uneliminated(self.stepper.plane is not None)
         fallback.stepper.core_state = self.stepper.core_state
         fallback.interrupts = self.interrupts
@@ -247,12 +248,12 @@ class StaticSolver:
         return FreeMotions(self.stepper.model, None if plane is None else plane.axes)
 
     def hold_free(self, matrix: Callable[[], Any]) -> Array:
-        """One unknown of each at the present shape; matrix: what gives the tangent by rows."""
+        """Return one unknown of every free motion at the present shape; matrix: function that returns the tangent by rows."""
         return self.free_motions.find(matrix, self.state.q.reshape(-1, 4, 3))
 
     def signs(self, factors: Array, in_plane: bool) -> Counts | None:
-        """Of the tangent at the last equilibrium, that of load factors [K]: in space, also in directions that a planar scene
-        cannot follow, or in its plane. None where moments leave it undecided."""
+        """Count negative and zero eigenvalues of the tangent at the last equilibrium, that of load factors [K]: in space, also in
+        directions that a planar scene cannot follow, or in its plane. None where moments leave the numbers undecided."""
         if in_plane != (self.stepper.plane is not None) or not self.stepper.pivots_everywhere:
             return self._uneliminated(in_plane).signs(factors, in_plane)
         model, work = self.core, self.work
@@ -264,6 +265,6 @@ class StaticSolver:
         return self.counts(self.linear.superlu.signs(blocks, self.has_potential(in_plane), self.hold_free))
 
     def counts(self, found: tuple[int, int] | None) -> Counts | None:
-        """Numbers of negative and of zero eigenvalues with what is known of the latter."""
+        """Return the numbers of negative and of zero eigenvalues, with the names of free motions among the latter."""
         names = self.free_motions.names
         return None if found is None else Counts(*found, names if len(names) <= found[1] else ())

@@ -1,4 +1,4 @@
-"""Equilibria whose contacts are element ends: what an element cannot show at a contact is not there (theory.md 8).
+"""Equilibria whose contacts are element ends, because the shape inside an element cannot have a kink (theory.md 8).
 
 The equilibrium on the mesh as it is comes first. Then the beams are cut at their contacts, with everything held where it is; the
 force along the beam is the derivative of the energy by the place of that element end, and contacts that are free go with Newton's
@@ -29,7 +29,7 @@ from fastbeam.stepping.assembled import Equations
 Array = np.ndarray
 # Newton's method on the places ends with increments below this share of a beam; the next one would be its square
 CLOSE = 1e-7
-# and gives up after so many, or where an increment has to be shortened to less than this share
+# most increments, and smallest share to which an increment is shortened, before the method gives up
 MOST, LEAST_SHARE = 60, 1e-6
 # a contact moves by this share of its beam at once
 REACH = 0.1
@@ -42,7 +42,7 @@ NOISE = 1e-13
 
 
 class Observed(NamedTuple):
-    """What rows hold."""
+    """Quantities and points that rows hold."""
 
     kinds: tuple[str, ...]
     points: Mapping[str, Any]
@@ -60,13 +60,13 @@ class Found(NamedTuple):
 
 
 class ExactSolver(SlidingSolver):
-    """As `SlidingSolver`, with beams cut at their contacts. `state` is the equilibrium on the given mesh with all sliders held
-    where they are exactly, from which a run can start; `found` has the exact one.
+    """Solver for equilibria with beams cut at their contacts. `state` is the equilibrium on the given mesh with all sliders held
+    exactly where they are, from which a run can start; `found` has the exact one.
 
     Raises
     ------
     SceneError
-        A slider of a kind that this does not know.
+        A slider has a type that is not supported.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, backend: str = "auto",
@@ -96,7 +96,7 @@ class ExactSolver(SlidingSolver):
         return status, sizes + more
 
     def _sharpened(self, factors: Array) -> tuple[int, list[float]]:
-        """The equilibrium with cut beams, and which contacts stick, slip and rest at stops in it."""
+        """Find the equilibrium with cut beams, and which contacts stick, slip and rest at stops in it."""
         at = self.state
         cut = self.found.cut if self.found is not None and np.array_equal(at.s, self.found.cut.s) else Cut(self.scene, at.s)
         solver = self._open(cut, at)
@@ -129,7 +129,8 @@ class ExactSolver(SlidingSolver):
         return status, sizes
 
     def _slid(self, found: Found, factors: Array) -> tuple[int, Found]:
-        """From an equilibrium to one in which the contacts that are free neither push nor rub less than they can."""
+        """Move free contacts by Newton's method until nothing pushes them along their beams beyond their full friction; return a
+        status and the equilibrium."""
         free, cut, share = np.flatnonzero(self.sliding), found.cut, 1.0
         for _ in range(MOST):
             if not free.size:
@@ -170,15 +171,15 @@ class ExactSolver(SlidingSolver):
 
     # --- friction -----------------------------------------------------------------------------------------------------
     def _normal(self, found: Found) -> tuple[Array, Array]:
-        """What presses contacts on their beams times the length of the derivative of the axis, N, and the contact forces, [S, d].
-        The part along the beam is what drives the contact there: the axis has a kink, and no tangent."""
+        """Return the normal forces of contacts times the length of the derivative of the axis, N [S], and the contact forces, [S,
+        d]. The part along the beam drives the contact: the axis has a kink there, and no tangent."""
         core = found.solver.core
         force = found.solver.stepper.core_state.force[:core.dim * self.held.size].reshape(-1, core.dim)
         size = found.stretch * np.linalg.norm(force, axis=1)
         return np.sqrt(np.maximum(size**2 - found.slope**2, (ALONG_ONLY * size)**2)), force
 
     def _exact_equations(self, found: Found) -> Equations:
-        """What friction and stops are compared with; that of the elements where a contact has no slope of its own."""
+        """Return the equations that friction and stops are compared with; those of the elements where a contact has no slope."""
         assert self.along is not None
         own, normal = found.solver._of_constraints(rubs=False), self._normal(found)[0]
         known, has = self.along.known(found.cut.s)[0], np.isfinite(found.slope)
@@ -187,7 +188,8 @@ class ExactSolver(SlidingSolver):
         return own._replace(sliding=np.where(has, found.slope - known, push), normal=np.where(has, normal, own.normal))
 
     def _no_slope(self, cut: Cut, free: Array) -> int:
-        """A contact came to a node that other parts refer to, to another contact or to an end."""
+        """Note why a contact has no slope: it came to a node that other parts refer to, to another contact or to an end. Return
+        SLIDER_END."""
         names = self.stepper.model.names["sliders"]
         for k in free.tolist():
             slot = next(x for x in cut.slots[cut.places[k].beam] if k in x.contacts)
@@ -201,7 +203,8 @@ class ExactSolver(SlidingSolver):
         return SLIDER_END
 
     def _push(self, found: Found, free: Array) -> Array:
-        """What moves contacts back along their beams, N: slopes of the energy less drives, elastic stops and friction."""
+        """Return the forces that move contacts back along their beams, N: slopes of the energy less drives, elastic stops and
+        friction."""
         push = found.slope[free]
         if self.along is None:
             return push
@@ -210,7 +213,7 @@ class ExactSolver(SlidingSolver):
         return np.asarray(push - self.along.known(found.cut.s)[0][free] + rub)
 
     def _newton_way(self, found: Found, free: Array, push: Array, bend: Array) -> Array:
-        """Newton's increments of the free s [F] where some slip with friction; bend: without it."""
+        """Return Newton's increments of the free s [F] where some slip with friction; bend: without it."""
         assert self.along is not None
         slip, (normal, force) = self.along.slip[free], self._normal(found)
         ahead = np.array([x.force[:force.size].reshape(force.shape)[free] for x in found.ahead])
@@ -218,11 +221,11 @@ class ExactSolver(SlidingSolver):
         return np.linalg.solve(bend + slip[:, None] * change / normal[free, None], -push)
 
     def _way(self, found: Found, free: Array, push: Array) -> Array | None:
-        """Increments of the free s [F], downhill; None where a contact runs off its beam."""
+        """Return increments of the free s [F], downhill; None where a contact runs off its beam."""
         bend = found.bend if self.along is None else found.bend - np.diag(self.along.known(found.cut.s)[1][free])
         size, axes = np.linalg.eigh(bend)
         along = axes.T @ push
-        # where round-off pushes they stay; on a ridge they go down from it
+        # contacts stay where only round-off pushes; on a ridge they go downhill
         force = float(np.max(np.abs(found.solver.state.force), initial=0.0))
         least = max(FLAT * float(np.max(np.abs(size))), NOISE * force / float(np.max(self.lengths)), 1e-300)
         way = -axes @ np.where(np.abs(along) <= NOISE * force, 0.0, along / np.maximum(np.abs(size), least))
@@ -242,7 +245,7 @@ class ExactSolver(SlidingSolver):
         return np.asarray(way * min(1.0, float(np.min(most / np.maximum(np.abs(way), 1e-300)))))
 
     def _moved(self, found: Found, s: Array, way: Array, factors: Array, free: Array) -> Found | None:
-        """The equilibrium with contacts at s [S]; None where there is none near."""
+        """Find the equilibrium with contacts at s [S]; None where there is none near."""
         cut = Cut(self.scene, s, found.cut)
         before = found.solver
         if cut.same_mesh and way.size:
@@ -264,7 +267,7 @@ class ExactSolver(SlidingSolver):
         return self._looked_at(cut, solver, factors, free) if status == OK else None
 
     def _open(self, cut: Cut, at: State, on_cut: bool = False) -> SlidingSolver:
-        """A solver with everything held where it is; at: a state of the given mesh, or of the cut one."""
+        """Make a solver with everything held where it is; at: a state of the given mesh, or of the cut one."""
         flat = self.stepper.plane is not None
         model = self._compiled(cut, flat)
         start = model.state()
@@ -291,7 +294,7 @@ class ExactSolver(SlidingSolver):
         return cut.model
 
     def _looked_at(self, cut: Cut, solver: SlidingSolver, factors: Array, free: Array) -> Found | None:
-        """Slopes at an equilibrium, and what the free contacts' second derivatives need; None where its tangent is singular."""
+        """Evaluate slopes at an equilibrium, and second derivatives by the free contacts; None where its tangent is singular."""
         model, q = solver.stepper.model, solver.state.q
         acting = self._acting(cut, factors)
         along = energy_along(cut, model.numbers, acting, q.reshape(-1, 4, 3))
@@ -316,8 +319,8 @@ class ExactSolver(SlidingSolver):
         return Found(cut, solver, along.slope, 0.5 * (bend + bend.T), ahead, stretch)
 
     def _bend(self, cut: Cut, solver: SlidingSolver, acting: dict[Any, Acting], k: int, ahead: Increment) -> float:
-        """Derivative of the slope of contact k by its place, with all nodes in equilibrium: a difference along the way that they
-        take, because in the sum of derivatives that of the normal force of a stiff beam is left as round-off."""
+        """Return the derivative of the slope of contact k by its place, with all nodes in equilibrium: a difference along the way
+        that they take, because in the sum of derivatives that of the normal force of a stiff beam is left as round-off."""
         step, saved, slope = BEND_STEP * cut.length_at(k), solver._saved(), []
         for way in (step, -step):
             solver.move(Increment(way * ahead.nodes, ahead.s, way * ahead.force))
@@ -338,12 +341,12 @@ class ExactSolver(SlidingSolver):
             along.slope[k] -= float(row[:way.size] @ way)
 
     def _by_unknowns(self, solver: SlidingSolver, along: Along, free: Array) -> Array:
-        """Derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""
+        """Return derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""
         from scipy import sparse
         return (sparse.csr_matrix(along.forces[free]) @ solver.map.rates(solver.state.q)).toarray()
 
     def _acting(self, cut: Cut, factors: Array) -> dict[Any, Acting]:
-        """What acts along the beams with contacts at load factors [K]."""
+        """Return weights and distributed loads of the beams with contacts at load factors [K]."""
         model, scene = self.stepper.model, self.scene
 
         def factor(time: Any) -> float:
@@ -395,7 +398,7 @@ class ExactSolver(SlidingSolver):
                                 free=counted.free + int(np.sum(np.abs(size) <= least)))
 
     def row(self, observed: Observed, t: float, factors: Array, share: float) -> dict[str, Any]:
-        """A row of the result at time t, s, under load factors [K]; share: the load factor."""
+        """Return the row of the result at time t, s, under load factors [K]; share: the load factor."""
         found = self.found
         assert found is not None
         solver, model = found.solver, found.solver.stepper.model
@@ -418,7 +421,7 @@ class ExactSolver(SlidingSolver):
         return row
 
     def _share_out(self, row: dict[str, Any], found: Found) -> None:
-        """Friction and rigid stops share what drives and elastic stops leave of the force along the beam."""
+        """Split the force along the beam that drives and elastic stops leave into friction and force of rigid stops."""
         assert self.along is not None
         at_stop, exact = self.along.modes.at_stop != 0, self._exact_equations(found)
         most = self.along.friction * exact.normal
@@ -464,6 +467,6 @@ class ExactSolver(SlidingSolver):
         return ends[0], ends[1]
 
     def forces_along(self) -> dict[str, float]:
-        """What holds every slider where it is along its beam, N."""
+        """Return the forces that hold sliders in their places along their beams, N, by name."""
         assert self.found is not None
         return {name: float(x) for name, x in zip(self.stepper.model.names["sliders"], self.found.slope)}

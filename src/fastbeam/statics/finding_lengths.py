@@ -38,12 +38,12 @@ PART, MOST = 0.1, 6
 
 @dataclass(frozen=True)
 class LengthTask(StaticTask):
-    """What `find_lengths` is asked for, its arguments tested.
+    """Task of `find_lengths`, its arguments tested.
 
     Attributes
     ----------
     tables : LengthTables
-        Of the model.
+        Tables of the model.
     conditions : list of Condition
     """
 
@@ -57,13 +57,13 @@ class LengthTask(StaticTask):
 
 
 class LengthSteps(LoadSteps):
-    """Steps of the conditions from what they are to what they are to be, with a row for each.
+    """Steps of conditions from their first to their wanted values, with a row for each.
 
     Parameters
     ----------
     task : LengthTask
     mass : str
-        As in `find_lengths`.
+        See `find_lengths`.
 
     Raises
     ------
@@ -152,8 +152,8 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
                  mass: str = "kept", observe: Sequence[str] = ("energy",), held: bool | str | Sequence[str] = False,
                  step: float = 0.25, largest_step: float = 1.0, smallest_step: float = 1e-4, max_iterations: int = 20,
                  backend: str = "auto") -> Result:
-    """An equilibrium under the loads of the scene in which beams have the unstressed lengths with which conditions hold: droppers
-    whose wire is level, cables with a given sag or tension (theory.md (12.4)).
+    """Find unstressed lengths of beams with which conditions hold in equilibrium under the loads of the scene: droppers whose
+    wire is level, cables with a given sag or tension (theory.md (12.4)).
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
 
 
 def _beams_of(model: Model, lengths: Any) -> list[Beam]:
-    """Those whose lengths are asked for.
+    """Return the beams whose lengths are asked for.
 
     Raises
     ------

@@ -22,7 +22,7 @@ BALANCED = 1e-9
 @checked(nodes=POINTS, edges=Anything(), densities=Anything(), pins=Anything(), loads=FORCES)
 def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins: ArrayLike,
                   loads: ArrayLike | None = None) -> Array:
-    """Positions of the nodes of a net in equilibrium, where every cable has a given force per length.
+    """Find the positions of the nodes of a net in equilibrium, where every cable has a given force per length.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins
 
 
 def _numbers_of(what: str, value: Any, n: int, shape: tuple[int | None, ...]) -> Array:
-    """Node numbers.
+    """Return node numbers as an array, checked.
 
     Raises
     ------

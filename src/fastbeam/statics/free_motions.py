@@ -1,4 +1,4 @@
-"""Motions that nothing resists at an equilibrium, found from what a scene consists of, and named (theory.md 8).
+"""Motions that nothing resists at an equilibrium, found from the parts of a scene, and named (theory.md 8).
 
 A round beam between two ball joints spins about its axis, a body on a ball joint turns about it. Such motions are known as
 vectors z, not as eigenvalues next to zero, which round-off gives either sign and which the softest bending of a fine mesh may
@@ -20,15 +20,15 @@ from fastbeam.linalg.inertia import Nodes, strained
 from fastbeam.model.model import Model
 
 Array = np.ndarray
-# what is left of K z, next to the sum of the sizes of its terms, that is round-off: of spins about axes, rigid motions of beams,
-# those of bodies alone, whose few terms have less (their weight on a beam of 5000 nodes may resist with 1e-15)
+# round-off of K z, relative to the sum of the sizes of its terms: for spins about axes, rigid motions of beams, and those of
+# bodies alone, whose few terms have less (their weight on a beam of 5000 nodes may resist with 1e-15)
 NOTHING, OF_BEAMS, OF_BODIES = 3e-14, 3e-15, 3e-16
 # the same of forces and moments across the axes of spins, in which round-off of positions far from the origin stands; and share
 # of what may be round-off of residuals that those about axes have
 ACROSS, ABOUT = 1e-10, 1e-6
-# what supports feel of a motion that they allow
+# largest component of a motion at supports that allow it
 HELD = 1e-9
-# components of a combination of motions of size 1 that are none
+# components of a combination of motions of size 1 that count as zero
 ROUND_OFF = 1e-12
 # parts of rigid motions next to the whole that are another motion already; parts whose motions together are tried,
 # numbers of these, and parts at all
@@ -40,7 +40,7 @@ SMALL = 1e-6
 
 
 class Part(NamedTuple):
-    """Beams and bodies joined rigidly."""
+    """Part of a model: beams and bodies joined rigidly."""
 
     name: str         # of its first beam or body
     several: bool     # whether there are others
@@ -52,19 +52,19 @@ _KNOWN: WeakKeyDictionary[Model, list[Part]] = WeakKeyDictionary()
 
 
 class FreeMotions:
-    """Of one model.
+    """Motions of one model that nothing resists.
 
     Parameters
     ----------
     model : Model
-        In space, without elimination of inner nodes.
+        Model in space, without elimination of inner nodes.
     axes : float64 [3, 3], optional
-        Of the plane where nodes have 3 unknowns.
+        Axes of the plane where nodes have 3 unknowns.
 
     Attributes
     ----------
     names : tuple of str
-        Of the motions that were found last.
+        Names of the motions that were found last.
     """
 
     def __init__(self, model: Model, axes: Array | None) -> None:
@@ -78,7 +78,7 @@ class FreeMotions:
 
     @cached_property
     def own(self) -> Array:
-        """Whether unknowns of rows are their own, bool [rows, 6]: tied nodes follow others."""
+        """True where unknowns of rows are independent, bool [rows, 6]: tied nodes follow others."""
         model = self.model
         free = np.zeros((model.pattern.n, 6), bool)
         first = np.unique(model.pattern.row_of, return_index=True)[1]
@@ -93,7 +93,7 @@ class FreeMotions:
 
     @cached_property
     def held(self) -> Array:
-        """Whether unknowns of nodes are held by supports, or are those of tied nodes, bool [n]."""
+        """True where unknowns of nodes are fixed by supports or belong to tied nodes, bool [n]."""
         core, size = self.model if self.axes is None else self.model.plane.model, self.nodes.size
         held = np.zeros(self.nodes.total, bool)
         if core.held is not None:
@@ -104,14 +104,14 @@ class FreeMotions:
 
     @property
     def parts(self) -> list[Part]:
-        """What is joined rigidly."""
+        """Parts of the model that are joined rigidly."""
         if (found := _KNOWN.get(self.model)) is None:
             found = _KNOWN[self.model] = _parts(self.model)
         return found
 
     @cached_property
     def _alike(self) -> list[_Alike]:
-        """The same, those with equally many nodes together. A node that supports hold in all directions leaves no motion."""
+        """Parts, grouped by their number of nodes. A node that supports fix in all directions leaves its part no motion."""
         pattern = self.model.pattern
         clamped = self.held.reshape(-1, self.nodes.size).all(axis=1) & self.own.all(axis=1)
         inside = [part.nodes[pattern.first_on_row[part.nodes] == part.nodes] for part in self.parts]
@@ -120,25 +120,25 @@ class FreeMotions:
 
     @cached_property
     def has_axes(self) -> bool:
-        """Whether some part has an axis, and may spin about it: beams in a line that no support clamps."""
+        """True where some part has an axis, and may spin about it: beams in a line that no support clamps."""
         return any(alike.signs.any() for alike in self._alike)
 
     @property
     def may_be(self) -> bool:
-        """Whether some part has motions that its supports allow."""
+        """True where some part has motions that its supports allow."""
         return self._may_move(self.model.q0.reshape(-1, 4, 3), True)
 
     def _may_move(self, q: Array, rigidly: bool) -> bool:
-        """The same at q, rigidly or by spins only."""
+        """Return whether some part may spin at coordinates q or, if `rigidly`, move as a rigid body."""
         return any(alike.spins(self, q).any() or rigidly and alike.rigid(self, q).any() for alike in self._alike)
 
     def find(self, matrix: Callable[[], Any], q: Array) -> Array:
-        """One unknown of every free motion [m]; `names` has their names.
+        """Return one unknown of every free motion [m]; `names` has their names.
 
         Parameters
         ----------
         matrix : callable
-            Gives the tangent, sparse by rows [n, n]; unknowns of nodes come first.
+            Returns the tangent, sparse by rows [n, n]; unknowns of nodes come first.
         q : float64 [N, 4, 3]
             Coordinates in space.
         """
@@ -166,17 +166,17 @@ class FreeMotions:
         return np.concatenate(unknowns)
 
     def spins(self, matrix: Any, q: Array, residual: Array, round_off: Callable[[], Array]) -> Array:
-        """One unknown [m] of every spin about an axis that Newton's method may hold at any shape.
+        """Return one unknown [m] of every spin about an axis that Newton's method may hold at any shape.
 
         Parameters
         ----------
         matrix : sparse by rows [n, n]
         q
-            As of `find`.
+            See `find`.
         residual : float64 [n]
-            Of the unknowns of nodes at this shape.
+            Residual of the unknowns of nodes at this shape.
         round_off : callable
-            Gives how much of it may be round-off, float64 [n].
+            Returns how much of the residual may be round-off, float64 [n].
         """
         if not self._may_move(q, False):
             return np.zeros(0, np.int64)
@@ -189,7 +189,7 @@ class FreeMotions:
         return spins.pivots
 
     def _loose(self, whole: Any, q: Array, spins: _Spins) -> list[_Near]:
-        """Parts that supports let move otherwise than by free spins."""
+        """Return parts that supports let move otherwise than by free spins."""
         out = []
         for alike, spin in zip(self._alike, spins.by_part):
             rest = _without(alike.rigid(self, q), spin)
@@ -197,7 +197,7 @@ class FreeMotions:
         return out
 
     def motions(self, n: int) -> Array:
-        """Those that were found last, among n unknowns, by columns [n, m]."""
+        """Return the motions found last, among n unknowns, by columns [n, m]."""
         ends = np.cumsum([0, *(x.shape[1] for _, x in self._found)])
         out = np.zeros((n, ends[-1]))
         for (unknowns, x), first, last in zip(self._found, ends, ends[1:]):
@@ -205,7 +205,7 @@ class FreeMotions:
         return out
 
     def on_unknowns(self, rows: Array, motion: Array) -> Array:
-        """Velocities and spins [k, 6, m] of nodes that have these rows [k] in their unknowns [k, size, m]."""
+        """Return velocities and spins [k, 6, m] of nodes that have these rows [k] in their unknowns [k, size, m]."""
         motion = motion * self.own[rows][:, :, None]
         if self.axes is None:
             return motion
@@ -213,7 +213,7 @@ class FreeMotions:
         return np.concatenate((shift, np.einsum("j,njm->nm", self.axes[2], motion[:, 3:])[:, None]), axis=1)
 
     def _of_group(self, whole: Any, group: list[_Near]) -> tuple[Array, list[str]]:
-        """The same of parts that may move together."""
+        """Find free motions of parts that may move together: one unknown of each [m], and their names."""
         if len(group) == 1:
             matrix, nodes, motions, unknowns = group[0].matrix, group[0].nodes, group[0].rest, group[0].unknowns
         else:
@@ -228,7 +228,7 @@ class FreeMotions:
         return unknowns[_pivots(matrix, found)], [self._name(group, unknowns, x) for x in found.T]
 
     def _name(self, group: list[_Near], unknowns: Array, x: Array) -> str:
-        """Of a motion x of these unknowns: the part that moves most, and how."""
+        """Name a motion x of these unknowns: the part that moves most, and its axis or direction."""
         motion = np.zeros(self.nodes.total + 1)
         motion[np.minimum(unknowns, self.nodes.total)] = x
         rows = motion[:-1].reshape(-1, self.nodes.size)[self.model.pattern.row_of]
@@ -261,16 +261,16 @@ class _Alike:
         self._held = of.held[self.unknowns]
 
     def spins(self, of: FreeMotions, q: Array) -> Array:
-        """About axes [parts, unknowns], zero where there is none."""
+        """Return spins about axes [parts, unknowns], zero where there is none."""
         out = of.on_unknowns(self.rows.reshape(-1), _spin(self.signs.reshape(-1), q[self._inside.reshape(-1), 1]))
         out = out.reshape(self.unknowns.shape)
         return out * ~np.any(out * self._held, axis=1)[:, None]
 
     def rigid(self, of: FreeMotions, q: Array) -> Array:
-        """Shifts and turns [parts, unknowns, 6], zero where there are fewer."""
+        """Return shifts and turns [parts, unknowns, 6], zero where there are fewer."""
         motion = np.stack([_rigid(x, of.model.length) for x in q[self._inside, 0]])
         motion = of.on_unknowns(self.rows.reshape(-1), motion.reshape(-1, 6, 6)).reshape(*self.unknowns.shape, 6)
-        # what supports feel of them
+        # parts of the motions at fixed unknowns
         sizes, turn = _singular(motion * self._held[:, :, None])
         allowed = sizes <= HELD * np.maximum(1.0, np.max(sizes, axis=1))[:, None]
         out = motion @ (turn * allowed[:, :, None]).transpose(0, 2, 1)
@@ -327,19 +327,19 @@ class _Spins:
         self.free = np.setdiff1d(self.free, parts)
 
     def driven(self, residual: Array, round_off: Array) -> Array:
-        """Parts that more than round-off of the residual of nodes [n] turns about their axes."""
+        """Return parts that the residual of nodes [n] turns about their axes by more than its round-off."""
         at = np.flatnonzero(self._part >= 0)
         pushed, most = (np.bincount(self._part[at], x[at], len(self._of.parts))
                         for x in (self._spin[:residual.size] * residual, np.abs(self._spin[:residual.size]) * round_off))
         return np.flatnonzero(np.abs(pushed) > most)
 
     def resisted(self, slack: Array | float) -> Array:
-        """Parts that the matrix lets not spin freely.
+        """Return parts whose spins the matrix resists.
 
         Parameters
         ----------
         slack : float64 [n]
-            How much of forces and moments does not count besides.
+            Forces and moments that are neglected besides round-off.
         """
         count, size, _ = self._of.nodes
         matrix, sizes = self._matrix, abs(self._matrix)
@@ -386,14 +386,14 @@ class _Near:
 
 
 def _spin(signs: Array, axes: Array) -> Array:
-    """Velocities and spins [k, 6, 1] of nodes that spin about their axes [k, 3]."""
+    """Return velocities and spins [k, 6, 1] of nodes that spin about their axes [k, 3]."""
     out = np.zeros((len(axes), 6, 1))
     out[:, 3:, 0] = np.nan_to_num(signs)[:, None] * axes
     return out
 
 
 def _rigid(x: Array, length: float) -> Array:
-    """Velocities and spins [k, 6, 6] of nodes at x [k, 3] that move together: shifts, and turns about their middle."""
+    """Return velocities and spins [k, 6, 6] of nodes at x [k, 3] that move together: shifts, and turns about their middle."""
     off = x - x.mean(axis=0)
     reach = float(np.max(np.linalg.norm(off, axis=1), initial=0.0)) or length
     out = np.zeros((len(x), 6, 6))
@@ -403,14 +403,14 @@ def _rigid(x: Array, length: float) -> Array:
 
 
 def _scaled(matrix: Any, nodes: Nodes, x: Array) -> Array:
-    """K x of motions [n, m], every row next to the sum of the sizes of its terms."""
+    """Return K x of motions [n, m], every row relative to the sum of the sizes of its terms."""
     product, size = strained(matrix, nodes, x)
     total = size.sum(axis=1)
     return product[total > 0.0] / total[total > 0.0, None]
 
 
 def _null(matrix: Any, nodes: Nodes, x: Array, round_off: float) -> Array:
-    """Combinations [k, m] of motions x [n, k] that nothing resists but round-off."""
+    """Return the combinations [k, m] of motions x [n, k] that only round-off resists."""
     product = _scaled(matrix, nodes, x)
     turn = _singular(product)[1]
     left = np.max(np.abs(product @ turn.T), axis=0, initial=0.0)
@@ -419,7 +419,8 @@ def _null(matrix: Any, nodes: Nodes, x: Array, round_off: float) -> Array:
 
 
 def _pivots(matrix: Any, x: Array) -> Array:
-    """As many unknowns as there are motions x [n, m], which hold them; those that are stiff, if there is a choice."""
+    """Choose as many unknowns as there are motions x [n, m], such that fixing them fixes the motions; stiff ones where there is a
+    choice."""
     from scipy.linalg import qr
     stiff = np.sqrt(np.abs(matrix.diagonal()))
     stiff[stiff == 0.0] = SMALL * np.max(stiff, initial=1.0)
@@ -429,7 +430,7 @@ def _pivots(matrix: Any, x: Array) -> Array:
 
 
 def _parts(model: Model) -> list[Part]:
-    """What is joined rigidly: beams and bodies that share triads."""
+    """Find beams and bodies that are joined rigidly, because they share triads."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     names = model.names
@@ -458,7 +459,8 @@ def _parts(model: Model) -> list[Part]:
 
 
 def _signs(beams: list[Array], triad: Array, d1: Array) -> Array:
-    """1 or -1 for each of some beams that are joined, such that they spin about their axes together where they are in line."""
+    """Return 1 or -1 for each of some beams that are joined, such that they spin about their axes together where they are in
+    line."""
     shared: dict[int, list[tuple[int, int]]] = {}
     for k, nodes in enumerate(beams):
         for node in nodes.tolist():
@@ -475,7 +477,8 @@ def _signs(beams: list[Array], triad: Array, d1: Array) -> Array:
 
 
 def _without(x: Array, known: Array) -> Array:
-    """Motions [parts, n, m] without their parts along a known one [parts, n], all of size 1; zero where nothing is left."""
+    """Return motions [parts, n, m] without their parts along a known one [parts, n], all of size 1; zero where nothing is
+    left."""
     def unit(y: Array) -> Array:
         size = np.linalg.norm(y, axis=1, keepdims=True)
         return y / np.where(size > 0.0, size, 1.0)
@@ -488,7 +491,7 @@ def _without(x: Array, known: Array) -> Array:
 
 
 def _singular(x: Array) -> tuple[Array, Array]:
-    """Singular values [..., m] and right vectors by rows [..., m, m] of matrices [..., n, m]."""
+    """Return singular values [..., m] and right vectors by rows [..., m, m] of matrices [..., n, m]."""
     short = max(x.shape[-1] - x.shape[-2], 0)
     x = np.concatenate((x, np.zeros((*x.shape[:-2], short, x.shape[-1]))), axis=-2)
     return np.linalg.svd(np.linalg.qr(x, mode="r"))[1:]

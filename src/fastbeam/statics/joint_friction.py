@@ -29,24 +29,24 @@ Array = np.ndarray
 LARGEST_WAY = 0.3
 # ways below which a coordinate has come to rest, and a force that is round-off of all that hold joints
 SMALL_WAY, ROUND_OFF = 1e-13, 1e-11
-# one that slips comes to rest with this share of its friction in reserve, so that round-off does not move it in a run from there
+# share of friction in reserve where a slipping coordinate comes to rest, so that round-off does not move it in a run from there
 RESERVE = 1e-5
 MOST_ROUNDS, MOST_HALVES, MOST_CHANGES = 100, 8, 4
-# one that went as far as it may so many times in a row, its force the same within this share, is resisted by nothing
+# largest increments in a row, with forces equal within this share, after which nothing resists a coordinate
 IN_VAIN, SAME = 5, 1e-6
 
 
 class JointCoordinates:
-    """R coordinates of joints with friction or rigid stops.
+    """Coordinates of joints, R of them, with friction or rigid stops.
 
     Attributes
     ----------
     values : float64 [R]
-        Where they are at first, rad or m.
+        Initial values, rad or m.
     stops, scales : float64 [R, 2], [R]
         Rigid stops, infinite without, and sizes of coordinates.
     rows : int64 [R]
-        Where what holds one stands among the forces, -1 where nothing does.
+        Number of the constraint force that holds each coordinate, -1 where none does.
     has_friction : bool [R]
     labels : list of str
     """
@@ -67,11 +67,11 @@ class JointCoordinates:
         self.rows[left] = self._begin[len(solver.map.model.kept) - holds.rubs.size:][:-1][left]
 
     def hold(self, values: Array) -> None:
-        """Where equilibria have them from now on."""
+        """Prescribe these values [R] of the coordinates in the next equilibria."""
         self.solver.resting = values
 
     def most(self) -> Array:
-        """Largest friction under the present forces, [R]."""
+        """Return the largest friction under the present forces, [R]."""
         out = self.holds.limits.copy()
         force, q = self.solver.stepper.core_state.force, self.solver.state.q.reshape(-1, 4, 3)
         kept = self.solver.map.model.kept
@@ -89,7 +89,7 @@ class JointCoordinates:
         return out
 
     def remember(self, values: Array, at_stop: Array) -> None:
-        """Into the history of the state: all rest, by friction or at stops."""
+        """Write into the history of the state that all coordinates rest, by friction or at stops."""
         state = self.solver.stepper.core_state
         own = self.holds.numbers(state.history)
         own[:, SIGN], own[:, AGAINST] = 0.0, at_stop
@@ -98,7 +98,7 @@ class JointCoordinates:
 
 
 class SectionAngles:
-    """Angles of the sections of beams in R sleeves that rub as they turn; as `JointCoordinates`, in space."""
+    """Angles of the sections of beams in R sleeves with friction as they turn; as `JointCoordinates`, in space."""
 
     def __init__(self, solver: SlidingSolver) -> None:
         self.solver, self.model = solver, solver.map.model
@@ -115,11 +115,11 @@ class SectionAngles:
         self.rows = state.force.size - 3 * len(self.model.sleeve_pairs) + 3 * self.of + 2
 
     def hold(self, values: Array) -> None:
-        """Where equilibria have them from now on."""
+        """Prescribe these values [R] of the angles in the next equilibria."""
         self.solver.constraints.angles = dict(zip(self.of.tolist(), values.tolist()))
 
     def most(self) -> Array:
-        """Largest moment of friction under the present forces, N m [R]."""
+        """Return the largest moment of friction under the present forces, N m [R]."""
         state = self.solver.stepper.core_state
         every = sections(self.model, state.s, state.q.reshape(-1, 4, 3))
         press, _ = edges_of(self.model, state.force)
@@ -131,25 +131,25 @@ class SectionAngles:
         return out
 
     def remember(self, values: Array, at_stop: Array) -> None:
-        """Into the history of the state: friction holds all."""
+        """Write into the history of the state that friction holds all angles."""
         own = numbers_of(self.model, self.solver.stepper.core_state.history)
         own[:, twists.ANGLE], own[:, twists.SIGN], own[:, twists.STICKS], own[:, twists.MOST] = values, 0.0, 1.0, self.most()
 
 
 def _within(solver: SlidingSolver, link: KeptLink) -> Array:
-    """What the equations take of the conditions of a joint, [m, m in space]."""
+    """Return the matrix that selects the conditions of a joint which the equations contain, [m, m in space]."""
     axes = solver.map.axes
     return np.eye(link.forces(3)) if axes is None else link.law.within(axes)
 
 
 def _begin_of(solver: SlidingSolver) -> Array:
-    """Where the forces of every joint begin among those of all constraints, and where the last ones end, int64 [J + 1]."""
+    """Return the offsets of the forces of every joint among those of all constraints, with their end, int64 [J + 1]."""
     sizes = [len(_within(solver, link)) for link in solver.map.model.kept]
     return solver.core.dim * solver.core.n_sliders + np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
 
 
 def static_joints(solver: SlidingSolver) -> StaticJoints | None:
-    """Those of a solver, None where nothing has friction or rigid stops."""
+    """Collect the coordinates of a solver that have friction or rigid stops; None where there are none."""
     motions = solver.core.motions
     parts: list[JointCoordinates | SectionAngles] = []
     if motions is not None and motions.holds.rubs.size:
@@ -161,8 +161,8 @@ def static_joints(solver: SlidingSolver) -> StaticJoints | None:
 
 
 class StaticJoints:
-    """R coordinates of joints with friction or rigid stops, and of sections that rub in their sleeves, in the equilibria of a
-    solver.
+    """Coordinates of joints with friction or rigid stops, and of sections with friction in their sleeves, R of them, in the
+    equilibria of a solver.
 
     Parameters
     ----------
@@ -178,10 +178,10 @@ class StaticJoints:
         near = np.abs(self.values[:, None] - self.stops) <= 1e-9 * self.scales[:, None]
         # -1 or 1: at rest against the first or last stop
         self.at_stop = np.where(near[:, 1], 1, np.where(near[:, 0], -1, 0))
-        # those that are held whatever that takes
+        # coordinates that are held by whatever force that needs
         self.kept = np.zeros(self.values.size, bool)
         self.labels = [label for x in parts for label in x.labels]
-        # of every constraint force: 1, and the size of the scene of a moment; behind those of joints stand moments of sleeves
+        # arm of every constraint force: 1, of moments the size of the scene; moments of sleeves stand behind those of joints
         begin, length = _begin_of(solver), solver.core.length
         self._arms = np.ones(solver.core.n_forces)
         self._arms[begin[-1]:] = length
@@ -190,29 +190,29 @@ class StaticJoints:
 
     @property
     def loose(self) -> Array:
-        """Which of those of joints are free for small motions: without friction and away from stops, bool."""
+        """Joint coordinates that are free for small motions: without friction and away from stops, bool."""
         loose = ~self.has_friction & (self.at_stop == 0)
         return loose[:sum(x.values.size for x in self._parts if isinstance(x, JointCoordinates))]
 
     def hold(self) -> None:
-        """Have them where they are in the next equilibrium."""
+        """Prescribe the present values of all coordinates in the next equilibrium."""
         for part, values in zip(self._parts, np.split(self.values, self._cuts)):
             part.hold(values)
 
     def forces(self) -> Array:
-        """What holds them, N or N m, [R]."""
+        """Return the forces and moments that hold the coordinates, N or N m, [R]."""
         return np.where(self.rows >= 0, self.solver.stepper.core_state.force[self.rows], 0.0)
 
     def _largest_force(self) -> float:
-        """Among all constraints, of moments over the size of the scene, N."""
+        """Return the largest constraint force, moments divided by the size of the scene, N."""
         return float(np.max(np.abs(self.solver.stepper.core_state.force) / self._arms, initial=0.0))
 
     def most(self) -> Array:
-        """Largest friction under the present forces, [R]."""
+        """Return the largest friction under the present forces, [R]."""
         return np.concatenate([x.most() for x in self._parts])
 
     def _slopes(self, moving: Array) -> Array | None:
-        """dG/dx of the coordinates that move, [n, n]; None where the equations are singular."""
+        """Return dG/dx of the coordinates that move, [n, n]; None where the equations are singular."""
         solver = self.solver
         saddle, right = solver._assembled(solver.sliding)
         at = self.rows[moving]
@@ -295,7 +295,7 @@ class StaticJoints:
         return NOT_CONVERGED, sizes
 
     def _go(self, goal: Array, factors: Array) -> tuple[int, list[float]]:
-        """The equilibrium with all held at `goal`, or at a part of the way there."""
+        """Find the equilibrium with all coordinates held at `goal`, or at a part of the way there."""
         start, saved = self.values.copy(), self.solver._saved()
         sizes: list[float] = []
         status = NOT_CONVERGED
@@ -309,7 +309,7 @@ class StaticJoints:
         return status, sizes
 
     def _at(self, values: Array, factors: Array) -> tuple[int, list[float]]:
-        """The equilibrium with all held at these values [R]."""
+        """Find the equilibrium with all coordinates held at these values [R]."""
         self.values = values.copy()
         self.solver.hold_joints()
         status, sizes = self.solver._with_sliders(factors)
@@ -318,20 +318,20 @@ class StaticJoints:
         return status, sizes
 
     def _remember(self) -> None:
-        """Into the history of the state: all rest, by friction or at stops."""
+        """Write into the history of the state that all coordinates rest, by friction or at stops."""
         for part, *own in zip(self._parts, np.split(self.values, self._cuts), np.split(self.at_stop, self._cuts)):
             part.remember(*own)
 
     def margin(self, i: int) -> float:
-        """The share of its friction that coordinate i has left; all of it where it is pressed against a rigid stop."""
+        """Return the share of its friction that coordinate i has left; all of it where it is pressed against a rigid stop."""
         force, most = float(self.forces()[i]), float(self.most()[i])
         if force * self.at_stop[i] < 0.0:
             return 1.0
         return 1.0 - abs(force) / most if most > 0.0 else -1.0 if force else 1.0
 
     def report(self) -> dict[str, dict[str, Any]]:
-        """Of every coordinate that rubs: the force that holds it, the largest friction, and whether it sticks with some in
-        reserve."""
+        """Report for every coordinate with friction: the force that holds it, the largest friction, and whether it sticks with
+        some in reserve."""
         force, most = self.forces(), self.most()
         out = {}
         for i in np.flatnonzero(self.has_friction).tolist():

@@ -1,5 +1,5 @@
-"""How an equilibrium answers to small changes: what is unbalanced in scenes around it, and solutions with its tangent and with
-the transposed one (theory.md 13)."""
+"""Linear response of an equilibrium: residuals of scenes around it, and solutions with its tangent and the transposed one
+(theory.md 13)."""
 from __future__ import annotations
 
 from typing import Any
@@ -18,25 +18,25 @@ from fastbeam.statics.sliding import SlidingSolver
 Array = np.ndarray
 
 
-# of round-off of coordinates and sums, relative
+# relative round-off of coordinates and sums
 NOISE = 1e-13
 
 
 class OutOfPlane(Exception):
-    """A scene around a planar one is not in its plane."""
+    """Error: a scene around a planar one is not in its plane."""
 
 
 class Response(SlidingSolver):
-    """A scene at a shape, linearised on all its unknowns: those of the rows of nodes, sliding coordinates, multipliers.
+    """Linear response of a scene at a shape on all its unknowns: those of the rows of nodes, sliding coordinates, multipliers.
 
     Parameters
     ----------
     model, start, held, flat, backend, at_time
-        As `SlidingSolver`.
+        See `SlidingSolver`.
     factors : float64 [K]
-        Of the loads.
+        Load factors.
     load_factor : float
-        That `factors` have been multiplied by.
+        Common factor that `factors` contain.
     """
 
     def __init__(self, model: Model, start: State, held: Array, flat: bool, backend: str, at_time: float, factors: Array,
@@ -53,34 +53,34 @@ class Response(SlidingSolver):
 
     @property
     def unknowns(self) -> int:
-        """Of nodes, held ones too, sliding coordinates and multipliers."""
+        """Number of unknowns: nodal ones, also fixed, sliding coordinates and multipliers."""
         return self.nodes + self.sliding.size + self.core.n_forces
 
     def weighed(self, x: Array) -> Array:
-        """Motions of the nodes and sliders among unknowns [n], in sizes of the scene and rad."""
+        """Return motions of the nodes and sliders among unknowns [n], in sizes of the scene and rad."""
         size = len(self.core.dofs)
         moved = x[:self.nodes].reshape(-1, size) / np.where(np.arange(size) < self.core.dim, self.core.length, 1.0)
         return np.append(moved.reshape(-1), x[self.nodes:self.nodes + self.sliding.size] / self.core.length)
 
     @property
     def weights(self) -> Array:
-        """Of squares of the unknowns [n] in the metric of theory.md (12.1); multipliers have none."""
+        """Weights of squares of the unknowns [n] in the metric of theory.md (12.1); zero for multipliers."""
         place = np.arange(len(self.core.dofs)) < self.core.dim
         rows, length = self.core.pattern.n, self.core.length
         nodes = np.tile(np.where(place, length**-2.0, 1.0) / rows, rows)
         return np.concatenate((nodes, np.full(self.sliding.size, length**-2.0), np.zeros(self.core.n_forces)))
 
     def size_of(self, x: Array) -> float:
-        """The largest of them."""
+        """Return the largest motion of nodes and sliders among unknowns [n], in sizes of the scene and rad."""
         return float(np.max(np.abs(self.weighed(x)), initial=0.0))
 
     def label(self, unknown: int) -> str:
-        """The node of an unknown."""
+        """Return the label of the node of an unknown."""
         row = unknown // len(self.core.dofs)
         return str(self.stepper.model.labels[int(np.flatnonzero(self.core.pattern.row_of == row)[0])])
 
     def noise(self) -> Array:
-        """What round-off may make of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
+        """Return the possible round-off of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
         length, n = self.core.length, self.core.pattern.n
         out = np.full(self.unknowns, NOISE * length)
         loads = self._all_loads[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
@@ -94,11 +94,11 @@ class Response(SlidingSolver):
         self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:]))
 
     def unbalanced(self) -> Array:
-        """Forces, forces along beams and gaps that are left [n]; held unknowns have none."""
+        """Return residual forces, sliding forces and gaps [n]; fixed unknowns have none."""
         return self.linearised()[1]
 
     def linearised(self) -> tuple[Saddle, Array]:
-        """Tangent and what is unbalanced."""
+        """Return tangent and residual."""
         self.work.increment.control[0] = 0.0
         self.stepper.forget_failures()
         found = self._assembled(self.sliding)
@@ -106,7 +106,7 @@ class Response(SlidingSolver):
         return found
 
     def inner_forces(self) -> Array:
-        """Of beams, springs and joints on the unknowns of the nodes [m], without loads and contact forces."""
+        """Return the forces of beams, springs and joints on the unknowns of the nodes [m], without loads and contact forces."""
         loads, force = self._loads.copy(), self.stepper.core_state.force.copy()
         self._loads[:] = self.stepper.core_state.force[:] = 0.0
         found = -self.unbalanced()[:self.nodes]
@@ -114,32 +114,32 @@ class Response(SlidingSolver):
         return found
 
     def lift(self) -> Any:
-        """Unknowns of the nodes -> rates of the 12 coordinates of all nodes, sparse [12 N, m]."""
+        """Return the map from unknowns of the nodes to rates of the 12 coordinates of all nodes, sparse [12 N, m]."""
         return self.map.rates(self.state.q)
 
     def spread(self, x: Array) -> Array:
-        """Displacements and spins of the nodes that the unknowns [n] of nodes are of, [N, 6]; tied nodes have none."""
+        """Return displacements and spins of the nodes that the unknowns [n] of nodes belong to, [N, 6]; tied nodes have none."""
         return np.asarray(self.map.rows @ x[:self.nodes]).reshape(-1, 6)
 
 
 def at_shape(like: Response, model: Model, factors: Array, way: Array, length: float,
              load_factor: float | None = None) -> Response:
-    """The response of another scene of the family at the shape of the first, moved with its reference and along a way.
+    """Return the response of another scene of the family at the shape of the first, moved with its reference and along a way.
 
     Parameters
     ----------
     like : Response
-        At the equilibrium.
+        Response at the equilibrium.
     model : Model
-        Of the other scene.
+        The other scene.
     factors : float64 [K]
-        Of its loads.
+        Factors of its loads.
     way : float64 [n]
         Derivatives of the unknowns beside the motion with the reference.
     length : float
-        How far along.
+        Distance along that way.
     load_factor : float, optional
-        Of what pushes sliders; default: that of the first.
+        Factor of slider forces; default: that of the first.
     """
     state, own = like.state, like.stepper.model
     before, after = (x.q0.reshape(-1, 4, 3) for x in (own, model))
@@ -151,7 +151,7 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
     motion = length * like.spread(way)
     q[:, 0] += motion[:, :3]
     q[:, 1:] = turned(q[:, 1:], motion[:, 3:])
-    # those that slide go with the length of what they slide on, those that stay with their place on it
+    # free sliders move with the length of their beam, held ones with their place on it
     s = np.where(like.sliding, state.s * model.slider_lengths / own.slider_lengths, state.s + (model.s0 - own.s0))
     start = State(follow(model, q).reshape(-1), np.zeros(q.size), s, state.force.copy(), model.state().history)
     model.keep_turns(start.history, state.history)
@@ -169,7 +169,8 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
 
 
 def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
-    """Events where sliders that are free in the equilibrium of a model, at which the solver is, rest where the mesh lets them."""
+    """Return events where sliders that are free in the equilibrium of a model, at which the solver is, rest where the mesh lets
+    them."""
     if not np.any(solver.sliding):
         return []
     saddle, free = solver.at_places()

@@ -12,12 +12,12 @@ from fastbeam.model.model import Model
 from fastbeam.scene import Beam, UserForce
 
 Array = np.ndarray
-# places between two times, where functions of time may vanish, at which laws are evaluated instead; and what counts as nothing
+# number of times between two given ones, where functions of time may vanish, at which laws are tried; share that counts as zero
 PLACES, NOTHING = 33, 1e-6
 
 
 class LawPath(NamedTuple):
-    """Of forces by laws on a path: when they are evaluated, and their factor at load factor 0 and its change until 1."""
+    """Forces by laws on a path: time of evaluation, factor at load factor 0, and its change until load factor 1."""
 
     time: float
     first: float
@@ -26,27 +26,27 @@ class LawPath(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether anything changes."""
+        """True where any force by a law changes along the path."""
         return self.change != 0.0 if self.shares is None else bool(np.any(self.shares[1]))
 
     @property
     def begins(self) -> bool:
-        """Whether anything acts at load factor 0."""
+        """True where any force by a law acts at load factor 0."""
         return self.first != 0.0 if self.shares is None else bool(np.any(self.shares[0]))
 
 
 def user_forces(model: Model) -> list[UserForce]:
-    """Forces by laws on nodes and along beams, and loads that turn."""
+    """Return forces by laws on nodes and along beams, and loads that turn."""
     return model.uneliminated.scene.user_forces if model.user_forces else []  # type: ignore[union-attr]
 
 
 def laws_grow(model: Model) -> bool:
-    """Whether forces by laws, or of moving air, grow with the load factor."""
+    """Return whether forces by laws, or of moving air, grow with the load factor."""
     return any(force.grows for force in user_forces(model)) or model.blows
 
 
 def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None, grow: bool) -> LawPath:
-    """The same of loads that turn and of laws; grow: whether loads at one time grow from zero, or stay.
+    """Return the path of loads that turn and of forces by laws; grow: whether loads at one time grow from zero, or stay.
 
     Raises
     ------

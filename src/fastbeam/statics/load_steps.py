@@ -1,4 +1,4 @@
-"""Load steps of equilibria, which adapt to the convergence of Newton's method (theory.md 8): what `solve_static` runs."""
+"""Load steps of equilibria, which adapt to the convergence of Newton's method (theory.md 8), for `solve_static`."""
 from __future__ import annotations
 
 import math
@@ -45,10 +45,10 @@ FREE = ("the tangent of this equilibrium has {} zero eigenvalue(s) {}: a bucklin
 # names of free motions in an event
 SHOWN = 6
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
-# of `simulate`'s what there is at rest
+# quantities that `simulate` observes and that exist at rest
 RECORDED = ("energy", "spring", "orientation", "section", "reaction")
 KEPT = "The last equilibrium is in .state, everything computed in .result"
-# of the smallest load step, where supports move
+# event of the smallest load step where supports move
 LEAP = ("load factor {:.6g}: no equilibrium was found next to the one before, and one further off was taken (by {:.3g}, in sizes "
         "of the scene and rad): a buckling or limit load was passed, and there may be others; "
         "fb.solve_path(model, at_time=(0, t)) follows the one from before, fb.relax finds where a motion ends")
@@ -64,7 +64,7 @@ LONG = 9
 
 @dataclass(frozen=True)
 class StaticTask:
-    """An equilibrium that `solve_static` is asked for, its arguments tested.
+    """Task of `solve_static`, its arguments tested.
 
     Attributes
     ----------
@@ -77,11 +77,11 @@ class StaticTask:
     stops : list of float
         Load factors that steps end at.
     stays : bool [sliders]
-        Which sliders are held.
+        Sliders that are held.
     asked : list of int
         Sliders whose interval of places of rest is looked for.
     smallest_step, at_time, observe, points, max_iterations, backend, threads, raise_loads, contacts, steady
-        Of `solve_static`.
+        Arguments of `solve_static`.
     """
 
     model: Model
@@ -103,12 +103,12 @@ class StaticTask:
     steady: Spin | Travel | None
 
     def solver(self) -> StaticSolver:
-        """The solver for its kind of scene, at the start.
+        """Make the solver for this type of scene, at the start.
 
         Raises
         ------
         SceneError
-            `contacts="exact"` beside what it does not know.
+            `contacts="exact"` does not support something in the scene.
         """
         model, t = self.model, self.at_time or 0.0
         out: StaticSolver
@@ -131,8 +131,8 @@ class StaticTask:
 
 def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space: bool,
               is_counted: bool = True) -> tuple[dict[str, Any], list[tuple[str, str]]]:
-    """What a result says of the stability of the last equilibrium of a solver, that of load factors [K], and its events (kind,
-    text). held_in_space: what `check_supports` returns; is_counted: whether it is to be said at all."""
+    """Report the stability of the last equilibrium of a solver, that of load factors [K]: entries of `info`, and events (kind,
+    text). held_in_space: result of `check_supports`; is_counted: whether stability is reported at all."""
     flat = solver.stepper.plane is not None
     where = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
     counted = solver.signs(factors, where == "plane") if is_counted else None
@@ -151,7 +151,7 @@ def stability(solver: StaticSolver, model: Model, factors: Array, held_in_space:
 
 
 class LoadSteps:
-    """One way through load steps to the equilibrium, with a row for each.
+    """Load steps to the equilibrium, with a row for each.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class LoadSteps:
         self.task, self.solver = task, task.solver()
         model = task.model
         self.flat = self.solver.stepper.plane is not None
-        # what spins may fly freely
+        # a scene in steady motion need not be held
         self.held_in_space = task.steady is not None or check_supports(model, self.flat)
         if not set(task.observe) <= set(RECORDED):
             Observer(model, task.observe, task.points)  # refuses what does not exist
@@ -183,7 +183,7 @@ class LoadSteps:
             self.buffer.event({"kind": kind, "time": 0.0, "text": text})
 
     def find(self, load_step: float, largest_load_step: float) -> Result:
-        """The equilibrium, with load steps that begin with one size and stay below another.
+        """Find the equilibrium, with load steps that begin with one size and stay below another.
 
         Raises
         ------
@@ -197,7 +197,7 @@ class LoadSteps:
         return self._finish()
 
     def _climb(self, step: float, largest: float, bar: Progress) -> None:
-        """From one equilibrium to the next."""
+        """Advance from one equilibrium to the next, until load factor 1."""
         task, solver = self.task, self.solver
         factors, raised, t, smallest = task.factors, task.raise_loads, task.at_time or 0.0, task.smallest_step
         reached, tried, size = 0.0, 0, step
@@ -270,12 +270,12 @@ class LoadSteps:
         return True
 
     def _given_up(self, reached: float, count: int, size: float) -> ConvergenceError:
-        """After so many load steps, the last one of this size."""
+        """Form the error after `count` load steps, the last one of this size."""
         return ConvergenceError(f"{TOO_MANY.format(reached, count, size)}{KEPT}", step=len(self.solver.history), time=reached,
                                 state=State(*(x.copy() for x in self.solver.state)), result=self._finish())
 
     def _failure(self, status: int, sizes: list[float], reached: float) -> ConvergenceError:
-        """Of the smallest step."""
+        """Form the error of a failure with the smallest load step."""
         solver = self.solver
         failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
         error = failure(solver.stepper, failed, reached, len(solver.history))
@@ -295,7 +295,7 @@ class LoadSteps:
         return solver.stepper.blamed(error, f"load factor {reached:.6g}", KEPT)
 
     def _judge(self) -> None:
-        """What there is to say about the last equilibrium: friction, stability, the mesh."""
+        """Report friction, stability and resolution of the mesh in the last equilibrium."""
         task, solver, info = self.task, self.solver, self.info
         factors = task.factors
         if isinstance(solver, SlidingSolver):
@@ -312,7 +312,7 @@ class LoadSteps:
             self.buffer.event({"kind": kind, "time": 1.0, "text": text})
 
     def _record(self, factor: float, iterations: int, size: float) -> None:
-        """A row of the last equilibrium."""
+        """Keep a row of the last equilibrium."""
         task, solver, observer, t = self.task, self.solver, self.observer, self.task.at_time or 0.0
         solver.count_turns()
         state = shown = solver.state
@@ -330,11 +330,11 @@ class LoadSteps:
         self.buffer.snapshot(factor, q[:, 0], q[:, 1:])
 
     def _also(self) -> dict[str, Any]:
-        """What a row has besides what is observed."""
+        """Return entries of a row besides the observed quantities."""
         return {}
 
     def _finish(self) -> Result:
-        """What there is until now, with the last equilibrium."""
+        """Return the result so far, with the last equilibrium."""
         solver = self.solver
         result = self.buffer.close(self.info | {"solver": solver.name, "steps": len(solver.history),
                                                 "iterations": sum(solver.history), "wall_time": time.perf_counter() - self.begin})
@@ -342,7 +342,7 @@ class LoadSteps:
         return result
 
     def _look_at_mesh(self, factor: float) -> str:
-        """Events where elements are too coarse for the last equilibrium; the first as a text."""
+        """Add events where elements are too coarse for the last equilibrium; return the first as a text."""
         resolution = Resolution(self.task.model)
         resolution.look(factor, self.solver.state)
         found = resolution.events()
@@ -353,7 +353,8 @@ class LoadSteps:
 
 @contextmanager
 def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
-    """Ctrl-C waits for the end of a load step, or of an iteration where these are called from Python, and brings the result.
+    """Let Ctrl-C wait for the end of a load step, or of an iteration where these are called from Python, and raise Interrupted
+    with the result.
 
     Raises
     ------
@@ -378,7 +379,7 @@ def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[
 
 
 def _slack(model: Model, state: State) -> str:
-    """Which springs are slack, for the message of a failed load step."""
+    """Name springs that are slack, for the message of a failed load step."""
     rows = model.spring_rows
     names = [name for springs in rows if isinstance(springs, SpringRows) for name in springs.slack(state)]
     if not names:
@@ -389,7 +390,7 @@ def _slack(model: Model, state: State) -> str:
 
 
 def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
-    """The error of a slider that finds no place on its beam."""
+    """Form the error of a slider that finds no place on its beam."""
     names = solver.stepper.model.names["sliders"]
     name = names[max(solver.runaway, solver.stuck)]
     if solver.runaway >= 0:

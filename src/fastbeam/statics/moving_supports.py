@@ -18,20 +18,21 @@ from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import turns_between
 
 Array = np.ndarray
-# what is missing up to the place of a support counts as round-off up to this share of its coordinates, and of 1 rad
+# increments of a support up to this share of its coordinates, and of 1 rad, count as round-off
 ROUND_OFF = 4.0 * float(np.finfo(float).eps)
 # a support turns by less than this at once, rad
 LARGEST_TURN = 1.5
 # derivatives along motions of supports are differences of this, in sizes of the scene and rad
 SHORT = 1e-4
-# a support stands elsewhere, in sizes of the scene and rad
+# distance from which a support stands elsewhere, in sizes of the scene and rad
 AWAY = 1e-6
 # a motion may leave the plane of its scene by so much of its way
 OUT_OF_PLANE = 1e-12
 
 
 class _Moving(ABC):
-    """Supports on their way with a load factor; `ahead`: to first order, so far beyond it, for derivatives by it."""
+    """Supports that move with the load factor; `ahead`: further increment of the load factor, to first order, for derivatives by
+    it."""
 
     ahead = 0.0
     _size: float
@@ -39,7 +40,7 @@ class _Moving(ABC):
     @property
     @abstractmethod
     def moves(self) -> Array:
-        """Displacements and rotation vectors in space that supports go by with the load factor, [M, 6]."""
+        """Rates of displacements and rotation vectors of supports in space by the load factor, [M, 6]."""
 
     @abstractmethod
     def begin(self, share: float) -> None:
@@ -47,10 +48,10 @@ class _Moving(ABC):
 
     @abstractmethod
     def moved(self, q: Array, given: Array) -> Array:
-        """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by what is `pending`."""
+        """Return coordinates [12 N] with the supports, and what hangs rigidly on them, moved by increments `given`."""
 
     def opened(self, gaps: Callable[[Array], Array], q: Array, given: Array) -> Array:
-        """Gaps (a function of coordinates) where the supports have gone on by that, with `ahead` to first order."""
+        """Return gaps (a function of coordinates) with the supports moved by increments `given`, with `ahead` to first order."""
         if not self.ahead:
             return gaps(self.moved(q, given))
         rate = self.ahead * self.moves
@@ -66,9 +67,9 @@ class StaticMotion(_Moving):
     Parameters
     ----------
     model : Model
-        With supports that move; tables in space.
+        Model with supports that move; tables in space.
     state : State
-        At load factor 0, in space.
+        State at load factor 0, in space.
     from_start : bool
         Whether that is the shape of the scene, from which supports follow their functions from t = 0 on; else they go straight,
         and so do their rotation vectors. What is given by matrices turns about one axis, the shorter way.
@@ -95,7 +96,7 @@ class StaticMotion(_Moving):
         self._size = model.length + float(np.max(np.abs(state.q.reshape(-1, 12)[:, :3])))
         motions = self.of.motions
         self._first = [(motion.place(0.0), *motion.turning(0.0)) for motion in motions]
-        # how far they have turned since t = 0 where the way begins, where it ends, and at the last equilibrium
+        # turns of supports since t = 0 at the begin and end of the way, and at the last equilibrium
         self._way = model.turns_of(state.history).reshape(-1, 3).copy(), self.of.vectors(self.at_time).reshape(-1, 3)
         self._reached = self._way[0]
         self._counts = {k: n for n, k in enumerate(self.of.turning)
@@ -103,36 +104,36 @@ class StaticMotion(_Moving):
         self._off = [np.zeros(3) if between else self._start[0][k] - self._at(k, 0.0)[0] for k in range(len(motions))]
 
     def _at(self, k: int, t: float) -> tuple[Array, Array]:
-        """Place and triad of support k at time t."""
+        """Return place and triad of support k at time t."""
         motion, (place, turn, _) = self.of.motions[k], self._first[k]
         now = motion.place(t)
         triad = self._triads[k] if motion.rotation is None else self._triads[k] @ turn @ motion.turn(t).T
         return now if motion.position is not None else self._place[k] + now - place, triad
 
     def _time_at(self, share: float) -> float:
-        """Of a load factor, s."""
+        """Return the time of a load factor, s."""
         return self.first + share * (self.at_time - self.first)
 
     @property
     def _time(self) -> float:
-        """Of the load factor `share`, s."""
+        """Time of the load factor `share`, s."""
         return self._time_at(self.share)
 
     @property
     def moves(self) -> Array:
-        """As of `_Moving`, along the functions."""
+        """Rates of displacements and rotation vectors by the load factor along the functions, [M, 6]."""
         rates = np.array([np.concatenate(motion.rates(self._time)) for motion in self.of.motions])
         return (self.at_time - self.first) * rates * np.hstack((self._along, np.isin(np.arange(len(rates)), self._turns)[:, None]
                                                                 * np.ones(3)))
 
     def begin(self, share: float) -> None:
-        """As of `_Moving`."""
+        """Count turns from the places of supports at this load factor."""
         self.share = share
         self._reached = self._vectors()
 
     def stands(self, share: float, now: Array) -> bool:
-        """Whether the supports with coordinates [M, 4, 3] stand where their functions have them at this load factor, from which
-        turns are counted then."""
+        """Return whether supports with coordinates [M, 4, 3] stand where their functions have them at this load factor; turns are
+        counted from there."""
         before = self.share
         self.begin(share)
         left = self.pending(now)
@@ -140,7 +141,7 @@ class StaticMotion(_Moving):
         return left is None or bool(np.all(np.abs(left) <= AWAY * np.repeat((self._size, 1.0), 3)))
 
     def check_stands(self, who: str, share: float, now: Array) -> None:
-        """Refuse a start whose supports do not.
+        """Refuse a start whose supports stand elsewhere at this load factor.
 
         Raises
         ------
@@ -152,7 +153,7 @@ class StaticMotion(_Moving):
                              "with the supports there, as in start=solve_static(model, at_time=...).state")
 
     def targets(self) -> tuple[Array, Array]:
-        """Places [M, 3] and triads [M, 3, 3] at the load factor `share`."""
+        """Return places [M, 3] and triads [M, 3, 3] at the load factor `share`."""
         places, triads = self._start[0].copy(), self._start[1].copy()
         for k in range(len(places)):
             if self.from_start:
@@ -162,7 +163,7 @@ class StaticMotion(_Moving):
                 place, triad = self._at(k, self.at_time)
                 places[k] += self.share * (place - places[k])
                 if k in self._counts:
-                    # where the start is off the function, less and less so
+                    # a difference between start and function decreases along the way
                     off = _vector(triads[k].T @ self._turned(k, self._way[0]))
                     triads[k] = self._turned(k, self._vectors()) @ _turned_by((1.0 - self.share) * off).T
                 else:
@@ -170,23 +171,23 @@ class StaticMotion(_Moving):
         return places, triads
 
     def _turned(self, k: int, vectors: Array) -> Array:
-        """The triad of support k where supports have turned by these vectors since t = 0."""
+        """Return the triad of support k after supports have turned by these vectors since t = 0."""
         _, turn, first = self._first[k]
         return np.asarray(self._triads[k] @ turn @ _turned_by(first + vectors[self._counts[k]]).T)
 
     def _vectors(self) -> Array:
-        """How far supports have turned since t = 0 at the load factor `share`, [K, 3]."""
+        """Return rotation vectors of supports since t = 0 at the load factor `share`, [K, 3]."""
         if self.from_start:
             return np.asarray(self.of.vectors(self._time).reshape(-1, 3))
         return self._way[0] + self.share * (self._way[1] - self._way[0])
 
     def count_turns(self, out: Array) -> None:
-        """The same at an equilibrium into numbers of a history, [3 K]."""
+        """Write the rotation vectors of supports at an equilibrium into numbers of a history, [3 K]."""
         self._reached = self._vectors()
         out[:] = self._reached.reshape(-1)
 
     def check_turns(self, reached: float) -> None:
-        """Refuse what turns by half a turn or more from the load factor `reached` to `share`.
+        """Refuse supports that turn by half a turn or more from the load factor `reached` to `share`.
 
         Raises
         ------
@@ -196,8 +197,8 @@ class StaticMotion(_Moving):
             turns_between(self.of.motions[k], [self._time_at(reached), self._time])
 
     def pending(self, now: Array) -> Array | None:
-        """What is missing at coordinates [M, 4, 3] of what moves up to the load factor `share`: position and Cayley vector,
-        [M, 6]; None where nothing is. NaN where a support would turn too far at once."""
+        """Return increments missing at coordinates [M, 4, 3] of supports up to the load factor `share`: position and Cayley
+        vector, [M, 6]; None where nothing is missing. NaN where a support would turn too far at once."""
         out = np.zeros((len(now), 6))
         if np.any(np.linalg.norm(self._vectors() - self._reached, axis=1) > LARGEST_TURN):
             return np.full_like(out, np.nan)
@@ -212,7 +213,8 @@ class StaticMotion(_Moving):
         return out if out.any() else None
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
-        """The same as increments of rows, [rows, unknowns of a node]; axes: of the plane of `core`.
+        """Return prescribed increments [M, 6] of supports as increments of rows, [rows, unknowns of a node]; axes: of the plane
+        of `core`.
 
         Raises
         ------
@@ -222,7 +224,7 @@ class StaticMotion(_Moving):
         return _rows(given, core, axes, self.own, self._size, lambda k: self.of.motions[k].label)
 
     def moved(self, q: Array, given: Array) -> Array:
-        """As of `_Moving`."""
+        """Return coordinates [12 N] with the supports, and what follows them rigidly, moved by increments `given`."""
         return _moved(self.model, q, self.of.nodes, given[self.of.motion_of_node])
 
 
@@ -232,9 +234,9 @@ class StaticShift(_Moving):
     Parameters
     ----------
     model : Model
-        In space.
+        Model in space.
     moves : dict of int -> float64 (6,)
-        Of nodes that are held along them: displacement, m, and rotation vector in space, rad, at load factor 1.
+        Increments of nodes that are held along them: displacement, m, and rotation vector in space, rad, at load factor 1.
     q : float64 [12 N]
         The shape at the load factor `share`.
     share : float
@@ -249,20 +251,20 @@ class StaticShift(_Moving):
         shared, self._nodes = np.nonzero(model.pattern.row_of == model.pattern.row_of[self.own][:, None])
         self._move_of_node = shared
         self._reached = share
-        # of supports that turn by a function: how far they had
+        # turns at the start of supports that turn by a function
         self._turned: Array | None = None
 
     def begin(self, share: float) -> None:
-        """As of `_Moving`."""
+        """Count turns from this load factor on."""
         self._reached = share
 
     @property
     def moves(self) -> Array:
-        """As of `_Moving`: straight, and about one axis."""
+        """Displacements and rotation vectors at load factor 1, straight and about one axis each, [M, 6]."""
         return self._moves
 
     def pending(self, now: Array) -> Array | None:
-        """As `StaticMotion.pending`, and by `ahead` further."""
+        """Return missing increments, see `StaticMotion.pending`, with those of `ahead` added."""
         out = np.zeros((self.own.size, 6))
         if np.any(np.linalg.norm((self.share - self._reached) * self.moves[:, 3:], axis=1) > LARGEST_TURN):
             return np.full_like(out, np.nan)
@@ -277,7 +279,7 @@ class StaticShift(_Moving):
         return out if out.any() else None
 
     def count_turns(self, out: Array) -> None:
-        """As `StaticMotion.count_turns`."""
+        """Write the rotation vectors of supports into numbers of a history, see `StaticMotion.count_turns`."""
         of = self.model.prescribed
         if of is not None and of.turning:
             if self._turned is None:
@@ -287,7 +289,7 @@ class StaticShift(_Moving):
                     out[3 * n:3 * n + 3] = self._turned[3 * n:3 * n + 3] + (self.share - self._first) * self.moves[j, 3:]
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
-        """As `StaticMotion.rows`.
+        """Return increments of supports as increments of rows, see `StaticMotion.rows`.
 
         Raises
         ------
@@ -296,12 +298,12 @@ class StaticShift(_Moving):
         return _rows(given, core, axes, self.own, self._size, lambda k: self.model.labels[self.own[k]])
 
     def moved(self, q: Array, given: Array) -> Array:
-        """As of `_Moving`."""
+        """Return coordinates [12 N] with the supports, and what follows them rigidly, moved by increments `given`."""
         return _moved(self.model, q, self._nodes, given[self._move_of_node])
 
 
 def _turns_left(triads: Array, now: Array) -> Array:
-    """Cayley vectors [T, 3] from triads now [T, 3, 3] to these; NaN where one would turn too far at once."""
+    """Return Cayley vectors [T, 3] from triads now [T, 3, 3] to these; NaN where one would turn too far at once."""
     # rows are directors: D' = D R^T
     turn = triads.transpose(0, 2, 1) @ now
     size = 1.0 + np.trace(turn, axis1=1, axis2=2)
@@ -314,7 +316,7 @@ def _turns_left(triads: Array, now: Array) -> Array:
 
 
 def _moved(model: Model, q: Array, nodes: Array, given: Array) -> Array:
-    """Coordinates [12 N] where nodes [n] have gone on by position and Cayley vector [n, 6], and with them what follows them."""
+    """Return coordinates [12 N] with nodes [n], and what follows them, moved by position and Cayley vector [n, 6]."""
     out = q.reshape(-1, 4, 3).copy()
     for node, x in zip(nodes, given):
         out[node, 0] += x[:3]
@@ -323,7 +325,7 @@ def _moved(model: Model, q: Array, nodes: Array, given: Array) -> Array:
 
 
 def leave_plane(model: Model, moves: dict[int, Array]) -> bool:
-    """Whether displacements and rotation vectors [6] lead out of the plane of a model."""
+    """Return whether displacements and rotation vectors [6] lead out of the plane of a model."""
     if model.plane is None or not moves:
         return False
     given = np.array(list(moves.values()))
@@ -331,13 +333,13 @@ def leave_plane(model: Model, moves: dict[int, Array]) -> bool:
 
 
 def coordinates_of(stepper: Any, nodes: Array) -> Array:
-    """Coordinates in space [M, 4, 3] of some nodes of a stepper."""
+    """Return coordinates in space [M, 4, 3] of some nodes of a stepper."""
     q = stepper.core_state.q
     return q.reshape(-1, 4, 3)[nodes] if stepper.plane is None else stepper.plane.vectors_of(q[None], nodes, True)[0]
 
 
 def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float, label: Callable[[int], str]) -> Array:
-    """Motions [M, 6] of nodes as increments of rows."""
+    """Return motions [M, 6] of nodes as increments of rows."""
     x = np.zeros((core.pattern.n, 6 if axes is None else 3))
     flat = given
     if axes is not None:
@@ -351,12 +353,12 @@ def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float
 
 
 def _off_plane(given: Array, axes: Array) -> Array:
-    """How far motions [M, 6] lead out of a plane, [M]."""
+    """Return the sizes of the parts of motions [M, 6] out of a plane, [M]."""
     return np.asarray(np.abs(given[:, :3] @ axes[2]) + np.abs(given[:, 3:] @ axes[:2].T).sum(axis=1))
 
 
 class Carrying:
-    """What an iteration needs that takes the scene of a stepper along with its supports.
+    """Assembly of an iteration that moves the scene of a stepper along with its supports.
 
     Parameters
     ----------
@@ -375,8 +377,8 @@ class Carrying:
         self.row, self.column = pattern.rows[self.block], columns[self.block]
 
     def assemble(self, stepper: Any, system: SystemRecord, x: Array) -> None:
-        """Half the static tangent and the residual of the rows, as `Iteration.assemble` does, for increments of which those of
-        held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
+        """Assemble half the static tangent and the residual of the rows, as `Iteration.assemble` does, for increments of which
+        those of held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
         work, size = stepper.work, x.shape[1]
         kernels.assemble_all(*self.free.on(system), 0.0)
         blocks = work.blocks[:8 * size * stepper.core.pattern.keys.size].reshape(-1, size, 8)[self.block, :, :size]
@@ -386,18 +388,18 @@ class Carrying:
 
 
 def _axial(turn: Array) -> Array:
-    """Twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
+    """Return twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
     x = turn - np.swapaxes(turn, -1, -2)
     return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
 
 
 def _vector(turn: Array) -> Array:
-    """Rotation vector (3,) of a rotation (3, 3)."""
+    """Return the rotation vector (3,) of a rotation (3, 3)."""
     from scipy.spatial.transform import Rotation
     return Rotation.from_matrix(turn).as_rotvec()
 
 
 def _turned_by(vector: Array) -> Array:
-    """Rotations [..., 3, 3] of rotation vectors [..., 3]."""
+    """Return the rotations [..., 3, 3] of rotation vectors [..., 3]."""
     from scipy.spatial.transform import Rotation
     return Rotation.from_rotvec(vector).as_matrix()

@@ -29,12 +29,13 @@ class Wanted(NamedTuple):
     section: Any = None    # where that is one of a beam
 
     def off(self, state: State) -> float:
-        """The quantity less its value."""
+        """Return the quantity less its value."""
         return self.of(state) - self.value
 
 
 def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None, who: str = "solve_path, stop") -> list[Wanted]:
-    """What `stop=` of `solve_path`, or another argument of that kind, asks for; who: the function and the argument.
+    """Return the quantities and values that `stop=` of `solve_path`, or a similar argument, asks for; who: the function and the
+    argument.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None, who: 
 
 
 def _quantity(model: Model, what: Any, points: Mapping[str, Place], who: str) -> tuple[str, Callable[[State], float], Any]:
-    """Name and function of a quantity, and its section.
+    """Return name and function of a quantity, and its section.
 
     Raises
     ------

@@ -20,7 +20,7 @@ LEAST, MOST = -10.0, 0.99
 
 
 def check_beam(who: str, model: Model, beam: Any) -> None:
-    """Refuse what is no beam of the scene of a model; who: of which call and argument.
+    """Refuse arguments that are no beam of the scene of a model; who: the call and argument.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def check_beam(who: str, model: Model, beam: Any) -> None:
 
 
 def prestrains_of(model: Model, prestrains: Any) -> dict[Beam, float]:
-    """Changes of prestrains until load factor 1.
+    """Return changes of prestrains until load factor 1.
 
     Raises
     ------
@@ -66,7 +66,7 @@ class StrainPath:
     ----------
     model : Model
     changes : dict of Beam -> float
-        Until load factor 1.
+        Changes of prestrains until load factor 1.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class StrainPath:
         self.model = replace(self._own(model), uneliminated=uneliminated)
 
     def _own(self, model: Model) -> Model:
-        """The model with tables of its own."""
+        """Return the model with tables of its own."""
         plane = None if model.plane is None else replace(model.plane, model=self._own(model.plane.model))
         return replace(model, simo=self._tables(model.simo, model.dim), green=self._tables(model.green, model.dim), plane=plane)
 

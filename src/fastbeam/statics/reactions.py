@@ -15,7 +15,7 @@ Array = np.ndarray
 
 
 class StaticReactions:
-    """Those of the equilibria of a solver."""
+    """Reactions of the equilibria of a solver."""
 
     def __init__(self, solver: StaticSolver, sections: Sequence[Sections | None] = ()) -> None:
         self.main = solver
@@ -23,7 +23,7 @@ class StaticReactions:
         self.reactions = Reactions(self.solver.stepper, static=True, sections=sections)
 
     def at(self, factors: Array, state: State) -> Array:
-        """At the last equilibrium, whose state in space this is, that of load factors [K]: [6 (R + C)]."""
+        """Return reactions at the last equilibrium, that of load factors [K], whose state in space is given: [6 (R + C)]."""
         self.solver.set_time(*self.main.stepper.law_work[:2])
         self.solver.load_all(factors)
         q, steady = state.q.reshape(-1, 4, 3), getattr(self.solver, "steady", None)
@@ -36,5 +36,5 @@ class StaticReactions:
 
 
 def reactions_of(solver: StaticSolver, observer: Observer) -> StaticReactions | None:
-    """Those of a solver that rows hold; None where they hold none."""
+    """Return the reactions of a solver that rows hold; None where they hold none."""
     return StaticReactions(solver, observer.points.sections) if observer.reactions or observer.cut else None

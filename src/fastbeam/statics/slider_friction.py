@@ -37,27 +37,27 @@ MOST_CHANGES = 6
 
 
 class Modes(NamedTuple):
-    """What sliders do in a load step."""
+    """States of sliders in a load step: sticking, slipping, at a stop."""
 
-    sign: Array     # int64 [S]: -1 or 1, direction in which one slips that rubs; 0: it sticks
+    sign: Array     # int64 [S]: -1 or 1, slip direction of sliders with friction; 0: sticking
     at_stop: Array  # int64 [S]: -1 or 1 at a rigid stop at the start or the end, else 0
     changes: Array  # int64 [S]: how often a slider has changed from slipping to sticking in this load step
 
 
 class StaticAlong:
-    """Forces along the beam on S sliders, of which one at least has some.
+    """Forces along the beam on S sliders, at least one of which has such forces.
 
     Parameters
     ----------
     model : Model
     at_time : float
-        When functions of time are evaluated, s.
+        Time of functions of time, s.
     s : float64 [S]
-        Where sliders are at the load factor 0, m.
+        Places of sliders at load factor 0, m.
     held : bool [S]
         Sliders that stay at their s, with whatever force that takes.
     history : float64
-        Of the state.
+        History of the state.
 
     Raises
     ------
@@ -96,7 +96,7 @@ class StaticAlong:
 
     # --- one load step ------------------------------------------------------------------------------------------------
     def begin(self, s: Array) -> Array:
-        """Places [S] at the load factor of sliders whose motion is prescribed, those of the others as they are, at `s`."""
+        """Return places [S] at the load factor of sliders whose motion is prescribed, those of the others as they are, at `s`."""
         self.before = s.copy()
         self.modes.sign[:] = 0
         self.modes.changes[:] = 0
@@ -105,7 +105,7 @@ class StaticAlong:
 
     @property
     def free(self) -> Array:
-        """Which sliders move, bool [S]."""
+        """Sliders that move, bool [S]."""
         return ~self.held & (self.modes.at_stop == 0) & (~self.rubs | (self.modes.sign != 0))
 
     @property
@@ -114,7 +114,7 @@ class StaticAlong:
         return np.asarray((1.0 - self.reserve) * self.friction * self.modes.sign)
 
     def known(self, s: Array) -> tuple[Array, Array]:
-        """Drives and elastic stops at s [S]: forces on the points, N, and their derivatives by s, N/m, [S] each."""
+        """Evaluate drives and elastic stops at s [S]: forces on the points, N, and their derivatives by s, N/m, [S] each."""
         table = self.forces.tables
         stiff = table.stops[:, STIFFNESS]
         low, high = (np.where(stiff > 0.0, self.elastic[:, i], s) for i in (0, 1))
@@ -156,17 +156,19 @@ class StaticAlong:
         return changed, np.where(returned, self.before, s)
 
     def to_stop(self, s: Array, way: Array) -> Array:
-        """How far sliders on their ways [S] from s may go at once: until they touch an elastic stop that they do not yet."""
+        """Return the increments after which sliders with increments `way` [S] from s touch an elastic stop that they do not touch
+        yet."""
         stiff = self.forces.tables.stops[:, STIFFNESS] > 0.0
         gap = np.where(way > 0.0, self.elastic[:, 1] - s, s - self.elastic[:, 0])
         return np.where(stiff & (gap >= 0.0), gap + TOUCH * self.lengths, np.inf)
 
     def is_rigid(self, way: Array) -> Array:
-        """Whether sliders on their ways [S] have a rigid stop ahead, bool [S]."""
+        """Return whether sliders with increments `way` [S] have a rigid stop ahead, bool [S]."""
         return np.isfinite(np.where(way > 0.0, self.stops[:, 1], self.stops[:, 0]))
 
     def meets(self, s: Array, steps: Array, way: Array) -> Array:
-        """-1 or 1 for sliders on their ways [S] that steps [S] from s bring to a rigid stop at the start or the end, else 0."""
+        """Return -1 or 1 for sliders with increments `way` [S] that steps [S] from s bring to a rigid stop at the start or the
+        end, else 0."""
         slack = AT_STOP * self.lengths
         low = (way < 0.0) & (s + steps <= self.stops[:, 0] + slack)
         high = (way > 0.0) & (s + steps >= self.stops[:, 1] - slack)
@@ -179,15 +181,15 @@ class StaticAlong:
 
     # --- results ------------------------------------------------------------------------------------------------------
     def remember(self, history: Array) -> None:
-        """Into the history of a state: all sliders rest, at stops or by friction."""
+        """Write into the history of a state that all sliders rest, at stops or by friction."""
         own = history[:HISTORY * self.held.size].reshape(-1, HISTORY)
         own[:, SIGN] = 0.0
         own[:, AGAINST] = self.modes.at_stop
         own[:, STICKS] = self.rubs & (self.modes.at_stop == 0)
 
     def report(self, names: list[str], equations: Equations) -> dict[str, dict[str, Any]]:
-        """Of every slider that rubs: friction force, N, the most that it could be, and whether the slider sticks;
-        equations: without friction."""
+        """Report for every slider with friction: friction force, N, its largest value, and whether the slider sticks; equations:
+        without friction."""
         most, needed = self.friction * equations.normal, equations.sliding
         force = np.where(self.modes.at_stop == 0, needed, np.clip(needed, -most, most))
         return {names[k]: {"force": float(force[k]), "cone": float(most[k]), "sticks": bool(self.modes.sign[k] == 0)}
@@ -195,7 +197,7 @@ class StaticAlong:
 
 
 def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Equations:
-    """Add to equations what presses and rubs; slip [S]: coefficients of friction with the sign of the slip."""
+    """Add normal forces and friction to equations; slip [S]: coefficients of friction with the sign of the slip."""
     core, force = constraints.stepper.core, constraints.stepper.core_state.force
     t, (s, d) = found.tangent, found.tangent.shape
     f = force[:s * d].reshape(s, d)
@@ -211,7 +213,7 @@ def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Eq
     bare = np.where(normal > ALONG_ONLY * size, normal, np.inf)
     by_force = (slip * long / bare)[:, None] * across
     by_tangent = (slip * (normal + edges) / long)[:, None] * t - (slip * part * long / bare)[:, None] * across
-    # what depends on the tangents does as if these were contact forces
+    # terms with the tangents are those of these vectors as contact forces
     other = np.zeros_like(force)
     other[:s * d] = by_tangent.reshape(-1)
     turning = constraints.at(other)
@@ -221,7 +223,7 @@ def with_friction(constraints: Constraints, found: Equations, slip: Array) -> Eq
 
 
 def edges_of(core: Model, force: Array) -> tuple[Array, Entries]:
-    """Evaluate what moments of sleeves press on the edges of bores, N [S], and its derivative by the multipliers [S, F]."""
+    """Evaluate the force of moments of sleeves on the edges of bores, N [S], and its derivative by the multipliers [S, F]."""
     press, value, row, column = np.zeros(core.n_sliders), [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for o, (k, c) in enumerate(core.sleeve_pairs.tolist()):
         at = core.first_force[c] + np.arange(core.forces[c])

@@ -1,10 +1,10 @@
 """Equilibria of scenes with sliders (theory.md 8).
 
-From one equilibrium to the next Newton's method on everything is tried, where nothing rubs and sliders do not go far. But a
-sliding coordinate is only determined once its contact carries a force. So else a load step is found with all sliders held first;
-then they are released and slide downhill, the rest of the scene following in equilibrium, until Newton's method on everything
-squares its increments. Sliders with friction are released where it cannot hold them, in the direction in which they go then
-(`slider_friction.py`).
+Without friction, and where sliders do not go far, Newton's method on all unknowns leads from one equilibrium to the next. But
+a sliding coordinate is only determined once its contact carries a force. Otherwise a load step is found with all sliders held
+first; then they are released and slide downhill, the rest of the scene following in equilibrium, until Newton's method on all
+unknowns squares its increments. Sliders with friction are released where it cannot hold them, in the direction in which they go
+then (`slider_friction.py`).
 """
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AT_END, CLOSE = 1e-6, 1e-9
 # increments up to this share of the beam are accepted as those of Newton's method, whose size it squares
 NEWTON_FROM = 0.02
 MOST_SLIDES = 100
-# how often it is looked which sliders stick, slip and rest against stops, for every slider
+# rounds of deciding which sliders stick, slip and rest against stops, for every slider
 ROUNDS = 8
 # share of a step below which nothing is found; a slope that jumps from one sign to the other within this share of a beam has no
 # place between
@@ -36,7 +36,7 @@ JUMPS = 1e-6
 
 
 class SlidingSolver(SaddleSolver):
-    """As `SaddleSolver`, which slides to where nothing pushes along beams."""
+    """Solver for equilibria whose sliders move to where no force pushes them along their beams."""
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before = self._saved()
@@ -94,7 +94,8 @@ class SlidingSolver(SaddleSolver):
         return NOT_CONVERGED, sizes
 
     def _directly(self) -> tuple[int, list[float]]:
-        """From an equilibrium to the next with Newton's method on everything, where sliders do not go far."""
+        """Try Newton's method on all unknowns from the last equilibrium; reject its result where sliders go far. Return a status
+        and sizes."""
         free = self.sliding
         if not self.history or not free.any():
             return NOT_CONVERGED, []
@@ -107,8 +108,8 @@ class SlidingSolver(SaddleSolver):
         return NOT_CONVERGED, sizes
 
     def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
-        """For the result, at the last equilibrium, that of load factors [K]: friction of all sliders, and the intervals of rest
-        of those that are asked for."""
+        """Report, at the last equilibrium, that of load factors [K], friction of all sliders, and the intervals of rest of those
+        that are asked for."""
         of_joints = {} if self.joints is None else self.joints.report()
         if self.along is None or not self.along.rubs.any():
             return {"friction": of_joints} if of_joints else {}
@@ -117,9 +118,9 @@ class SlidingSolver(SaddleSolver):
         return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
 
     def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
-        """Arc lengths between which slider k rests under load factors [K] by its friction, the others that rub staying where they
-        are: from the last equilibrium to both ends, where friction is all that it can be; NaN where none is found. The state is
-        the same after it."""
+        """Find the arc lengths between which slider k rests under load factors [K] by its friction, the others with friction
+        staying where they are: from the last equilibrium to both ends, where friction is fully used; NaN where none is found. The
+        state is the same after it."""
         along, state = self.along, self.stepper.core_state
         assert along is not None
         self._load(factors)
@@ -166,15 +167,15 @@ class SlidingSolver(SaddleSolver):
         return self.counts(found)
 
     def at_places(self) -> tuple[Saddle, Array]:
-        """Tangent at the present equilibrium, with spins of beams held and the sliders free that move without friction and away
-        from stops, and which these are, bool [S]."""
+        """Return the tangent at the present equilibrium, with spins of beams held and the sliders free that move without friction
+        and away from stops, and which these are, bool [S]."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self._unhindered)
         return self._with_spins_held(saddle, right[:len(self.core.dofs) * self.core.pattern.n]), self._unhindered
 
     @property
     def _unhindered(self) -> Array:
-        """Which sliders move without friction and away from stops, bool [S]."""
+        """Sliders that move without friction and away from stops, bool [S]."""
         return self.sliding if self.along is None else self.along.free & ~self.along.rubs
 
     # --- sliding ------------------------------------------------------------------------------------------------------
@@ -255,13 +256,14 @@ class SlidingSolver(SaddleSolver):
         return NOT_CONVERGED, sizes
 
     def _met(self, way: Array, steps: Array) -> Array:
-        """-1 or 1 for sliders that steps [S] along their ways [S] bring to a rigid stop, else 0."""
+        """Return -1 or 1 for sliders that steps [S] along their increments `way` [S] bring to a rigid stop, else 0."""
         if self.along is None:
             return np.zeros(steps.size, np.int64)
         return self.along.meets(self.stepper.core_state.s, steps, way)
 
     def _rises(self, way: Array) -> bool:
-        """Whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the way [S] to it."""
+        """Return whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the increments `way` [S] to
+        it."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self.sliding)
         n = len(self.core.dofs) * self.core.pattern.n
@@ -272,8 +274,8 @@ class SlidingSolver(SaddleSolver):
         return x is None or bool(way @ x[n:n + way.size] >= 0.0)
 
     def _steps(self, s: Array, slope: Array, beyond: Array) -> tuple[Array, int]:
-        """Increments of the sliding coordinates, none too long, none beyond an end, and half the way to places [S] that lay too
-        far (NaN: none is known); and a slider that stands at the end that it is pushed to, or -1."""
+        """Return increments of the sliding coordinates, none too long, none beyond an end, and half the way to places [S] that
+        lay too far (NaN: none is known); and a slider that stands at the end that it is pushed to, or -1."""
         now = self.stepper.core_state.s
         to_end = np.where(s > 0.0, self.ends[:, 1] - now, now - self.ends[:, 0])
         rigid = np.zeros(s.size, bool) if self.along is None else self.along.is_rigid(s)

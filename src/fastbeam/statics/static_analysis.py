@@ -31,7 +31,7 @@ CONTACTS = ("mesh", "exact")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
-    """True, False, a name or names.
+    """Check that an argument is True, False, a name or names of sliders.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                  held: bool | str | Sequence[str] = False,
                  rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh",
                  steady: Spin | Travel | None = None) -> Result:
-    """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
+    """Find the equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         prescribed places of sliders, have gone; for a `start` that is in equilibrium with the loads.
     contacts : {'mesh', 'exact'}
         Whether the force along the beam of sliders and sleeves is that of the elements in which they stand, or exact: beams are
-        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points, and may not rub; on
+        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points, without friction; on
         beams with Lagrange elements that are no part of a net.
     steady : Spin or Travel, optional
         The equilibrium in a steady motion, under its forces of inertia, which grow with the load factor (theory.md 17): in the
@@ -122,13 +122,12 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         are not 0, and there is no `start`, and a load step was larger than 0.2, the equilibrium is looked for a second time with
         steps of a fifth, because a large one may end in a remote equilibrium, and that of both with fewer is returned.
         `info["counted_in"]` is "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True,
-        and one whose moments
-        leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
-        0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
-        (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for all that rubs,
-        sliders, joints and twists in sleeves ("s: twist"), its friction `force`, the most that it could be, `cone`, and whether
-        it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the others
-        with friction staying where they are; NaN where that is not found.
+        and one whose moments leave it undecided in space are counted in the plane. Moments make the tangent in space
+        unsymmetric; then the number is 0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant
+        is negative, else None (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for
+        all sliders, joints and twists in sleeves ("s: twist") with friction its `force`, the most that it could be, `cone`, and
+        whether it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the
+        others with friction staying where they are; NaN where that is not found.
 
     Raises
     ------
@@ -173,8 +172,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
 
 
 def _more_stable(task: StaticTask, found: Result, load_step: float, largest: float) -> Result:
-    """Of an equilibrium with unstable directions, and one that smaller load steps lead to, the one with fewer. A large step may
-    end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first.
+    """Return that of two equilibria with fewer unstable directions: `found`, or one that smaller load steps lead to. A large step
+    may end in a remote equilibrium; after a buckling or limit load small ones lead to one like the first.
 
     Raises
     ------
@@ -199,7 +198,7 @@ def _more_stable(task: StaticTask, found: Result, load_step: float, largest: flo
 
 
 def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
-    """Numbers of the sliders whose intervals of rest are asked for; given: the argument.
+    """Return the numbers of the sliders whose intervals of rest are asked for; given: the argument.
 
     Raises
     ------
@@ -216,7 +215,7 @@ def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
 
 
 def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
-    """Whether a slider stays where it is, bool [S]: those of `held`, and those that are locked from the start.
+    """Return which sliders stay in place, bool [S]: those of `held`, and those that are locked from the start.
 
     Raises
     ------
@@ -228,7 +227,7 @@ def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
 
 
 def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> Array:
-    """Which sliders an argument of this name means, bool [S].
+    """Return which sliders an argument of this name means, bool [S].
 
     Raises
     ------

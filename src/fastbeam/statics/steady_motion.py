@@ -1,4 +1,4 @@
-"""Steady motions: a scene that spins about an axis, beams that travel along themselves; what their inertia adds to statics and to
+"""Steady motions: a scene that spins about an axis, beams that travel along themselves; their forces of inertia in statics and
 vibrations (theory.md 17).
 
 The mass matrix of positions and directors is constant, so that with the rate of a coordinate q' + A q, A the steady motion, the
@@ -99,7 +99,7 @@ class Travel:
 
 
 def which_motion(value: Any) -> Spin | Travel:
-    """A steady motion.
+    """Check that an argument is a steady motion.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def which_motion(value: Any) -> Spin | Travel:
 
 
 class Field(NamedTuple):
-    """Of a steady motion, on the 12 N coordinates of all nodes of a model in space."""
+    """Matrices of a steady motion, on the 12 N coordinates of all nodes of a model in space."""
 
     pull: Any        # sparse, symmetric: forces of inertia on the shape q are pull @ (q - origin)
     origin: Array    # [12 N]
@@ -119,7 +119,7 @@ class Field(NamedTuple):
 
 
 def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) -> None:
-    """Refuse what is not steady in such a motion, under load factors [K].
+    """Refuse scenes that are not steady in such a motion, under load factors [K].
 
     Raises
     ------
@@ -151,7 +151,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
 
 
 def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
-    """First node of a beam and their number.
+    """Return the first node of a beam and the number of its nodes.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:
 
 
 def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
-    """The matrices of a steady motion of a model in space.
+    """Form the matrices of a steady motion of a model in space.
 
     Raises
     ------
@@ -187,8 +187,8 @@ def field_of(who: str, model: Model, motion: Spin | Travel) -> Field:
 
 
 def _along(who: str, model: Model, motion: Travel) -> tuple[Any, Any]:
-    """int v m N N' ds and int v^2 m N' N' ds of beams that travel with speed v, m the inertia of positions and directors, sparse
-    [4 N, 4 N] each."""
+    """Form int v m N N' ds and int v^2 m N' N' ds of beams that travel with speed v, m the inertia of positions and directors,
+    sparse [4 N, 4 N] each."""
     from scipy import sparse
     n = model.n_nodes
     speed = np.zeros(n)
@@ -207,7 +207,7 @@ def _along(who: str, model: Model, motion: Travel) -> tuple[Any, Any]:
             place = layout_of(SPACE, nn, nq)
             rho, j2, j3 = tables.tab[co + place.inertia:co + place.masses].reshape(3, 8)[:, live]
             point = tables.tab[co + place.point:co + place.inertia].reshape(nq, -1, 8)[:, :, live]
-            # of positions and directors: Lagrange elements have one basis
+            # basis of positions and directors, the same in Lagrange elements
             weight, shape, slope = point[:, 0], point[:, 2:2 + 3 * nn:3], point[:, 3:3 + 3 * nn:3]
             v = speed[at[0]]
             first = np.einsum("gl,gal,gbl->abl", weight, shape, slope) * v
@@ -230,17 +230,17 @@ class SteadyForces:
     who : str
         The function that was called.
     model : Model
-        In space.
+        Model in space.
     motion : Spin or Travel
     of : RowMap
-        Of the same model.
+        Map of the rows of the same model.
     size : int
         Unknowns a row.
 
     Attributes
     ----------
     share : float
-        Of the forces that acts.
+        Share of the forces that acts.
     """
 
     def __init__(self, who: str, model: Model, motion: Spin | Travel, of: RowMap, size: int) -> None:
@@ -249,7 +249,7 @@ class SteadyForces:
         self._map, self._size, self._n = of, size, model.n_nodes
 
     def loads(self, q: Array) -> Array:
-        """At coordinates q [12 N], on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
+        """Return forces of inertia at coordinates q [12 N] on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
         of = self._map
         lead = of.ties @ velocity_map(q.reshape(-1, 4, 3)) @ of.every
         out = np.zeros((self._n + 1, 8))
@@ -258,19 +258,19 @@ class SteadyForces:
         return out.reshape(-1)
 
     def _force(self, q: Array) -> Array:
-        """On all coordinates [12 N]."""
+        """Return forces of inertia on all coordinates [12 N]."""
         return np.asarray(self.share * (self.field.pull @ (q.reshape(-1) - self.field.origin)))
 
     def rates(self, q: Array) -> Array | None:
-        """Second rates in time of the coordinates q [N, 4, 3] in space, as far as they act; None of beams that travel, whose
-        inertia is not that of a motion of the nodes."""
+        """Return second rates in time of the coordinates q [N, 4, 3] in space, as far as they act; None of beams that travel,
+        whose inertia is not that of a motion of the nodes."""
         if isinstance(self.motion, Travel):
             return None
         turn = self.motion.rate * np.cross(self.motion.axis, np.eye(3)).T
         return np.asarray(self.share * (q - self.field.origin.reshape(q.shape)) @ (turn @ turn).T)
 
     def stiffness(self, q: Array) -> Any:
-        """Minus the derivative of these forces by the unknowns of the rows, sparse [m, m]."""
+        """Return minus the derivative of these forces by the unknowns of the rows, sparse [m, m]."""
         from scipy import sparse
         x, of = q.reshape(-1, 4, 3), self._map
         lead = of.rates(q)

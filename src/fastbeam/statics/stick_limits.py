@@ -1,4 +1,4 @@
-"""Between which load factors friction holds a slider or a joint where it is (theory.md 8)."""
+"""Load factors between which friction holds a slider or a joint in place (theory.md 8)."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -45,7 +45,7 @@ class StickInterval(NamedTuple):
 def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, within: tuple[float, float] = (0.0, 10.0),
                    at_time: float | tuple[float, float] | None = None, start: State | None = None,
                    held: bool | str | tuple[str, ...] = False, max_iterations: int = 20, backend: str = "auto") -> StickInterval:
-    """The interval of load factors in which friction holds a slider, or a joint, where it rests at one of them.
+    """Find the interval of load factors in which friction holds a slider, or a joint, where it rests at one of them.
 
     From an equilibrium the loads grow, and shrink, slowly, until friction is all that it can be. Others with friction
     stick or slip as this history asks for, so that the last of several rings of a capstan to slip tells when its cable moves.
@@ -56,10 +56,10 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     slider : str
         One with Coulomb friction, or a joint with friction= or coefficient=; of a joint with several such coordinates one of them
         as `solve_static` names it in `info["friction"]`, "distance of cylindrical joint 'c'"; the twist of a beam in the sleeve
-        "s" that rubs with `radius=` is "s: twist". Where the loads of `load_factor` make it slip, it comes to rest first, which
+        "s" with friction by `radius=` is "s: twist". Where the loads of `load_factor` make it slip, it comes to rest first, which
         leaves it at the end of its interval.
     load_factor : float
-        Of the loads of the equilibrium in the interval.
+        Load factor of the equilibrium in the interval.
     within : (float, float)
         The smallest and largest load factor that is looked at; they enclose `load_factor`.
     at_time : float or (float, float), optional
@@ -68,7 +68,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
         those of that time, or of the second one, supports stay; drives by force grow with the load factor of all loads, and
         with two times act in full.
     start : State, optional
-        That equilibrium, as of `solve_static`; default: found from the reference, all loads raised together.
+        Equilibrium of `load_factor`, as of `solve_static`; default: found from the reference, all loads raised together.
     held, max_iterations, backend
         As in `solve_static`.
 
@@ -133,7 +133,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
 
 
 def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], int]:
-    """The number of a slider that friction can hold, or of a coordinate of a joint.
+    """Return the number of a slider that friction can hold, or of a coordinate of a joint.
 
     Raises
     ------
@@ -167,28 +167,28 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
 
 
 def _twists(model: Model) -> list[str]:
-    """Names of the twists of beams in sleeves that rub, as in `info["friction"]`."""
+    """Return names of the twists of beams in sleeves with friction, as in `info["friction"]`."""
     return [twist_label(model.names["sliders"][k]) for k in model.sleeve_pairs[model.twisting, 0]] if model.twisting.size else []
 
 
 class _Held(ABC):
-    """The equilibria of a scene with one part where it is, whatever that takes; k: its number; t: time of its drive."""
+    """Equilibria of a scene with one part held by whatever force that needs; k: its number; t: time of its drive."""
 
     def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
         self.solver, self.k, self.t = solver, k, t
 
     @abstractmethod
     def margin(self) -> float:
-        """The share of its friction that is left."""
+        """Return the share of its friction that is left."""
 
     def saved(self) -> tuple[Any, ...]:
-        """Everything that a later equilibrium depends on."""
+        """Return everything that a later equilibrium depends on."""
         along, joints = self.solver.along, self.solver.joints
         return (self.solver._saved(), None if along is None else along.modes.at_stop.copy(),
                 None if joints is None else (joints.values.copy(), joints.at_stop.copy()))
 
     def restore(self, saved: tuple[Any, ...]) -> None:
-        """Go back to it."""
+        """Restore what `saved` returned."""
         self.solver._restore(saved[0])
         if self.solver.along is not None:
             self.solver.along.modes.at_stop[:] = saved[1]
@@ -198,12 +198,12 @@ class _Held(ABC):
 
     @property
     def state(self) -> State:
-        """A copy of the present one."""
+        """Copy of the present state."""
         return State(*(x.copy() for x in self.solver.state))
 
 
 class _HeldJoint(_Held):
-    """Of a coordinate of a joint."""
+    """Equilibria with a coordinate of a joint held."""
 
     def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
         super().__init__(solver, k, t)
@@ -216,7 +216,7 @@ class _HeldJoint(_Held):
 
 
 class _HeldSlider(_Held):
-    """Of a slider."""
+    """Equilibria with a slider held."""
 
     def margin(self) -> float:
         solver, k = self.solver, self.k
@@ -230,7 +230,7 @@ class _HeldSlider(_Held):
 
 
 def _end_of(held: _Held, load: Callable[..., bool], start: float, end: float) -> tuple[float, State]:
-    """The load factor between `start` and `end` where friction gives way, and the equilibrium there."""
+    """Find the load factor between `start` and `end` where friction gives way, and the equilibrium there."""
     if not load(held.solver, start):
         return np.nan, held.state
     a, left = start, held.margin()
@@ -257,7 +257,7 @@ def _end_of(held: _Held, load: Callable[..., bool], start: float, end: float) ->
 
 def _root(held: _Held, load: Callable[..., bool], saved: tuple[Any, ...], low: tuple[float, float],
           high: tuple[float, float]) -> tuple[float, State]:
-    """The load factor between two, with friction left and without, where there is none left (regula falsi, with the halved
+    """Find the load factor between two, with friction left and without, where there is none left (regula falsi, with the halved
     ordinate of the Illinois method); every equilibrium is found from the last one with some left."""
     (a, left), (b, beyond), side = low, high, 0
     for _ in range(MOST_ROUNDS):

@@ -30,8 +30,8 @@ Array = np.ndarray
 LONGEST = 1.0
 # steps of coordinates, in distances of nodes and as they are, for derivatives of section forces, and differences of order 6
 NEARBY, WAYS, WEIGHTS = 2.0**-8, (-3, -2, -1, 1, 2, 3), (-1 / 60, 9 / 60, -45 / 60, 45 / 60, -9 / 60, 1 / 60)
-# what lengths do to conditions, next to what they do to the scene, that is round-off; the smallest of the singular values of all
-# of it, rows and columns scaled to 1, next to the largest
+# round-off of the influence of lengths on conditions, relative to their influence on the scene; smallest singular value of the
+# influences, rows and columns scaled to 1, relative to the largest
 UNMOVED, DEPENDENT = 1e-9, 1e-9
 # share of conditions and loads that is round-off where the matrix is singular
 UNBALANCED = 1e-9
@@ -84,12 +84,13 @@ class LengthTables(StrainPath):
 
     @property
     def lengths(self) -> Array:
-        """Of the beams as they are drawn [m]."""
+        """Lengths of the beams as they are drawn [m]."""
         return np.array([beam.length for beam in self.beams])
 
 
 def _shares(model: Model, beam: Beam, first: float) -> tuple[Array, Array]:
-    """Nodes of a beam and how their masses, kg, change with its prestrain, which is `first` with the mass of the scene."""
+    """Return the nodes of a beam and how their masses, kg, change with its prestrain, which is `first` with the mass of the
+    scene."""
     q = model.q0.reshape(-1, 4, 3)
     part = elements_of(beam, model.numbers.start(beam), q[:, 0], q[:, 1:])
     mass = part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)
@@ -97,7 +98,7 @@ def _shares(model: Model, beam: Beam, first: float) -> tuple[Array, Array]:
 
 
 class Condition(NamedTuple):
-    """A quantity that has to have a value."""
+    """Quantity with a wanted value."""
 
     wanted: Wanted
     size: float                      # of the quantity
@@ -107,7 +108,7 @@ class Condition(NamedTuple):
     part: str                        # of a section force
 
     def slope(self, state: State) -> tuple[Array, Array]:
-        """Numbers of coordinates of nodes and the derivatives by them, of places and section forces."""
+        """Return numbers of coordinates of nodes and the derivatives by them, of places and section forces."""
         if self.at is not None:
             nodes, weights = self.at
             return (12 * nodes[:, None] + 3 * np.arange(4) + self.axis).reshape(-1), weights.reshape(-1)
@@ -131,7 +132,7 @@ class Condition(NamedTuple):
 
 def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, float], points: Mapping[str, Place] | None,
                   stays: Array) -> list[Condition]:
-    """Of quantities as `path_stops.wanted_of` knows them, each as it was asked for.
+    """Return conditions for quantities of `path_stops.wanted_of`, each as it was asked for.
 
     Raises
     ------
@@ -158,8 +159,8 @@ def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, f
 
 
 class LengthSolver(Response):
-    """An equilibrium with conditions, on all its unknowns and prestrains of beams; `move_to` leads the conditions from what they
-    are at the start to what they are to be.
+    """Solver for equilibria with conditions, on all unknowns and prestrains of beams; `move_to` leads the conditions from their
+    values at the start to the wanted ones.
 
     Parameters
     ----------
@@ -188,7 +189,7 @@ class LengthSolver(Response):
 
     @property
     def name(self) -> str:
-        """What was used, for the result."""
+        """Linear solver and its number of factorisations, for the result."""
         f = self._of_lengths
         if f is None or not f.count:
             return "SuperLU on nodes and lengths"
@@ -196,29 +197,29 @@ class LengthSolver(Response):
 
     @property
     def prestrains(self) -> Array:
-        """Of the beams at present [m]."""
+        """Present prestrains of the beams [m]."""
         return self.tables.first + self.change
 
     def values(self) -> Array:
-        """Of the quantities of all conditions [m]."""
+        """Return the values of the quantities of all conditions [m]."""
         state = self.state
         return np.array([condition.wanted.of(state) for condition in self.conditions])
 
     def move_to(self, share: float) -> None:
-        """How much of their way conditions have gone at the next equilibrium. Supports and what joints are given stay."""
+        """Set the part of their path that conditions have gone at the next equilibrium. Supports and prescribed joints stay."""
         super().move_to(1.0)
         self.part = share
 
     def _put(self, change: Array) -> None:
-        """Let beams have these changes of their prestrains [m], and weigh what goes with them."""
+        """Set these changes of the prestrains of beams [m], and the weights that depend on them."""
         self.tables.put(change)
         if self.tables.weighs:
             self._load(self.factors)
             self._loads[:] = self.work.f_ext
 
     def bordered(self) -> tuple[Saddle, Array, Array, Any, Array]:
-        """Tangent [n, n], what is left of the equations [n], their derivatives by the prestrains [n, m], and those of the
-        conditions by the unknowns [m, n] and by the prestrains [m, m]."""
+        """Assemble the tangent [n, n], the residual [n], its derivatives by the prestrains [n, m], and those of the conditions by
+        the unknowns [m, n] and by the prestrains [m, m]."""
         saddle, right = self.linearised()
         m, size, rows = self.change.size, len(self.core.dofs), self.core.pattern.n
         state, outer = self.state, self.work.f_ext - self._loads
@@ -241,7 +242,7 @@ class LengthSolver(Response):
         return saddle, right, push, self._slopes(state, right.size), direct
 
     def _slopes(self, state: State, n: int) -> Any:
-        """Derivatives of the conditions by all unknowns, sparse [m, n]."""
+        """Return derivatives of the conditions by all unknowns, sparse [m, n]."""
         from scipy import sparse
         m = len(self.conditions)
         by_q, by_s = sparse.lil_matrix((m, state.q.size)), sparse.lil_matrix((m, n - self.nodes))
@@ -254,9 +255,9 @@ class LengthSolver(Response):
         return sparse.hstack((by_q.tocsr() @ self.lift(), by_s)).tocsr()
 
     def influence(self) -> tuple[Array, Array] | None:
-        """Derivatives of all conditions by all prestrains at the present equilibrium, each in sizes of its quantity [m, m], and
-        how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions, and prestrains
-        push along what has no stiffness."""
+        """Return derivatives of all conditions by all prestrains at the present equilibrium, each in sizes of its quantity [m,
+        m], and how much the scene moves with every prestrain [m]; None where the tangent is singular without conditions, and
+        prestrains push along motions without stiffness."""
         saddle, _, push, slopes, direct = self.bordered()
         columns = []
         for k in range(push.shape[1]):
@@ -284,7 +285,7 @@ class LengthSolver(Response):
         return status, sizes
 
     def _find(self) -> tuple[int, list[float]]:
-        """Newton's method for the conditions of the present share of their way."""
+        """Iterate by Newton's method for the conditions of the present share of their way."""
         self.runaway = self.stuck = -1
         state, n = self.stepper.core_state, self.nodes + self.sliding.size
         wanted = self.begun + self.part * (self.asked - self.begun) if self.part < 1.0 else self.asked
@@ -318,11 +319,12 @@ class LengthSolver(Response):
         return OK, sizes
 
     def _extent(self, x: Array) -> float:
-        """The largest motion, in sizes of the scene and rad, and change of a prestrain among all unknowns [n + m]."""
+        """Return the largest motion, in sizes of the scene and rad, and change of a prestrain among all unknowns [n + m]."""
         return self.size_of(x) + float(np.max(np.abs(x[self.unknowns:])))
 
     def _solved(self, off: Array) -> Array | None:
-        """Increments of all unknowns and prestrains [n + m], conditions being off by so much [m]; None where there are none."""
+        """Solve for increments of all unknowns and prestrains [n + m], conditions being off by so much [m]; None where there are
+        none."""
         from scipy import sparse
         saddle, right, push, slopes, direct = self.bordered()
         m = off.size

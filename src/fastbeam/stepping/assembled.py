@@ -73,24 +73,24 @@ class Equations(NamedTuple):
     idle: Array        # int64 [I]: multipliers that stay as they are
     loads: Array       # float64 [8 (rows + 1)]: forces and moments of the constraints on the rows
     bent: Entries = NO_ENTRIES      # [m, m]: stiffness that the blocks of the nodes do not have, N/m
-    normal: Any = None              # float64 [S], N: F_n |c'|, what presses and rubs, with the moments of sleeves
+    normal: Any = None              # float64 [S], N: F_n |c'|, normal force with the moments of sleeves
     size: Any = None                # float64 [S], N: of the contact forces
     rubbing: Entries = NO_ENTRIES   # [S, m]: of friction in the sliding equations, by the unknowns of the nodes
     by_force: Entries = NO_ENTRIES  # [S, F]: the same by the multipliers
 
 
 class Constraints:
-    """Reads the equations of the constraints of a stepper in statics.
+    """Reader of the equations of the constraints of a stepper in statics.
 
     Parameters
     ----------
     stepper : Stepper
-        In statics.
+        Stepper in statics.
 
     Attributes
     ----------
     loose : bool [R] or None
-        Which coordinates of joints that friction or rigid stops may hold are free.
+        True for coordinates of joints that are free though friction or rigid stops may hold them.
     angles : dict
         Angles at which friction holds sections, by the number of their sleeve, rad.
     """
@@ -112,7 +112,7 @@ class Constraints:
             self._begin()
 
     def _begin(self) -> None:
-        """Prepare what is the same at all shapes."""
+        """Prepare data that are the same at all shapes."""
         core, contact = self.stepper.core, self._contact
         n = len(core.dofs)
         count, most = contact.row.shape
@@ -121,7 +121,7 @@ class Constraints:
         # numbers of the multipliers of all constraints by the columns of their lines
         self._number = contact.first_force[:, None] + np.arange(8)
         self._entry = (most * np.arange(count)[:, None] + np.arange(most)) * 8 * n
-        # of what the last structure was made
+        # entries of the last structure
         self._touched = b"", b""
         self._inside = np.zeros((count, most), bool)
         forces = contact.forces[contact.pair[:, 1]]
@@ -133,8 +133,8 @@ class Constraints:
     # --- what holds coordinates -----------------------------------------------------------------------------------------
     @property
     def given(self) -> Array | None:
-        """Values of coordinates of joints that are given, or that friction and rigid stops hold, in their order; None: they stay
-        where they are."""
+        """Values of coordinates of joints that are prescribed, or that friction and rigid stops hold, in their order; None: they
+        stay where they are."""
         return self._given
 
     @given.setter
@@ -268,7 +268,7 @@ class Constraints:
 
 
 class SaddleMatrix:
-    """Puts blocks of nodes and what constraints add into one matrix by rows: nodes, sliding coordinates, multipliers.
+    """Matrix by rows of nodes, sliding coordinates and multipliers, from blocks of nodes and entries of constraints.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ class SaddleMatrix:
         Parameters
         ----------
         sliding : bool [S]
-            Which sliders are free; the others have an increment of zero.
+            Sliders that are free; the others have an increment of zero.
         drag : float
             Stiffness against increments of sliding coordinates, N/m.
         """
@@ -351,7 +351,7 @@ class SaddleMatrix:
         return with_values(self._matrix, data)
 
     def _find_places(self, equations: Equations, dim: int) -> None:
-        """Find where what constraints add stands in the matrix, in the order of `of`."""
+        """Find the places of entries of constraints in the matrix, in the order of `of`."""
         m, s = self.nodes, self.sliders
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
         rubbing, by_force = equations.rubbing, equations.by_force
@@ -366,7 +366,7 @@ class SaddleMatrix:
         keys = row.astype(np.int64) * self.n + column
         place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
         if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
-            # what was there before stays for a while: entries that vanish come back
+            # earlier entries stay for a while, because entries that vanish come back
             before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
             self._merge(np.unique(np.concatenate((keys, before))))
             place = np.searchsorted(self._known, keys)

@@ -34,8 +34,8 @@ BEHIND = "asked", "sign", "rest", "flips", "judged", "needed", "under", "taken",
 
 
 def local_elements(tables: ElementTables, first: int, count: int, row_of: Array, idle: int) -> tuple[ElementTables, Array]:
-    """Groups of elements with rows of their own, `idle` in idle lanes; their blocks are missing. And coupled rows of all pairs of
-    their nodes, int [*, 2]."""
+    """Form groups of elements with rows of their own, `idle` in idle lanes; their blocks are missing. Return them with coupled
+    rows of all pairs of their nodes, int [*, 2]."""
     meta = tables.meta[first:first + count].copy()
     at = [m[3] + np.arange(8 * m[0]) for m in meta]
     nodes, seen = tables.nodes[np.concatenate(at)], tables.rows[np.concatenate(at)]
@@ -51,7 +51,7 @@ def local_elements(tables: ElementTables, first: int, count: int, row_of: Array,
 
 
 class Shared:
-    """What all groups share: rows of all nodes within their group, and ties without those of nodes of beams."""
+    """Tables that all groups share: rows of all nodes within their group, and ties without those of nodes of beams."""
 
     def __init__(self, model: Model) -> None:
         c = model.carriers
@@ -83,8 +83,8 @@ class Shared:
 
 
 def _sleeves_on(every: Any, sliders: Array) -> tuple[Any, Array, Array]:
-    """The table of the sleeves among some sliders, which of these they are, and their constraints of moments, int64 [*]; every:
-    the sleeves of the scene."""
+    """Return the table of the sleeves among some sliders, which of these they are, and their constraints of moments, int64 [*];
+    every: the sleeves of the scene."""
     of = every.of_slider[sliders] if isinstance(every, Sleeves) else np.full(sliders.size, -1)
     on = np.flatnonzero(of >= 0)
     if not on.size:
@@ -111,14 +111,14 @@ class AlongGroup:
         self.part = whole._replace(doubt=Doubt(*(x[sliders] for x in whole.doubt)), **rows)
 
     def take(self) -> None:
-        """Rows of the scene as they are at the start of an iteration."""
+        """Copy rows of the scene as they are at the start of an iteration."""
         for name in BEFORE:
             getattr(self.part, name)[:] = getattr(self.whole, name)[self.sliders]
         for own, all_of in zip(self.part.doubt, self.whole.doubt):
             own[:] = all_of[self.sliders]
 
     def give(self) -> None:
-        """What an iteration has changed, to the scene."""
+        """Write what an iteration has changed back to the scene."""
         for name in BEHIND:
             getattr(self.whole, name)[self.sliders] = getattr(self.part, name)
         for own, all_of in zip(self.part.doubt, self.whole.doubt):
@@ -133,7 +133,7 @@ class Workspace:
         self._arrays: dict[str, Array] = {}
 
     def array(self, name: str, *shape: int, kind: Any = float) -> Array:
-        """An array of this shape with any numbers."""
+        """Return an array of this shape with any numbers."""
         n = int(np.prod(shape))
         if name not in self._arrays or self._arrays[name].size < n:
             self._arrays[name] = aligned_empty(n).view(kind)
@@ -141,7 +141,7 @@ class Workspace:
 
 
 def _both_ends(nodes: Array) -> Array:
-    """First and last take turns: two at a time that do not wait for each other."""
+    """Order nodes from both ends in turn: two at a time that do not wait for each other."""
     out = np.empty_like(nodes)
     out[::2], out[1::2] = nodes[:(nodes.size + 1) // 2], nodes[(nodes.size + 1) // 2:][::-1]
     return out
@@ -238,7 +238,7 @@ class Group:
         self._allocate()
 
     def _allocate(self) -> None:
-        """Room for so many entries of a slider, and everything else by scale."""
+        """Allocate room for so many entries of a slider, and everything else by scale."""
         size = len(self.owner.core.dofs)
         carriers, nodes = self.group_rows.beam.size, self.couplings.diagonal.size
         rows = with_capacity(self.couplings, self.entries, 0, size, self.capacity, fill=16 * size * (nodes - 2 * carriers))
@@ -276,7 +276,7 @@ class Group:
 
     @property
     def singular(self) -> int:
-        """A slider without a pivot, or -1."""
+        """Number of a slider without a pivot, or -1."""
         k = int(self.rows.factors.failed[1])
         return -1 if k < 0 else int(self.constraints[k])
 
@@ -306,7 +306,7 @@ class Group:
             self._allocate()
 
     def recover(self, system: System, space: Workspace) -> float:
-        """Increments of everything in here, sliders too. Returns the largest of a place on a beam."""
+        """Recover the increments of everything in the group, sliders too. Returns the largest of a place on a beam."""
         state, own = system.state, self.own
         local = self._system(system, space)
         rows = local.solver

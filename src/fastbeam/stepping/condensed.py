@@ -48,8 +48,8 @@ ELEMENTS_A_THREAD = 2000
 
 
 def thread_count(threads: int | None, elements: int) -> int:
-    """Threads of a run with so many elements in condensed beams: as asked for, else FASTBEAM_THREADS, else all processors that
-    this process may use and that have enough to do.
+    """Choose the threads of a run with so many elements in condensed beams: as asked for, else FASTBEAM_THREADS, else all
+    processors that this process may use and that have enough to do.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def thread_count(threads: int | None, elements: int) -> int:
 
 
 def chunks(n: int, least: int, first: int = 0, most: int = FEW_CHUNKS) -> list[Chunk]:
-    """first .. first + n cut into equal parts of at least so many, `most` of them at most."""
+    """Cut first .. first + n into equal parts of at least `least`, at most `most` of them."""
     parts = max(1, min(most, n // least)) if n else 0
     edges = [first + n * k // max(parts, 1) for k in range(parts + 1)]
     return list(zip(edges[:-1], edges[1:]))
@@ -82,7 +82,7 @@ class Team:
         self._pool = ThreadPoolExecutor(threads - 1, "fastbeam") if threads > 1 else None
 
     def each(self, work: Callable[[int, Any], Any], items: Sequence[Any]) -> list[Any]:
-        """work(thread, item) for all items, in any order; the results in that of the items."""
+        """Call work(thread, item) for all items, in any order; return the results in that of the items."""
         out: list[Any] = [None] * len(items)
         # taking the next from a list iterator is one operation to Python
         left = iter(list(enumerate(items)))
@@ -101,20 +101,20 @@ class Team:
 
 
 def _held_of_solver(held: Held, n: int) -> Held:
-    """What is held in the n rows that the solver sees."""
+    """Return the fixed unknowns in the n rows that the solver sees."""
     seen = held.row < n
     return held._replace(row=held.row[seen], mask=held.mask[seen], diagonal=held.diagonal[seen])
 
 
 def _bodies_of_solver(bodies: Any, n: int) -> Any:
-    """Bodies there."""
+    """Return the bodies in the n rows that the solver sees."""
     seen = bodies.row < n
     inertia = bodies.inertia.reshape(seen.size, -1)[seen].reshape(-1)
     return bodies._replace(node=bodies.node[seen], row=bodies.row[seen], block=bodies.block[seen], inertia=inertia)
 
 
 def _ties_of_solver(ties: Any, eliminated: Array) -> Any:
-    """Ties but those of some nodes."""
+    """Return the tie table without the eliminated nodes."""
     seen = ~np.isin(ties.slave, eliminated)
     moved = np.isin(ties.target, eliminated)
     entry = np.maximum(ties.moves[:, [ROW_ENTRY, COLUMN_ENTRY]], 0)
@@ -123,8 +123,8 @@ def _ties_of_solver(ties: Any, eliminated: Array) -> Any:
 
 
 class CondensedIteration(Iteration):
-    """Of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and each group of
-    carriers is one.
+    """Newton iterations of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and
+    each group of carriers is one.
 
     Parameters
     ----------
@@ -137,8 +137,8 @@ class CondensedIteration(Iteration):
             self._take_terms()
 
     def _take_terms(self) -> None:
-        """What is held in rows that the solver sees (reactions are what stands in rows before), and all terms without the held
-        rows and tied points of carriers, which the panel does not have."""
+        """Collect the terms without fixed rows and tied points of carriers, which the panel does not have, and the fixed unknowns
+        in rows that the solver sees (reactions are what stands in rows before)."""
         own: list[Any] = list(self.owner.terms)
         if self._carriers:
             n = self.owner.core.pattern.n
@@ -173,7 +173,7 @@ class CondensedIteration(Iteration):
             least = max(2, NODES_A_CHUNK * len(groups) // max(1, int(np.sum(groups[:, ELEMENTS] * groups[:, NODES_EACH]))))
             self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), least, done, MOST_CHUNKS)]
             done += len(groups)
-        # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
+        # terms that one chunk assembles, in the order of kernels/terms.py; tied nodes come last
         before = (Sliding, Inner) if model.n_bordered else Inner
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
         # links, drag, user forces, what joints leave free: all that has no pass of its own
@@ -274,12 +274,12 @@ class CondensedIteration(Iteration):
         self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
-        # what the kernel takes of state and work: every array that is passed takes time
+        # arrays of state and work that the kernel needs: every array that is passed takes time
         move = motion.implementation(system.method).py_func(system.method, state, work, h)
 
         def condense(thread: int, x: tuple[ElementTables, Any, Chunk] | Group | None) -> bool:
             if x is None:
-                # what acts on inner nodes stands in the residual before they are eliminated
+                # loads on inner nodes enter the residual before these are eliminated
                 step.assemble_some(*self._rest.on(shared), h)
                 return True
             if isinstance(x, Group):
@@ -306,7 +306,7 @@ class CondensedIteration(Iteration):
 
     @property
     def _singular(self) -> int:
-        """The first slider without a pivot on a carrier, or -1."""
+        """Number of the first slider without a pivot on a carrier, or -1."""
         return min((group.singular for group in self._carriers if group.singular >= 0), default=-1)
 
     def solve_panel(self) -> bool:

@@ -1,4 +1,5 @@
-"""Arrays for the rows of constraints in the block matrix (theory.md 9): what couples the nodes, and room for what is found."""
+"""Arrays for the rows of constraints in the block matrix (theory.md 9): couplings of the nodes, and room for their
+elimination."""
 from __future__ import annotations
 
 from collections import defaultdict
@@ -20,13 +21,13 @@ from fastbeam.model.mapping import nodes_of_curve
 from fastbeam.model.model import Model
 
 Array = np.ndarray
-# of models that still exist
+# places of models that still exist
 _PLACES: WeakKeyDictionary[Model, Array | None] = WeakKeyDictionary()
 
 
 def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array, late: list[Array], unknowns: Array,
                  forces: Array, in_force: Array, pairs: Array | None = None, places: Array | None = None) -> Couplings:
-    """What couples the rows of a pattern.
+    """Form the couplings of the rows of a pattern.
 
     Parameters
     ----------
@@ -35,9 +36,10 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
     held, tied : int [n]
         Mask of held unknowns of every row; the tied node that has the row, or -1.
     late : list of int arrays
-        Of every constraint the rows that it need not wait for.
+        Rows that every constraint need not wait for.
     unknowns, forces, in_force : int [S]
-        Of every constraint its unknowns and the forces among them; equations behind those of the gaps in the unit of a force.
+        Numbers of unknowns of every constraint, of forces among them, and of equations in the unit of a force behind those of
+        the gaps.
     pairs : int [O, 2], optional
         Constraints that are coupled by own unknowns.
     places : int32 [n + S], optional
@@ -71,9 +73,9 @@ def _starts(counts: Array) -> Array:
 def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
                   others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0,
                   targets: int = 0) -> Constraints:
-    """Everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`: with
-    eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes; targets:
-    products of blocks at least."""
+    """Allocate everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`:
+    with eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes; targets: products
+    of blocks at least."""
     n, s = couplings.diagonal.size, couplings.unknowns.size
     rows = n + s
 
@@ -101,7 +103,8 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
 
 
 def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float, targets: int = 0) -> Constraints:
-    """Of the constraints of a model; inner: with the work arrays of a run; the others as of `with_capacity`."""
+    """Allocate the rows of the constraints of a model; inner: with the work arrays of a run; other arguments: see
+    `with_capacity`."""
     n, s = model.pattern.n, model.n_sliders
     held, tied = np.zeros(n, np.int64), np.full(n, -1)
     if model.held is not None:
@@ -133,7 +136,8 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
 
 
 def _places(model: Model, inner: Inner | None) -> Array | None:
-    """Place of every row in the elimination of a model whose constraints are joints, which touch the same rows all the time."""
+    """Return the place of every row in the elimination of a model whose constraints are joints, which always touch the same
+    rows."""
     if model.n_sliders or not model.kept:
         return None
     if model not in _PLACES:
@@ -170,13 +174,13 @@ def _find_places(model: Model, inner: Inner | None) -> Array | None:
 
 
 def _carriers_of(model: Model, node: int) -> list[int]:
-    """The row of a node, or those of what it is tied to."""
+    """Return the row of a node, or those of the nodes that it is tied to."""
     rows = _rows_of(model, node).tolist()
     return rows[1:] or rows
 
 
 def _rows_of(model: Model, node: int) -> Array:
-    """Rows of a node and of those that it is tied to."""
+    """Return rows of a node and of those that it is tied to."""
     row = model.pattern.row_of[node:node + 1]
     if model.ties is None:
         return row

@@ -22,7 +22,7 @@ LEFT = -1
 
 
 class Owner(Protocol):
-    """Who owns the state and the work arrays: a `stepper.Stepper`."""
+    """Owner of the state and the work arrays: a `stepper.Stepper`."""
 
     core: Model
     core_state: State
@@ -34,7 +34,7 @@ class Owner(Protocol):
 
     @property
     def system(self) -> System:
-        """What all terms share."""
+        """Data that all terms share."""
 
     @property
     def records(self) -> tuple[Table, SystemRecord]:
@@ -43,7 +43,7 @@ class Owner(Protocol):
 
 def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, after: Callable[[list[float]], int],
                 is_settled: Callable[[], bool] = lambda: True, largest: float = np.inf) -> tuple[int, list[float]]:
-    """Newton's method where its loop runs in Python: as `kernels.step.newton`.
+    """Iterate by Newton's method where its loop runs in Python, as `kernels.step.newton`.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, af
         Solves the linearised equations and adds what it finds. Returns a status and the size of the increment, None where none
         was found; any status but OK ends the loop.
     most : int
-        Iterations.
+        Largest number of iterations.
     after : callable
-        Of the sizes until now, after every iteration that does not end the loop; any status but OK ends it.
+        Called with the sizes so far after every iteration that does not end the loop; any status but OK ends it.
     is_settled : callable
         Asked where increments are at round-off: whether the equations have not changed with the last one.
     largest : float
@@ -84,28 +84,28 @@ def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, af
 
 
 class Iteration:
-    """Around SuperLU, on one thread."""
+    """Newton iteration around SuperLU, on one thread."""
 
     def __init__(self, owner: Owner) -> None:
         self.owner = owner
 
     def hold(self) -> None:
-        """Supports have changed what they hold."""
+        """Take over what supports hold after a change."""
 
     def keep(self) -> None:
         """Remember the state before a step."""
         kernels.keep_now(*self.owner.records)
 
     def restore(self) -> None:
-        """Go back to it."""
+        """Restore the state that `keep` remembered."""
         kernels.restore_kept(*self.owner.records)
 
     def start(self, h: float) -> None:
-        """First guess of a step of size h."""
+        """Form the first guess of a step of size h."""
         kernels.begin(*self.owner.records, h)
 
     def newton(self, h: float, max_iterations: int, largest: float, stop: Callable[[], Any]) -> tuple[int, list[float]]:
-        """Iterations from the first guess: (status, sizes of the increments), as `kernels.step.newton`.
+        """Iterate from the first guess; return (status, sizes of the increments), as `kernels.step.newton`.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Iteration:
                            largest)
 
     def assemble(self, h: float) -> None:
-        """Residual and tangent."""
+        """Assemble residual and tangent."""
         kernels.assemble_all(*self.owner.records, h)
 
     def solve(self) -> bool:
@@ -149,12 +149,12 @@ class Iteration:
 
     @property
     def records(self) -> tuple[Table, SystemRecord]:
-        """Terms and system, as they have to do with the panel of right-hand sides."""
+        """Terms and system, as the panel of right-hand sides needs them."""
         return self.owner.records
 
     @property
     def is_regular(self) -> bool:
-        """Whether all eliminations before the solver went well."""
+        """True where all eliminations before the solver succeeded."""
         return bool(kernels.all_regular(*self.owner.records))
 
     def solve_panel(self) -> bool:
@@ -170,7 +170,8 @@ class Iteration:
         return True
 
     def update(self) -> float:
-        """Add the increments; their size relative to that of the scene, or -1 - k where slider k makes the border singular."""
+        """Add the increments; return their size relative to that of the scene, or -1 - k where slider k makes the border
+        singular."""
         return float(kernels.update(*self.owner.records))
 
     def finish(self, h: float) -> None:

@@ -27,7 +27,7 @@ RHO_INF = 0.8
 
 @dataclass(frozen=True)
 class Method:
-    """One way to step.
+    """Method of time integration.
 
     Attributes
     ----------
@@ -47,22 +47,22 @@ class Method:
 
     @property
     def label(self) -> str:
-        """For people."""
+        """Label for messages."""
         return METHODS[self.name] + ("" if self.rho_inf is None else f", rho_inf = {self.rho_inf:g}")
 
     @property
     def filters(self) -> bool:
-        """Whether conserving steps dissipate high frequencies."""
+        """True where conserving steps dissipate high frequencies."""
         return self.name == "energy_momentum" and self.rho_inf is not None
 
     @property
     def at_end(self) -> bool:
-        """Whether forces belong to the end of a step, not to its middle."""
+        """True where forces belong to the end of a step, not to its middle."""
         return self.parameters is not None
 
 
 def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float | None, model: Model) -> Method:
-    """The method of these arguments of `simulate`.
+    """Return the method for these arguments of `simulate`.
 
     Raises
     ------
@@ -95,15 +95,15 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
 
 
 def empty_rates(method: Method, n_nodes: int) -> Alpha | None:
-    """Work arrays of a method, None where it needs none."""
+    """Allocate work arrays of a method, None where it needs none."""
     if method.parameters is None:
         return None
     return Alpha(method.parameters, empty(54 * n_nodes), empty(18 * n_nodes), empty(2), np.eye(3).reshape(-1))
 
 
 def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None:
-    """Consistent accelerations and contact forces of a state: the equations of motion with the second derivative of every
-    gap (index 1), written into alpha.rates and state.force.
+    """Compute consistent accelerations and contact forces of a state from the equations of motion with the second derivative of
+    every gap (index 1), into alpha.rates and state.force.
 
     Parameters
     ----------
@@ -164,8 +164,8 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
 
 
 def _convective(model: Model, rows: GapRows, gaps: Gaps, state: State) -> Array:
-    """Evaluate minus what the second derivatives of all gaps have besides accelerations, [F]: of sliders
-    2 ds/dt N' phi' + (ds/dt)^2 N'' phi."""
+    """Evaluate minus the parts of the second derivatives of all gaps besides accelerations, [F]: of sliders 2 ds/dt N' phi' +
+    (ds/dt)^2 N'' phi."""
     v = state.v
     # gaps are of second degree in the coordinates: their second difference is exact
     (ahead, turning), (back, _), (none, _) = (rows.values(x, state.s) for x in (v, -v, 0.0 * v))

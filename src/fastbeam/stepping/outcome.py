@@ -1,4 +1,4 @@
-"""What steps of a run led to."""
+"""Outcomes of the steps of a run."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "th
 
 @dataclass
 class Outcome:
-    """Of a number of steps: status, steps done, Newton iterations, slider of an event, sizes of the last increments, mean contact
-    force of the first and the last step [2, 3 S]."""
+    """Outcome of a number of steps: status, steps done, Newton iterations, slider of an event, sizes of the last increments, mean
+    contact force of the first and the last step [2, 3 S]."""
 
     status: int
     steps: int
@@ -25,7 +25,7 @@ class Outcome:
     force: Array
 
     def after(self, other: Outcome) -> Outcome:
-        """This outcome as the continuation of another."""
+        """Return this outcome as the continuation of another."""
         first = other.force[0] if other.steps else self.force[0]
         last = self.force[1] if self.steps else other.force[1]
         return Outcome(self.status, other.steps + self.steps, other.iterations + self.iterations, self.slider, self.sizes,

@@ -1,4 +1,4 @@
-"""Steppers: take a model's state over steps, either in the compiled loop with block elimination or with a sparse solver."""
+"""Steppers, which take a model's state over steps, in the compiled loop with block elimination or with a sparse solver."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -43,9 +43,9 @@ from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.terms import Corner, Growing, put_limits, system_of, terms_of
 
 Array = np.ndarray
-# of theory.md (5.5), chosen by docs/reports/stress.md
+# factor of theory.md (5.5), chosen by docs/reports/stress.md
 AUGMENTATION = 1e7
-# a force moves nothing where the compliance of the parts that it joins is below this share of h^2/(mass of the scene)
+# a force moves nothing where the compliance of its parts is below this share of h^2/(mass of the scene)
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
 BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force",
@@ -59,7 +59,7 @@ SAME_TURN = 1e-9
 
 
 class Stepper:
-    """Runs steps of one model; owns the state and the work arrays.
+    """Stepper of one model; it owns the state and the work arrays.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Stepper:
     max_iterations : int
         Newton iterations a substep.
     backend : {'auto', 'pardiso', 'superlu'}
-        Of the sparse solver, where the model needs one.
+        Sparse solver, where the model needs one.
     method : Method
     t : float
         Time of the state, s; some methods need the loads there.
@@ -80,7 +80,7 @@ class Stepper:
     augmentation : float
         Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
     threads : int, optional
-        Of condensed beams (default: see `thread_count`) and of PARDISO.
+        Threads for condensed beams (default: see `thread_count`) and for PARDISO.
     static, symmetric : bool
         For statics: loads that change, PARDISO's symmetric factorisation.
 
@@ -199,14 +199,15 @@ class Stepper:
         return self.own.get("motions")
 
     def load_at(self, t: float, factor: float, shares: Array | None = None) -> None:
-        """In statics: the time, s, and load factor of forces by laws, moving air and ropes; shares: as of `Growing.put`."""
+        """Set the time, s, and load factor of forces by laws, moving air and ropes, in statics; shares: as of `Growing.put`."""
         self.law_work[:2] = t, factor
         assert self.growing is not None
         self.growing.put(t, factor, shares)
 
     def _start_sliding(self) -> None:
-        """Signs of the velocities of sliders with Coulomb friction. What a run before left at rest, held by friction or against a
-        stop, stays there: its velocity is what the step left in which it came to rest, of second order."""
+        """Set the slip directions of sliders with Coulomb friction from their velocities. Sliders that a run before left at rest,
+        held by friction or against a stop, stay there: their velocity is a remainder of second order of the step in which they
+        came to rest."""
         model, state = self.model, self.state
         rates, contact = empty(model.n_sliders), contact_of(model)
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, empty(3 * model.n_sliders), rates)
@@ -218,7 +219,7 @@ class Stepper:
 
     @property
     def state(self) -> State:
-        """The present state: the arrays themselves, or what they mean in space where the run is planar."""
+        """Present state: the arrays themselves, or what they mean in space where the run is planar."""
         return self.core_state if self.plane is None else self.plane.expand(self.core_state)
 
     @property
@@ -228,17 +229,17 @@ class Stepper:
 
     @property
     def memory(self) -> Array:
-        """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
+        """Copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
         increments, and the state as a planar run keeps it."""
         rates, past, *increments = self._remembered
         if past[3] == 0.0:
-            # they are no rates, but what a failed step left
+            # these are no rates but remainders of a failed step
             increments[:2] = (np.zeros_like(x) for x in increments[:2])
         return np.concatenate((rates, past, *increments))
 
     @property
     def system(self) -> System:
-        """What all terms share in compiled code."""
+        """Data that all terms share in compiled code."""
         method: Any = Conserving() if self.method.middle is None else Midpoint()
         if self.alpha is not None:
             method = self.alpha
@@ -278,7 +279,7 @@ class Stepper:
             mine[:] = other
 
     def _rows_at_rest(self, u: Array) -> Array:
-        """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
+        """Return rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
         model, work = self.model, self.work
         work.u[:] = u
         system = self.system._replace(method=AtRest())
@@ -288,11 +289,11 @@ class Stepper:
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
 
     def _contact_of(self, entries: int) -> Contact | FactoredContact | None:
-        """Work arrays of the constraints, with room for so many entries each."""
+        """Allocate work arrays of the constraints, with room for so many entries each."""
         return factored_contact_of(self.core, entries) if self._factored else contact_of(self.core, entries)
 
     def _make_rows(self, capacity: Capacity) -> None:
-        """Work arrays of sliders as rows of the block matrix."""
+        """Allocate work arrays of sliders as rows of the block matrix."""
         assert self.contact is not None
         self.capacity = capacity
         self.rows = rows = constraints_of(self.core, self.inner, capacity.entries, capacity.scale, capacity.targets)
@@ -305,7 +306,7 @@ class Stepper:
             self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
 
     def _enlarge(self) -> None:
-        """More room for sliders as rows, of the kind that was too short."""
+        """Make more room for sliders as rows, of the kind that was too short."""
         assert self.contact is not None and self.rows is not None
         self._make_rows(larger_capacity(self.core, self.capacity, self.contact, self.rows))
 
@@ -316,12 +317,13 @@ class Stepper:
 
     @property
     def pivots_everywhere(self) -> bool:
-        """Whether all unknowns are solved for by SuperLU, after which there is nothing left to try."""
+        """True where SuperLU solves for all unknowns, so that no fallback is left."""
         return self.inner is None and self.core.substructures is None and not self.linear.is_compiled
 
     @property
     def fallback(self) -> Stepper:
-        """The same state and first guesses around SuperLU, without elimination of inner nodes, where pivots vanish."""
+        """Stepper with the same state and first guesses around SuperLU, without elimination of inner nodes, for vanishing
+        pivots."""
         if self.made_fallback is None:
             assert self.model.uneliminated is not None
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
@@ -334,16 +336,16 @@ class Stepper:
         return self.made_fallback
 
     def save(self) -> tuple[State, Array]:
-        """Everything a later `load` needs."""
+        """Return everything that a later `load` needs."""
         return self.copy_state(), self.memory
 
     def load(self, saved: tuple[State, Array]) -> None:
-        """Go back to what `save` returned."""
+        """Restore what `save` returned."""
         self.set_state(saved[0])
         self.memory = saved[1]
 
     def copy_state(self) -> State:
-        """A copy of the present state."""
+        """Return a copy of the present state."""
         return State(*(x.copy() for x in self.state))
 
     def set_state(self, state: State) -> None:
@@ -355,23 +357,23 @@ class Stepper:
 
     @property
     def failed_law(self) -> Failure:
-        """Which law of the user's own has failed in the last attempt, and how."""
+        """User's law that failed in the last attempt, and its failure."""
         return failure_in(self.core, self.terms, self.law_work)
 
     def label_of(self, node: int) -> str:
-        """A node for messages about what fails, with whose laws act there."""
+        """Return the label of a node for messages about failures, with the user's laws that act there."""
         return self.model.node_label(node) + acting_at(self.core, self.terms, node)
 
     def blamed(self, error: ConvergenceError, text: str, rest: str) -> ConvergenceError:
-        """The error of an attempt in which a law of the user's own has failed says so; any other one is as it is.
+        """Return the error of an attempt; it names a law of the user's own where one has failed.
 
         Parameters
         ----------
         error : ConvergenceError
         text : str
-            What was attempted.
+            Text that names the attempt.
         rest : str
-            Where the results are.
+            Text that tells where the results are.
         """
         failed = self.failed_law
         if failed.text:
@@ -380,11 +382,11 @@ class Stepper:
         return error
 
     def forget_failures(self) -> None:
-        """Before an attempt."""
+        """Forget failed laws before an attempt."""
         forget(self.terms, self.law_work)
 
     def assemble_anew(self) -> None:
-        """Residual and tangent of the present shape at rest.
+        """Assemble residual and tangent of the present shape at rest.
 
         Raises
         ------
@@ -408,8 +410,8 @@ class Stepper:
             raise SceneError(failed.text) from failed.error
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
-        """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
-        event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
+        """Take n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a
+        failure or event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
         self.begun = False  # whether the state may have changed
         result = self._run(t, h, n, done)
         while result.status == OK and result.steps < n and not self.stop():
@@ -419,8 +421,8 @@ class Stepper:
         return result
 
     def _count_turns(self, begin: float, end: float) -> None:
-        """How far supports have turned since t = 0, from one time to another, into the history. What the state of the start
-        differs by from their functions stays."""
+        """Write into the history how far supports have turned since t = 0 at `end`. A difference between the state of the start
+        and their functions, at `begin`, stays."""
         now = self.core.turns_of(self.core_state.history)
         if self._more_turns is None:
             more = now - self.core.prescribed.vectors(begin)
@@ -428,7 +430,7 @@ class Stepper:
         now[:] = self.core.prescribed.vectors(end) + self._more_turns
 
     def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
-        """Like `advance`, but returns after a step that was repeated."""
+        """Run steps as `advance`, but return after a step that was repeated."""
         model = self.core
         self._augment(h)
         self.forget_failures()
@@ -453,7 +455,7 @@ class Stepper:
             result = self._python_run(factors if self._timed else None, h, n, schedules)
         reached = result.steps
         if self.rows is not None and self.rows.factors.failed[0]:
-            # what the step has done does not count: rows of a run do not depend on when there was room
+            # the step is discarded: rows of a run do not depend on when there was room
             self._enlarge()
             result.iterations = int(counts[4])
             return self._run(t, h, 1, done + reached).after(result)
@@ -485,7 +487,7 @@ class Stepper:
         return pivoting.after(result)
 
     def _schedules(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
-        """What terms are given in n steps; empty where nothing depends on time."""
+        """Collect the schedules of terms for n steps; empty where nothing depends on time."""
         if not self._scheduled and not self.core.laws:
             return ()
         span = self._span(t, h, n, done)
@@ -501,14 +503,14 @@ class Stepper:
         return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])
 
     def _augment(self, h: float) -> None:
-        """Settings of the augmented Lagrangian for steps of size h, and supports as the state has them."""
+        """Set the augmented Lagrangian for steps of size h, and supports as the state has them."""
         self.supports.follow(self)
         if self.contact is None:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
 
     def _python_run(self, factors: Array | None, h: float, n: int, schedules: tuple[Any, ...] = ()) -> Outcome:
-        """The same loop in Python, around SuperLU or on several threads."""
+        """Run n steps in a loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force, iterations, sizes = np.zeros((2, state.force.size)), 0, np.zeros(0)
         for k in range(n):
@@ -546,7 +548,7 @@ class Stepper:
         return status, np.array(sizes)
 
     def worst_constraint(self) -> tuple[int, float, float]:
-        """(slider, or joint behind the sliders, gap in m, residual of its sliding equation in N) where the gap of the last
+        """Return (slider, or joint behind the sliders, gap in m, residual of its sliding equation in N) where the gap of the last
         iteration is largest."""
         assert self.contact is not None
         inside = np.arange(8) < self.contact.forces[:, None]
@@ -555,14 +557,14 @@ class Stepper:
         return k, float(gaps[k]), float(self.contact.residual[k, self.core.dim])
 
     def largest_turn(self) -> tuple[int, float]:
-        """(node, angle in rad) of the largest turn of a triad in the last substep."""
+        """Return (node, angle in rad) of the largest turn of a triad in the last substep."""
         theta = self.work.theta.reshape(self.model.n_nodes, -1)
         size = np.abs(theta[:, 0]) if self.plane is not None else np.linalg.norm(theta, axis=1)
         node = int(np.argmax(size))
         return node, float(2.0 * np.arctan(0.5 * size[node]))
 
     def largest_spin(self) -> tuple[int, float]:
-        """(node, angular velocity in rad/s) of the triad that turns fastest in the present state."""
+        """Return (node, angular velocity in rad/s) of the triad that turns fastest in the present state."""
         state = self.state
         q, v = (x.reshape(-1, 4, 3)[:, 1:] for x in (state.q, state.v))
         size = np.linalg.norm(0.5 * np.cross(q, v).sum(axis=1), axis=1)
@@ -570,7 +572,7 @@ class Stepper:
         return node, float(size[node])
 
     def worst_node(self) -> tuple[int, float]:
-        """(node, size) of the largest residual of the last iteration."""
+        """Return (node, size) of the largest residual of the last iteration."""
         # that of the interior of condensed beams is kept nowhere; steps in time that failed have been tried without condensation
         of = self if self.core.substructures is None or self.made_fallback is None else self.made_fallback
         r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.dofs)]).max(axis=1)

@@ -1,4 +1,4 @@
-"""What a run hands to compiled code: the terms of a model and the record of what they share (kernels/terms.py)."""
+"""Terms of a model in a run, and the record of what they share, as compiled code takes them (kernels/terms.py)."""
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ Array = np.ndarray
 
 
 def terms_of(run: OfRun) -> tuple[Any, ...]:
-    """All that acts in a run, in the order of kernels/terms.py."""
+    """Collect the terms of a run, in the order of kernels/terms.py."""
     model = run.model
     terms: list[tuple[Stand, Any]] = [part for feature in model.features for part in feature.terms(run)]
     inner = NoInner() if run.inner is None else run.inner
@@ -40,17 +40,17 @@ def terms_of(run: OfRun) -> tuple[Any, ...]:
 
 
 class Growing:
-    """Forces by laws, and of moving air, in the terms of a model at rest: what they are at a load factor and a time.
+    """Forces by laws, and of moving air, in the terms of a model at rest: their values at a load factor and a time.
 
     Parameters
     ----------
     model : Model
     terms : tuple
-        Of a run in statics.
+        Terms of a run in statics.
     """
 
     def __init__(self, model: Model, terms: tuple[Any, ...]) -> None:
-        # arrays that are multiplied, whole ones, and 1 where they grow
+        # scaled arrays, their full values, and 1 where they grow
         self._parts: list[tuple[Array, Array, Any]] = []
         self._air: list[tuple[Array, Array]] = []
         self.laws = [term for term in terms if isinstance(term, ON_NODES)]
@@ -62,7 +62,8 @@ class Growing:
         self._dragged = model.dragged
 
     def put(self, t: float, factor: float, shares: Array | None = None) -> None:
-        """At a time, s; shares: float64 [K] of nodes with loads that turn, where these have factors of their own."""
+        """Set the forces for a time, s, and a load factor; shares: float64 [K] of nodes with loads that turn, where these have
+        factors of their own."""
         for out, whole, grows in self._parts:
             out[:] = whole * np.where(grows == 1, factor, 1.0)
         for term, whole in zip(self.laws, (x[1] for x in self._parts)) if shares is not None else ():
@@ -96,7 +97,7 @@ def put_limits(model: Model, state: State, corner: Corner | None, *all_terms: tu
 
 def system_of(model: Model, method: Any, contact: Contact | FactoredContact | None, solver: Any, state: State,
               work: Work) -> System:
-    """The record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one that
-    compiled code calls, or None."""
+    """Form the record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one
+    that compiled code calls, or None."""
     return System(Unknown(0), model.pattern.row_of, model.spinless, state, model.width, model.length, work, model.dofs, method,
                   NoContact() if contact is None else contact, SolverOutside() if solver is None else solver)

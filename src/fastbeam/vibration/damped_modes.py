@@ -38,7 +38,7 @@ class Damped(NamedTuple):
 
 
 def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Damped:
-    """The motions that n undamped modes, the first of those found, become.
+    """Find the motions that n undamped modes, the first of those found, become.
 
     Raises
     ------
@@ -71,8 +71,8 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
 
 
 def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
-    """Rates [m] of the equation in the span of modes of unit mass, and vectors [modes, m]: those that belong to the first n
-    modes, of complex pairs one."""
+    """Solve the equation in the span of modes of unit mass: rates [m], and vectors [modes, m] that belong to the first n modes,
+    of complex pairs one."""
     m = len(damping)
     zero, one = np.zeros((m, m)), np.eye(m)
     # in a unit of time of the modes
@@ -88,7 +88,7 @@ def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
     rates = np.where(flat, np.real(rates), rates)
     rates[np.abs(rates) <= ZERO * np.max(np.abs(rates), initial=0.0)] = 0.0
     rates, vectors = rates[picks], vectors[:, picks]
-    # of a zero that comes several times a dense solver may return one vector several times: free motions themselves
+    # a dense solver may return one vector of a multiple zero several times: free motions are taken instead
     free = np.flatnonzero(np.diag(stiffness) == 0.0)
     for j, k in zip(np.flatnonzero(rates == 0.0), free[free < n]):
         vectors[:, j] = np.arange(m) == k
@@ -96,7 +96,7 @@ def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
 
 
 def _solved(system: DynamicStiffness, rate: complex, right: Array) -> Array | None:
-    """Solution at a rate, by the best factors that there are; None where there are none."""
+    """Solve the equation at a rate, by the best factors that there are; None where there are none."""
     for rough in ROUGH:
         try:
             return system.factored(rate, rough).solve(right)
@@ -107,8 +107,8 @@ def _solved(system: DynamicStiffness, rate: complex, right: Array) -> Array | No
 
 def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Array, rate: complex, x: Array, least: float,
               before: list[tuple[complex, Array, float]]) -> tuple[complex, Array, float]:
-    """Rate, vector and residual after inverse iteration; scale: of rows and columns [n], with which residuals are measured;
-    least: of rates that are not zero.
+    """Improve a mode by inverse iteration: rate, vector and residual; scale: of rows and columns [n], with which residuals are
+    measured; least: of rates that are not zero.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
         whole[:k] += abs(rate) * (terms[1] @ size[:k]) + abs(rate)**2 * (terms[2] @ size[:k])
         reference = max(float(np.linalg.norm(scale * whole)), 1e-300)
         if rate == 0.0:
-            # of a free motion of a part that nothing strains, where all terms are round-off
+            # a free motion of a part that nothing strains, where all terms are round-off
             reference = max(reference, float(np.linalg.norm(size / scale)))
         return left, float(np.linalg.norm(scale * left)) / reference
 

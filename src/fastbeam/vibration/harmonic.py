@@ -37,7 +37,7 @@ MOST_FREQUENCIES = 1_000_000
 # modes up to this many times the largest frequency get the damping ratio
 UP_TO = 2.0
 MOST_MODES = 400
-# round-off of amplitudes, next to the largest, that is no answer any more
+# round-off of amplitudes, relative to the largest, from which on there is no response
 NO_DIGITS = 1e-3
 # relative change of amplitudes with that of a frequency at a mode without damping
 UNDAMPED = 1e8
@@ -48,7 +48,7 @@ NO_DAMPING = 1e-15
 
 
 class Excitation(NamedTuple):
-    """Complex amplitudes."""
+    """Complex amplitudes of an excitation."""
 
     forces: Array     # [k], on the unknowns
     number: Array     # int64 [j]: unknowns of supports that move
@@ -65,10 +65,10 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
                        damping_ratio: float = 0.0, loss_factor: float = 0.0, points: Mapping[str, Place] | None = None,
                        load_factor: float = 1.0, at_time: float | None = None, held: bool | str | Sequence[str] = False,
                        planar: bool | None = None, shapes: bool = False, backend: str = "auto") -> FrequencyResponse:
-    """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
-    themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
+    """Compute steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the
+    equations themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
 
-    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, viscous and
+    All damping of the scene is in C: damped sections, linear drag, dampers in joints, springs and bushings, viscous and
     smoothed friction and drives of sliders, laws of forces that depend on velocities. Drag by the square of the velocity has no
     linear part at rest; what Coulomb friction holds stays, as in `modes`.
 
@@ -88,7 +88,7 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
         or PrescribedMotion, or the node that it holds. Numbers may be complex. What supports hold of triads stays. Six numbers
         are a displacement and a turn, rad, of all supports about the origin of space, of one about its node, a clamped one.
     damping_ratio : float
-        Of all modes up to twice the largest frequency, besides what the scene has.
+        Damping ratio of all modes up to twice the largest frequency, besides the damping of the scene.
     loss_factor : float
         Structural damping: stresses of beams lead their strains by this, C (1 + i loss_factor) E. The stiffness of stresses that
         there are (a taut string) loses nothing.
@@ -207,7 +207,7 @@ class _Response:
                                  about.q[:, 0].copy())
 
     def _put(self, j: int, x: Array, out: tuple[Array, Array, Array], motions: Array | None) -> None:
-        """Amplitudes of points and sliders at frequency j."""
+        """Put amplitudes of points and sliders at frequency j into the arrays."""
         about = self.about
         k = about.free.size
         rates = (about.lift @ x[:k]).reshape(-1, 4, 3)
@@ -241,7 +241,7 @@ class _Response:
 
 def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: float, highest: float,
             backend: str) -> tuple[Array, Array, Array] | None:
-    """M times the modes up to an angular frequency, in the unknowns that respond; their frequencies and ratios.
+    """Return M times the modes up to an angular frequency, in the unknowns that respond; their frequencies and ratios.
 
     Raises
     ------
@@ -252,7 +252,7 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do "
                          "not "
                          "leave; use damping= of sections, or loss_factor=")
-    # how many there are, by one factorisation
+    # number of these modes, by one factorisation
     n = 20
     try:
         counted = Shifted(found.factors.pencil, highest**2, backend).below
@@ -281,7 +281,7 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
 
 
 def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: float) -> ConvergenceError:
-    """Why there is no response at a frequency."""
+    """Form the error of a frequency without a response."""
     who = f"frequency_response of scene {model.scene_name!r}"
     if sensitivity > UNDAMPED:
         return ConvergenceError(f"{who}: {frequency:.10g} Hz is the frequency of a mode without damping, where the amplitude "
@@ -295,7 +295,7 @@ def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: 
 
 # --- what excites -----------------------------------------------------------------------------------------------------------
 def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors: dict[int, Array]) -> Excitation:
-    """Amplitudes on the unknowns; vectors: as of `_base`.
+    """Form the amplitudes of excitation on the unknowns; vectors: as of `_base`.
 
     Raises
     ------
@@ -342,7 +342,7 @@ def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors
 
 
 def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLoad, complex]]:
-    """Loads with their factors.
+    """Return loads with their factors.
 
     Raises
     ------
@@ -370,8 +370,8 @@ def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLo
 
 def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
           places: Array) -> tuple[Array | None, dict[int, Array]]:
-    """Bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements [3] of nodes, of those that turn
-    displacements and turns [6]; places: of the nodes [N, 3].
+    """Return bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements [3] of nodes, of those
+    that turn displacements and turns [6]; places: of the nodes [N, 3].
 
     Raises
     ------
@@ -411,7 +411,7 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
 
 
 def _vector(who: str, value: Any) -> Array:
-    """Three finite numbers, or six, which may be complex."""
+    """Return three finite numbers, or six, which may be complex."""
     flat = isinstance(value, (tuple, list)) or isinstance(value, np.ndarray) and value.ndim == 1
     items = list(value) if flat and not is_masked(value) else []
     if len(items) not in (3, 6):
@@ -421,7 +421,7 @@ def _vector(who: str, value: Any) -> Array:
 
 
 def _complex(who: str, value: Any) -> complex:
-    """A finite number, which may be complex."""
+    """Return a finite number, which may be complex."""
     x = complex(value) if isinstance(value, (complex, np.complexfloating)) else real(value)
     if x is None or not np.isfinite(x) or abs(x) > 1e60:
         raise SceneError(f"frequency_response: {who} must be a finite number, which may be complex, got {shown(value)}")

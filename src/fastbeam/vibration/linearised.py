@@ -43,9 +43,9 @@ class Linearisation:
     state : State or None
         None: the reference.
     sliding : bool [S]
-        Which sliders are free to slide.
+        Sliders that are free to slide.
     factors : float64 [K]
-        Of the loads.
+        Factors of the loads.
     flat : bool
         Motions in the plane of the scene alone.
     moved : int64 [N], optional
@@ -53,7 +53,7 @@ class Linearisation:
     steady : (str, Spin or Travel), optional
         The function that was called, and the steady motion that it is in equilibrium in.
     resting : RestingSliders, optional
-        What acts along beams on sliders; then it tells which are free.
+        Forces along beams on sliders, which then decide which sliders are free.
 
     Attributes
     ----------
@@ -101,12 +101,12 @@ class Linearisation:
 
     @property
     def sliding(self) -> Array:
-        """Which sliders are free to slide, bool [S]."""
+        """Sliders that are free to slide, bool [S]."""
         return self._sliding if self.resting is None else self._sliding & self.resting.free
 
     @property
     def held_sliders(self) -> list[str]:
-        """Names of those that stay where they are."""
+        """Names of sliders that stay where they are."""
         return [name for name, is_free in zip(self.model.names["sliders"], self.sliding) if not is_free]
 
     @property
@@ -115,7 +115,7 @@ class Linearisation:
         return np.asarray(self.stepper.state.q).reshape(-1, 4, 3)
 
     def assembled(self) -> tuple[Pencil, Array]:
-        """Stiffness and masses, and the forces and gaps that are left, with the present contact forces."""
+        """Return stiffness and masses, and the residual forces and gaps with the present contact forces."""
         from scipy import sparse
         stepper, core = self.stepper, self.core
         work, n = stepper.work, core.pattern.n
@@ -157,18 +157,19 @@ class Linearisation:
         return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, keep, sparse), self._turns(keep)), right
 
     def _turns(self, keep: Array) -> Array:
-        """Which of these unknowns are rotations."""
+        """Return which of these unknowns are rotations, bool."""
         return (keep < self.size * self.core.pattern.n) & (keep % self.size >= self.core.dim)
 
     def _diagonal(self, matrix: Any, keep: Array) -> Array:
-        """Sizes of the diagonal entries of a stiffness, by which its entries are scaled; keep: places of its rows."""
+        """Return the sizes of the diagonal entries of a stiffness, by which its entries are scaled; keep: places of its rows."""
         found = np.abs(matrix.diagonal())
         turns = self._turns(keep)
         least = [LEAST_DIAGONAL * np.max(found, where=kind, initial=0.0) for kind in (~turns, turns)]
         return np.where(found > 0.0, np.maximum(found, np.where(turns, least[1], least[0])), 0.0)
 
     def _idle_spins(self, matrix: Any, keep: Array, sparse: Any) -> Any:
-        """Spins of beams of nets about their axes where that changes no stress, sparse [k, j]; keep: places of the rows."""
+        """Return spins of beams of nets about their axes where that changes no stress, sparse [k, j]; keep: places of the
+        rows."""
         k = self.free.size
         none = sparse.csr_matrix((k, 0))
         base, static = self.model, self.model.static_held
@@ -210,7 +211,7 @@ class Linearisation:
         self.stepper.core_state.force[:] += change
 
     def damping(self) -> Any:
-        """What resists velocities, sparse [k, k].
+        """Return the damping matrix, sparse [k, k].
 
         Raises
         ------
@@ -221,7 +222,8 @@ class Linearisation:
         return of_nodes if self.resting is None else (of_nodes + self._damping_along(self.resting)).tocsr()
 
     def _damping_along(self, resting: RestingSliders) -> Any:
-        """Of sliders along their beams, sparse [k, k]: the gaps stay closed, so that ds/dt = c' . B dx/dt / c'^2."""
+        """Return the damping matrix of sliders along their beams, sparse [k, k]: the gaps stay closed, so that ds/dt = c' . B
+        dx/dt / c'^2."""
         from scipy import sparse
         found = self._pressed()
         s, d = found.tangent.shape
@@ -232,12 +234,12 @@ class Linearisation:
         return rates.T @ sparse.diags(resting.damping(found)) @ rates
 
     def _pressed(self) -> Equations:
-        """Equations of the sliders without forces along beams, and what presses on them."""
+        """Return the equations of the sliders without forces along beams, with their normal forces."""
         return with_friction(self.constraints, self.constraints.at(), np.zeros(self._sliding.size))
 
     def frees(self, who: str) -> bool:
-        """Whether a slider turns out to be free, once contact forces are those of the equilibrium; who: the function that was
-        called.
+        """Return whether a slider turns out to be free, once contact forces are those of the equilibrium; who: the function that
+        was called.
 
         Raises
         ------
@@ -247,17 +249,17 @@ class Linearisation:
         return self.resting is not None and self.resting.judge(who, self._pressed(), self.load_size)
 
     def coriolis(self) -> Any:
-        """Forces of the steady motion against velocities, sparse [k, k], skew."""
+        """Return forces of the steady motion against velocities, sparse [k, k], skew."""
         assert self.steady is not None
         return self._on_unknowns(self.steady.field.coriolis)
 
     def material(self) -> Any:
-        """Stiffness of the material of beams alone, sparse [k, k]."""
+        """Return the stiffness of the material of beams alone, sparse [k, k]."""
         return self._on_unknowns(material_map(self.own, self.q))
 
     @property
     def load_size(self) -> float:
-        """Of all loads and forces of inertia, N; of moments as forces at the size of the scene."""
+        """Size of all loads and forces of inertia, N; moments count as forces at the size of the scene."""
         n = self.core.pattern.n
         arm = np.where(np.arange(self.size) < self.core.dim, 1.0, self.core.length)
         parts = [self.loads] + ([] if self.steady is None else [self.steady.loads(self.q)])
@@ -267,7 +269,7 @@ class Linearisation:
         return (self.lift.T @ (matrix @ self.lift)).tocsr()
 
     def on_rows(self, of_nodes: Array) -> Array:
-        """Forces and moments on nodes [N, 6] as forces on the unknowns [k]."""
+        """Convert forces and moments on nodes [N, 6] to forces on the unknowns [k]."""
         # what ties hand on from positions and directors; moments of followers act on the spin that they share
         rates = np.zeros((len(of_nodes), 4, 3))
         rates[:, 0] = of_nodes[:, :3]
@@ -277,7 +279,7 @@ class Linearisation:
 
     # --- shapes ---------------------------------------------------------------------------------------------------------
     def spread(self, vectors: Array) -> tuple[Array, Array]:
-        """Unknowns [k, m] as displacements and spins of all nodes [m, N, 3] each."""
+        """Convert unknowns [k, m] to displacements and spins of all nodes [m, N, 3] each."""
         rates = (self.lift @ vectors).T.reshape(vectors.shape[1], len(self.q), 4, 3)
         d, spins = self.q[:, 1:], np.empty((len(rates), len(self.q), 3), rates.dtype)
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -287,14 +289,14 @@ class Linearisation:
         return rates[:, :, 0].copy(), spins
 
     def base_motion(self) -> Array:
-        """Products of the masses with unit motions of everything along x, y, z [k, 3], and the mass itself, kg."""
+        """Return products of the masses with unit motions of everything along x, y, z [k, 3], and the mass itself, kg."""
         unit = np.zeros((len(self.q), 4, 3, 3))
         unit[:, 0] = np.eye(3)
         return np.asarray(self._shift_mass @ unit.reshape(-1, 3))
 
     def moved(self, displacement: Array, spin: Array, slide: Array, velocity: Array, turning: Array) -> State:
-        """The equilibrium with its nodes moved [N, 3], triads turned by spins [N, 3] and sliders along their beams [S], and with
-        velocities and spins [N, 3]; joints and sliders are closed, which they are to first order."""
+        """Return the equilibrium with its nodes moved [N, 3], triads turned by spins [N, 3] and sliders along their beams [S],
+        and with velocities and spins [N, 3]; joints and sliders are closed, which they are to first order."""
         start = self.stepper.state
         q = self.q.copy()
         q[:, 0] += displacement
@@ -311,7 +313,7 @@ class Linearisation:
         return mended(self.model, state)
 
     def in_motion(self, displacement: Array, velocity: Array, turning: Array) -> tuple[Array, Array]:
-        """Velocities and spins [N, 3] in space of those in the frame of the steady motion, of nodes moved by so much.
+        """Convert velocities and spins [N, 3] in the frame of the steady motion to space, of nodes moved by so much.
 
         Raises
         ------
@@ -327,8 +329,9 @@ class Linearisation:
         return velocity + np.cross(turn, self.q[:, 0] + displacement - motion.point), turning + turn
 
     def whirl(self, vectors: Array) -> Array:
-        """Of complex motions [k, m] about a spin: kinetic energy of displacements that circle forward less that of those that
-        circle backward, as a share of those across the axis [m]; of spins where these are all; 0 of beams that travel."""
+        """Return how complex motions [k, m] circle about a spin: kinetic energy of displacements that circle forward less that
+        of those that circle backward, as a share of those across the axis [m]; of spins where these are all; 0 of beams that
+        travel."""
         assert self.steady is not None
         motion = self.steady.motion
         if not isinstance(motion, Spin):
@@ -354,28 +357,29 @@ class Linearisation:
 
     # --- what is said about a state ---------------------------------------------------------------------------------------
     def sizes(self, change: Array) -> Array:
-        """Of changes of the unknowns [k], in sizes of the scene and rad."""
+        """Return the sizes of changes of the unknowns [k], in sizes of the scene and rad."""
         return np.abs(change) / np.where(self.free % self.size < self.core.dim, self.core.length, 1.0)
 
     def label(self, unknown: int) -> tuple[str, str]:
-        """The node of an unknown, and the unit of its force."""
+        """Return the node of an unknown, and the unit of its force."""
         row, component = divmod(int(self.free[unknown]), self.size)
         node = int(np.flatnonzero(self.core.pattern.row_of == row)[0])
         return self.model.labels[node], "N" if component < self.core.dim else "N m"
 
     def force_size(self, forces: Array) -> float:
-        """Of forces and moments on the unknowns [k], N; of moments as forces at the size of the scene."""
+        """Return the size of forces and moments on the unknowns [k], N; moments count as forces at the size of the scene."""
         return float(np.linalg.norm(forces / np.where(self._turns(self.free), self.core.length, 1.0)))
 
     def round_off(self, pencil: Pencil) -> float:
-        """Force, N, that round-off of coordinates makes of the stiffness; of moments as forces at the size of the scene."""
+        """Return the force, N, that round-off of coordinates makes of the stiffness; moments count as forces at the size of the
+        scene."""
         forces = np.abs(pencil.stiffness.diagonal()[:self.free.size])
         return 1e-13 * float(np.max(np.where(self._turns(self.free), forces / self.core.length, forces * self.core.length),
                                     initial=0.0))
 
 
 def _released(model: Model, moved: Array | None) -> Model:
-    """The same without the spins that statics holds, and with these unknowns of nodes free."""
+    """Return the model without the spins that statics fixes, and with these unknowns of nodes free."""
     plane = model.plane
     if plane is not None:
         plane = replace(plane, model=replace(plane.model, static_held=_without(plane.model, moved)))
@@ -383,7 +387,7 @@ def _released(model: Model, moved: Array | None) -> Model:
 
 
 def _without(model: Model, moved: Array | None) -> Held | None:
-    """What supports hold but for these unknowns of nodes."""
+    """Return the table of fixed unknowns without these unknowns of nodes."""
     held = model.held
     if moved is None or held is None:
         return held

@@ -41,21 +41,21 @@ CIRCLES = 0.999
 def modes(model: Model, *, state: State | None = ..., n: int = ..., load_factor: float = ..., at_time: float | None = ...,
           held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: Literal[False] = ...,
           steady: None = ..., backend: str = ...) -> Modes:
-    """Without damping."""
+    """Find modes without damping."""
 
 
 @overload
 def modes(model: Model, *, state: State | None = ..., n: int = ..., load_factor: float = ..., at_time: float | None = ...,
           held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: Literal[True],
           steady: None = ..., backend: str = ...) -> DampedModes:
-    """With damping."""
+    """Find modes with damping."""
 
 
 @overload
 def modes(model: Model, *, steady: Spin | Travel, state: State | None = ..., n: int = ..., load_factor: float = ...,
           at_time: float | None = ..., held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: bool = ...,
           backend: str = ...) -> SteadyModes:
-    """About a steady motion."""
+    """Find modes about a steady motion."""
 
 
 @warns
@@ -64,7 +64,7 @@ def modes(model: Model, *, steady: Spin | Travel, state: State | None = ..., n: 
 def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
           held: bool | str | Sequence[str] = False, planar: bool | None = None, damped: bool = False,
           steady: Spin | Travel | None = None, backend: str = "auto") -> Modes | DampedModes | SteadyModes:
-    """The n lowest natural frequencies and modes of small vibrations about an equilibrium, with sliders, joints, bodies and
+    """Find the n lowest natural frequencies and modes of small vibrations about an equilibrium, with sliders, joints, bodies and
     supports: (K - w^2 M) x = 0 with K the tangent of the equilibrium, contact forces included (theory.md 11).
 
     Parameters
@@ -75,7 +75,7 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     n : int
         Number of modes; unstable and free motions come first.
     load_factor : float
-        Of all loads, gravity and drives of sliders, as in `solve_static`; 0: the scene without loads.
+        Factor of all loads, gravity and drives of sliders, as in `solve_static`; 0: the scene without loads.
     at_time : float
         Where time functions of loads and drives are evaluated, s; needed when the scene has some.
     held : bool, str or sequence of str
@@ -114,7 +114,7 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
 
 
 def events_about(about: Linearisation, found: Eigen) -> list[dict[str, Any]]:
-    """Events where elements do not resolve an equilibrium, or sliders in its modes."""
+    """Return events where elements do not resolve an equilibrium, or sliders in its modes."""
     k, state = about.free.size, about.stepper.state
     slides = found.vectors[k:k + about.core.n_sliders].T * about.sliding
     return mesh_events(about.model, state, slides, np.real(found.values))
@@ -122,7 +122,7 @@ def events_about(about: Linearisation, found: Eigen) -> list[dict[str, Any]]:
 
 def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, steady: Spin | Travel | None, backend: str,
                  state: State | None) -> tuple[Modes | DampedModes | SteadyModes, Eigen]:
-    """See `modes`; and the undamped motions that they come from."""
+    """Find the modes of `modes`, and the undamped motions that they come from."""
     if steady is not None:
         found = equilibrium_of("modes", about, LEAST, backend, state)
         try:
@@ -148,7 +148,7 @@ def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, stead
 def linearised_at(who: str, model: Model, state: State | None, load_factor: float, at_time: float | None,
                   held: bool | str | Sequence[str], planar: bool | None, backend: str,
                   steady: Spin | Travel | None = None) -> tuple[Linearisation, State | None]:
-    """A model linearised about a state with what `modes` takes, and the state as it was checked.
+    """Linearise a model about a state with the arguments of `modes`; return also the state as it was checked.
 
     Raises
     ------
@@ -184,7 +184,7 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
 
 
 def equilibrium_of(who: str, about: Linearisation, n: int, backend: str, state: State | None) -> Eigen:
-    """The n lowest eigenvalues about an equilibrium, with the contact forces that it has.
+    """Find the n lowest eigenvalues about an equilibrium, with the contact forces that it has.
 
     Raises
     ------
@@ -203,12 +203,12 @@ def equilibrium_of(who: str, about: Linearisation, n: int, backend: str, state: 
 
 
 def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
-    """Eigenvalues about the state, once contact forces are those of the equilibrium.
+    """Find eigenvalues about the state, once contact forces are those of the equilibrium.
 
     Raises
     ------
     SceneError
-        It is none.
+        The state is no equilibrium.
     """
     k = about.free.size
     motions = k + about.core.n_sliders
@@ -216,7 +216,7 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
         pencil, right = about.assembled()
         # all free motions of a rigid scene, for what follows
         found = lowest(pencil, max(n, LEAST), backend)
-        # what pushes along free motions: round-off, or it is no equilibrium
+        # forces along free motions are round-off, or the state is no equilibrium
         free = found.vectors[:k, np.real(found.values) == 0.0]
         along = found.vectors[:motions, np.real(found.values) == 0.0].T @ right[:motions]
         rest = right.copy()
@@ -241,7 +241,7 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
 
 
 def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, largest: int, drifts: bool) -> str:
-    """What to say about a state that is none."""
+    """Form the message about a state that is no equilibrium."""
     k = about.free.size
     force, along = np.abs(right[:k]), np.abs(right[k:k + about.core.n_sliders])
     worst = int(np.argmax(force))
@@ -259,7 +259,7 @@ def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, l
 
 
 def _steady_modes_of(about: Linearisation, found: SteadyEigen, at_rest: Eigen, steady: Spin | Travel) -> SteadyModes:
-    """What they are seen from space as well."""
+    """Form steady modes, with the frequencies that they have as seen from space."""
     damped = _damped_modes_of(about, Damped(*found[:3]))
     whirl = about.whirl(found.vectors[:about.free.size])
     rate = steady.rate if isinstance(steady, Spin) else 0.0
@@ -272,7 +272,7 @@ def _steady_modes_of(about: Linearisation, found: SteadyEigen, at_rest: Eigen, s
 
 
 def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
-    """Shapes of unit size, the largest displacement real and positive."""
+    """Scale damped modes to shapes of unit size, the largest displacement real and positive."""
     k, s = about.free.size, about.core.n_sliders
     moved, spins = about.spread(found.vectors[:k])
     flat, turns = (x.reshape(len(found.rates), 3 * about.model.n_nodes) for x in (moved, spins))
@@ -292,7 +292,7 @@ def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
 
 
 def _modes_of(about: Linearisation, found: Eigen) -> Modes:
-    """Shapes of unit size."""
+    """Scale modes to shapes of unit size."""
     k, s = about.free.size, about.core.n_sliders
     pencil = found.factors.pencil
     values, vectors = found.values, found.vectors
@@ -306,7 +306,7 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
     diagonal = np.abs(pencil.stiffness.diagonal())[:, None] + np.zeros(len(values))
     size = np.abs(values) + abs(found.factors.shift)
     diagonal[:k] += pencil.mass.diagonal()[:, None] * size
-    # of multipliers the entries of their rows
+    # multipliers take the entries of their rows
     diagonal[diagonal == 0.0] = 1.0
     diagonal[pencil.multiplier] = (1.0 / found.factors.scale[pencil.multiplier, None])**2
     scale = 1.0 / np.sqrt(diagonal)

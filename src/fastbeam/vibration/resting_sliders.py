@@ -1,5 +1,5 @@
-"""Sliders about a state at rest (theory.md 11, 14): which of them stay where they are, and what drives, stops and friction do
-along the beam to the others, to first order in places and velocities."""
+"""Sliders about a state at rest (theory.md 11, 14): sliders that stay in place, and forces of drives, stops and friction along
+the beam on the others, to first order in places and velocities."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ OF_CONTACT, OF_LOADS = 1e-8, 1e-12
 
 
 class RestingSliders:
-    """S sliders about a state at rest.
+    """Sliders, S of them, about a state at rest.
 
     Those that are held, locked, or whose motion is prescribed stay where they are, and those that friction or a rigid stop holds;
     on the others act drives and elastic stops, with the derivatives of their forces, and viscous and smoothed friction.
@@ -32,9 +32,9 @@ class RestingSliders:
         Sliders have forces along their beams.
     state : State
     stays : bool [S]
-        Those that stay, with whatever force that takes.
+        Sliders that stay in place, with whatever force that needs.
     at_time : float
-        When functions of time are evaluated, s.
+        Time of functions of time, s.
     factor : float
         Load factor, with which forces of drives grow.
     """
@@ -50,7 +50,7 @@ class RestingSliders:
         self._at = at_time, factor, s.copy()
 
     def _by_drives(self, by_rate: bool) -> Array:
-        """Derivatives of the forces of drives on those that are free, by place, N/m, or by rate, N s/m, [S]."""
+        """Return derivatives of the forces of drives on sliders that are free, by place, N/m, or by rate, N s/m, [S]."""
         t, factor, s = self._at
         out = np.zeros(s.size)
         for k in np.intersect1d(self.along.driven, np.flatnonzero(self.free)).tolist() if factor else []:
@@ -59,12 +59,12 @@ class RestingSliders:
 
     @property
     def free(self) -> Array:
-        """Which sliders move, bool [S]."""
+        """Sliders that move, bool [S]."""
         return self.along.free
 
     @property
     def slope(self) -> Array:
-        """Derivatives by s of the forces of drives and stops on those that are free, N/m, [S].
+        """Derivatives by s of the forces of drives and stops on sliders that are free, N/m, [S].
 
         Raises
         ------
@@ -75,11 +75,11 @@ class RestingSliders:
         return self._by_drives(by_rate=False) - np.where((stiff > 0.0) & ((s < low) | (s > high)), stiff, 0.0)
 
     def put(self, equations: Equations) -> Equations:
-        """Equations of sliders with these forces."""
+        """Add these forces to equations of sliders."""
         return equations._replace(sliding=equations.sliding - self.force, bend=equations.bend - self.slope)
 
     def damping(self, equations: Equations) -> Array:
-        """Minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; equations: with what presses.
+        """Return minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; equations: with normal forces.
 
         Raises
         ------
@@ -92,22 +92,22 @@ class RestingSliders:
         return np.where(self.free, of_smooth + table.viscous - self._by_drives(by_rate=True), 0.0)
 
     def judge(self, who: str, equations: Equations, loads: float) -> bool:
-        """Whether friction and stops hold the sliders that they are to hold; one that touches a stop without a force is free from
-        now on.
+        """Check that friction and stops hold the sliders that they are to hold; one that touches a stop without a force is free
+        from now on.
 
         Parameters
         ----------
         who : str
             The function that was called.
         equations : Equations
-            At the equilibrium, without these forces and with what presses.
+            Equations at the equilibrium, without these forces and with normal forces.
         loads : float
             Size of all loads, N.
 
         Returns
         -------
         bool
-            Whether a slider is free that was not.
+            True where a slider is free that was not.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class RestingSliders:
         return bool(touches.any())
 
     def remember(self, history: Array) -> None:
-        """Into the history of a state that moves about this one: what is locked, sticks or rests against a stop."""
+        """Write into the history of a state that moves about this one which sliders are locked, stick or rest against a stop."""
         self.along.remember(history)
         own = history[:HISTORY * self.free.size].reshape(-1, HISTORY)
         kept = [HELD, TURNS, OFFSET, CAME_BY]
@@ -140,7 +140,7 @@ class RestingSliders:
 
 
 def locked_sliders(model: Model, state: State | None) -> Array:
-    """Which sliders are locked in a state, bool [S]."""
+    """Return which sliders are locked in a state, bool [S]."""
     if model.slider_forces is None or state is None:
         return np.zeros(model.n_sliders, bool)
     return np.asarray(model.along_of(state.history)[:, HELD] == LOCKED)
@@ -148,7 +148,8 @@ def locked_sliders(model: Model, state: State | None) -> Array:
 
 def resting_sliders(who: str, model: Model, state: State | None, stays: Array, at_time: float | None,
                     factor: float) -> RestingSliders | None:
-    """None where nothing acts along the beams of a model; who: the function that was called.
+    """Collect the sliders about a state at rest; None where nothing acts along the beams of a model. who: the function that was
+    called.
 
     Raises
     ------

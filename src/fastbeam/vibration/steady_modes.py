@@ -23,7 +23,7 @@ CONVERGED, GOOD = 1e-11, 1e-7
 ZERO, FLAT = 10.0, 1e-9
 # growth of the number of Krylov vectors between two looks at what they give
 GROWTH = 1.15
-# neighbours of which the number of motions below is counted in between differ by this share
+# frequencies between which motions are counted differ by this share
 DISTINCT = 1e-6
 
 
@@ -37,7 +37,7 @@ class SteadyEigen(NamedTuple):
 
 
 def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) -> SteadyEigen:
-    """The n motions of smallest |r|; found: lowest eigenvalues of K alone.
+    """Find the n motions of smallest |r|; found: lowest eigenvalues of K alone.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
 
 
 def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -> tuple[Array, Array]:
-    """Rates and vectors [k, m] of the motions with rates next to the shift, both of each pair."""
+    """Find rates and vectors [k, m] of the motions with rates next to the shift, both of each pair."""
     from scipy import sparse
     k = mass.shape[0]
     whole = factors.pencil.multiplier.size
@@ -87,7 +87,7 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
         return factors.solve(grown)[:k]
 
     def applied(z: Array) -> Array:
-        """(x, r x / shift) from its like, in scaled unknowns."""
+        """Return (x, r x / shift) from its like, in scaled unknowns."""
         u, w = z[:k] * scale[:, None], z[k:] * scale[:, None]
         x = -solved(with_rate @ u + shift * (mass @ w))
         return np.concatenate((x / scale[:, None], z[:k] / shift))
@@ -120,14 +120,14 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
                 break
     if not (done or not block.shape[1] or m >= 2 * k - BLOCK):
         raise SingularError
-    # of pairs the vectors are conjugate to the last bit where the projected matrix is real
+    # vectors of pairs are conjugate to the last bit where the projected matrix is real
     u = (basis[:k, :m] @ y[:, order]) * scale[:, None]
     return rates[order], u
 
 
 def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, shift: float, rate: complex, x: Array,
               conserves: bool) -> tuple[complex, Array, float]:
-    """Rate, vector of all coordinates and multipliers, and residual."""
+    """Improve a motion: rate, vector of all coordinates and multipliers, and residual."""
     k, mass = pencil.mass.shape[0], pencil.mass
     for again in range(2):
         more = rate - shift
@@ -169,15 +169,16 @@ def _improved(pencil: Pencil, against: Any, factors: Shifted, with_rate: Any, sh
 
 
 def _one_of_pairs(every: list[tuple[complex, Array, float]]) -> list[tuple[complex, Array, float]]:
-    """Those with Im r > 0 and real ones; of zeros one of two."""
+    """Keep one motion of each complex pair, with Im r > 0, all real ones, and one of two zeros."""
     zeros = [one for one in every if one[0] == 0.0]
     out = zeros[:(len(zeros) + 1) // 2] + [one for one in every if one[0] != 0.0 and one[0].imag >= 0.0]
     return sorted(out, key=lambda one: (abs(one[0]), one[0].real))
 
 
 def _counted(pencil: Pencil, against: Any, rates: Array, backend: str) -> bool:
-    """Whether as many motions swing slower than a frequency behind the last ones as were found: where K has no negative
-    eigenvalue, that is the number of those of the Hermitian matrix K + i w G - w^2 M (W. H. Wittrick, F. W. Williams, 1971)."""
+    """Return whether as many motions swing slower than a frequency behind the last ones as were found: where K has no negative
+    eigenvalue, that is the number of negative eigenvalues of the Hermitian matrix K + i w G - w^2 M (W. H. Wittrick, F. W.
+    Williams, 1971)."""
     from scipy import sparse
     w = np.sort(np.imag(rates))
     gaps = np.flatnonzero(np.diff(w) > DISTINCT * w[1:])

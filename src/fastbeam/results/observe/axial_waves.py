@@ -17,8 +17,8 @@ Array = np.ndarray
 
 
 def braking_time(model: Model, state: State, k: int) -> float:
-    """Time in which a wave along the beam takes the momentum of the body that slider k, or contact k of moving meshes, carries,
-    m / sqrt(EA rhoA), s; infinite for what is no body, on no beam, or where supports hold either."""
+    """Return the time in which a wave along the beam takes the momentum of the body that slider k, or contact k of moving meshes,
+    carries, m / sqrt(EA rhoA), s; infinite without a body or a beam, or where supports hold either."""
     is_free = model.held_in(state) & 7 != 7
     if model.moving is not None:
         table, point = model.moving.table_of(k), int(model.moving.points[k])
@@ -35,7 +35,8 @@ def braking_time(model: Model, state: State, k: int) -> float:
 
 
 def _mass(model: Model, node: int, is_free: Array, bodies: Sequence[int] = ()) -> float:
-    """Of the bodies that carry a node, and of those at other nodes, kg; 0 without, or where a support holds it."""
+    """Return the mass of the bodies that carry a node, and of those at other nodes, kg; 0 without bodies, or where a support
+    holds one."""
     carriers = np.unique(tie_map(model)[12 * node].indices // 12)
     if model.bodies is None or not is_free[carriers].all():
         return 0.0
@@ -44,7 +45,7 @@ def _mass(model: Model, node: int, is_free: Array, bodies: Sequence[int] = ()) -
 
 
 def _resistance(model: Model, nodes: Array) -> float:
-    """sqrt(EA rhoA) of the stiffest element at some nodes, kg/s; 0 without."""
+    """Return sqrt(EA rhoA) of the stiffest element at some nodes, kg/s; 0 without."""
     found, lanes = 0.0, np.arange(8)
     for tables in (model.simo, model.green):
         shapes = np.zeros((0, 2), int) if tables is None else np.unique(tables.meta[:, [NODES, POINTS]], axis=0)

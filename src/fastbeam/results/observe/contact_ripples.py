@@ -1,4 +1,4 @@
-"""How much of the energy of a contact depends on where in an element it is (theory.md 3.3).
+"""Dependence of the energy of a contact on its place in an element (theory.md 3.3).
 
 A force on a beam between two nodes makes a kink, over the bending length sqrt(EI/N) of a taut beam, and a jump of shear. How well
 polynomials of an element show both depends on where in it the force acts. With the compliance C of the mesh instead of the beam's
@@ -26,10 +26,10 @@ Array = np.ndarray
 AROUND, AROUND_SPLINE, PLACES, DEGREE = 3, 8, 17, 14
 # bending lengths in the piece at least, so that no digits are lost where there is no tension
 LEAST_TAUT = 0.1
-# how many times as many elements are tried, and a slope of the beam (rad) below which a force along it is nothing
+# factors of the number of elements that are tried, and slope of the beam (rad) below which a force along it is negligible
 FINER, LEAST_SLOPE = (2, 4, 8, 16, 32, 64), 1e-6
-# errors that are told of: of places, as a share of the size of the scene; of the stiffness along the beam and of w^2; of energies
-# next to that of the motion along the beam; of the compliance of what a sleeve holds
+# errors from which on there are events: of places, as a share of the size of the scene; of the stiffness along the beam and of
+# w^2; of energies relative to that of the motion along the beam; of the compliance of beams in sleeves
 PLACE, STIFFNESS, ENERGY, SLEEVE = 2e-3, 0.02, 0.05, 0.02
 # the length beside a sleeve that a mean over its bore keeps from bending, of the bore: half of the mean distance of two places in
 # it, both with the weights of the mean (a quadratic B-spline)
@@ -38,7 +38,7 @@ OF_BORE = 239.0 / 2520.0
 MOST_BORE = 4.0
 # sliders that are looked at, those with the largest forces; looks in a run, the least slope (rad) and way (of the beam) there
 MOST, MOST_LOOKS, LEAST_SLOPE_IN_TIME, LEAST_WAY, MOST_EVENTS = 20, 8, 1e-4, 1e-4, 5
-# of more looks than so many one in so many is at what costs more
+# number of checks from which on costly ones are made only once in as many
 SELDOM = 10
 
 
@@ -47,7 +47,7 @@ ROUNDED = 5e-4
 # blows at kinks next to the usual force; how much a force changes from one step to the next; rows in which they are looked for
 # behind one; distance of the tangents on both sides, of the length; kinks of a track at most
 BLOW, JUMP, ROWS_BEHIND, SMALL_WAY, MOST_KINKS = 2.0, 0.5, 3, 1e-6, 1000
-# that of a kink of so many rad, below which there is none
+# blow of a kink of so many rad, below which there is none
 LEAST_BLOW = 1e-6
 
 
@@ -67,14 +67,14 @@ class Contact(NamedTuple):
 
     @property
     def mesh(self) -> str:
-        """Of the beam there, for messages."""
+        """Mesh of the beam at the contact, for messages."""
         basis, e = self.beam.basis, element_at(self.beam, self.s)
         taut = f", bending length sqrt(EI/N) = {np.sqrt(self.EI / self.tension):.2g} m" if self.tension > 0.0 else ""
         return f"{self.beam.label} (elements of {basis.element_ends[e + 1] - basis.element_ends[e]:.3g} m{taut})"
 
 
 class Ripple(NamedTuple):
-    """What depends on the place in an element."""
+    """Variation of the energy of a contact over an element."""
 
     energy: float      # J, from the lowest to the highest
     force: float       # N, the largest along the beam
@@ -84,7 +84,8 @@ class Ripple(NamedTuple):
 
 
 def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
-    """Sliders of a model that exert a force at a state in space; tension: of beams at all nodes [N], N, NaN where there is none.
+    """Yield the contacts of a model that exert a force at a state in space; tension: of beams at all nodes [N], N, NaN where
+    there is none.
 
     Sleeves hold means over their bore, and are left out; so are sliders on switches.
     """
@@ -117,18 +118,18 @@ def contacts_of(model: Any, state: Any, tension: Array) -> Iterator[Contact]:
 
 
 def place_of(slider: Slider, s: float) -> tuple[Beam, float]:
-    """The beam that a slider is on at arc length s of what it slides on, and the arc length of that, m."""
+    """Return the beam that a slider is on at arc length s of its curve, and the arc length on that beam, m."""
     return slider.beam.locate(s) if isinstance(slider.beam, Path) else (slider.beam, s)
 
 
 def element_at(beam: Beam, s: float) -> int:
-    """Number of the element of a beam at arc length s."""
+    """Return the number of the element of a beam at arc length s."""
     ends = beam.basis.element_ends
     return int(np.clip(np.searchsorted(ends, s, side="right") - 1, 0, ends.size - 2))
 
 
 def ripple_of(contact: Contact, finer: int = 1) -> Ripple:
-    """Of the mesh of its beam, or of one with so many times as many elements."""
+    """Compute the ripple of a contact on the mesh of its beam, or on one with `finer` times as many elements."""
     basis, e = contact.beam.basis, element_at(contact.beam, contact.s)
     around = AROUND if basis.interpolation == "lagrange" else AROUND_SPLINE
     ends = basis.element_ends[max(e - around, 0):e + around + 2]
@@ -153,14 +154,15 @@ def ripple_of(contact: Contact, finer: int = 1) -> Ripple:
 
 
 def worst_of(model: Any, state: Any, tension: Array, free: Array) -> list[Contact]:
-    """Contacts of sliders that are free, bool [S], those with the largest forces."""
+    """Return the contacts of sliders that are free, bool [S], those with the largest forces."""
     found = [contact for contact in contacts_of(model, state, tension) if free[contact.slider]]
     return sorted(found, key=lambda contact: -contact.force * contact.total)[:MOST]
 
 
 def rest_events(model: Any, state: Any, tension: Array, free: Array,
                 compliance: Callable[[int], Array | None]) -> list[dict[str, Any]]:
-    """Events where sliders that are free, bool [S], rest at places, or with a stiffness, of the mesh more than of the beam.
+    """Return events where sliders that are free, bool [S], rest at places, or with a stiffness, of the mesh more than of the
+    beam.
 
     `compliance(k)` are the motions [S] of all sliders by a force of 1 N along the beam on slider k, None where there are none.
     """
@@ -190,8 +192,8 @@ def rest_events(model: Any, state: Any, tension: Array, free: Array,
 
 
 def mode_events(model: Any, state: Any, tension: Array, slides: Array, squared: Array) -> list[dict[str, Any]]:
-    """Events where w^2 of modes, squared [n], are those of the mesh more than of the beam; slides: motions of sliders [n, S] in
-    modes of modal mass 1."""
+    """Return events where w^2 of modes, squared [n], are those of the mesh more than of the beam; slides: motions of sliders [n,
+    S] in modes of modal mass 1."""
     out = []
     for contact in worst_of(model, state, tension, np.any(slides != 0.0, axis=0)):
         ripple = ripple_of(contact)
@@ -212,7 +214,7 @@ def mode_events(model: Any, state: Any, tension: Array, slides: Array, squared: 
 
 
 def _cure(contact: Contact, enough: Callable[[Ripple], bool], other: str) -> str:
-    """What to say at the end: how many more elements are enough, and what else is there."""
+    """Return the end of a message: how many more elements are enough, and what else helps."""
     found = next((finer for finer in FINER if enough(ripple_of(contact, finer))), None)
     if found is None:
         return f"; more elements are not enough, as a jump of the shear force makes it grow again: {other}"
@@ -220,14 +222,14 @@ def _cure(contact: Contact, enough: Callable[[Ripple], bool], other: str) -> str
 
 
 def _told(found: Sequence[tuple[float, str]], t: float) -> list[dict[str, Any]]:
-    """Events of the worst, by size."""
+    """Form events of the worst, by size."""
     rows = sorted(found, key=lambda row: -row[0])
     more = [f"and {len(rows) - MOST_EVENTS} more sliders like that"] if len(rows) > MOST_EVENTS else []
     return [{"kind": "contact", "time": t, "text": text} for text in [*(text for _, text in rows[:MOST_EVENTS]), *more]]
 
 
 class Contacts:
-    """Looks at the contacts of a model, in runs and at rest: sleeves, two sliders of one body in an element, and in runs the
+    """Checks of the contacts of a model, in runs and at rest: sleeves, two sliders of one body in an element, and in runs the
     energy of sliders that moves with their elements."""
 
     def __init__(self, model: Any) -> None:
@@ -242,14 +244,14 @@ class Contacts:
             of.setdefault(_owner(x), []).append((k, x))
         self.pairs = [(j, k, one, other) for some in of.values() for i, (j, one) in enumerate(some[:MOST])
                       for k, other in some[i + 1:MOST]][:5 * MOST]
-        # those that nothing holds along their beam, with the mass that moves along it
+        # sliders that nothing holds along their beam, with the mass that moves along it
         held = () if scene is None else {part.at.owner for part in (*scene.clamps, *scene.pins, *scene.prescribed)}
         self.free = {k: float(owner.mass if isinstance(owner, PointMass | RigidBody) and owner not in held
                               else x.beams[0].section.rhoA * x.beam.length)
                      for k, x in points for owner in (_owner(x),)
                      if x.lock is None and not (x.drive is not None and x.drive.is_prescribed)}
         self.friction = np.array([0.0 if x.friction is None else x.friction.coefficient for x in sliders])
-        # how fast they moved, m/s, where they came to, m, and the last row
+        # speeds of sliders, m/s, their range of places, m, and the last row
         n = len(sliders)
         self.speed, self.least, self.largest = np.zeros(n), np.full(n, np.inf), np.full(n, -np.inf)
         self.before: tuple[float, Array] = 0.0, np.zeros(0)
@@ -265,13 +267,13 @@ class Contacts:
 
     @cached_property
     def _kinks(self) -> dict[int, list[float]]:
-        """Of sliders of masses and bodies where kinks may be; those on the same track have the same."""
+        """Arc lengths of possible kinks for sliders of masses and bodies; sliders on the same track share them."""
         one_of = {self.sliders[k].beam: self.sliders[k] for k in self.masses}
         known = {track: kinks_of(self.scene, slider) for track, slider in one_of.items()}
         return {k: known[self.sliders[k].beam] for k in self.masses if known[self.sliders[k].beam]}
 
     def remember(self, t: float, s: Array, h: float, state: Callable[[], Any]) -> None:
-        """Places [S] of a row of a run with steps of h, some of which may lie behind kinks."""
+        """Keep the places [S] of a row of a run with steps of h, some of which may lie behind kinks."""
         before = self.before[1]
         if before.size and t > self.before[0]:
             np.maximum(self.speed, np.abs(s - before) / (t - self.before[0]), out=self.speed)
@@ -282,8 +284,8 @@ class Contacts:
         self.before = t, s.copy()
 
     def _pass(self, t: float, s: Array, h: float, state: Any) -> None:
-        """Whether forces of sliders that have just gone over a place where kinks may be are those of blows: where every step is
-        a row they jump from one to the next, else it is told by the angle of the kink."""
+        """Note blows of sliders that have just gone over a place where kinks may be: where every step is a row, forces that jump
+        from one to the next tell, else the angle of the kink."""
         before, span = self.before[1], t - self.before[0]
         for k, kinks in self._kinks.items():
             first = self.model.first_force[k]
@@ -308,18 +310,18 @@ class Contacts:
                 if blow > max(BLOW * usual, LEAST_BLOW * self.masses[k] * float(self.speed[k]) / h):
                     self._blow(t, k, place, h, blow, usual)
             if not left:
-                # of quiet rows
+                # mean over rows without kinks
                 usual, rows = (usual * rows + size) / (rows + 1), rows + 1
             self._passing[k] = force, usual, rows, place, max(left - 1, 0)
 
     def _tangent(self, k: int, s: float, state: Any) -> Array:
-        """Unit tangent [3] of what slider k runs on."""
+        """Return the unit tangent [3] of the curve of slider k at s."""
         nodes, values = shapes_at(self.model, k, s)
         tangent = values[1] @ state.q.reshape(-1, 4, 3)[nodes, 0]
         return np.asarray(tangent / np.linalg.norm(tangent))
 
     def _angle(self, k: int, place: float, state: Any) -> float:
-        """Of the kink, rad, that what slider k runs on has there."""
+        """Return the angle, rad, of the kink at a place of the curve of slider k."""
         track = self.sliders[k].beam
         way = [self._tangent(k, s, state) for s in (place - SMALL_WAY * track.length, place + SMALL_WAY * track.length)]
         return float(2.0 * np.arcsin(min(1.0, 0.5 * np.linalg.norm(way[1] - way[0]))))
@@ -336,7 +338,7 @@ class Contacts:
             self._blows[key] = blow, t, text
 
     def look(self, t: float, state: Any, tension: Callable[[Array], Array], moves: bool) -> None:
-        """At a state in space; moves: of a run, a look of which is due for energies, too."""
+        """Check the contacts of a state in space; moves: state of a run, in which the check of energies is due, too."""
         self.count += 1
         if self.count < SELDOM or self.count % SELDOM == 0:
             for k, sleeve in self.sleeves:
@@ -355,7 +357,7 @@ class Contacts:
                 self._energy.setdefault(contact.slider, []).append((energy, t, contact))
 
     def events(self) -> list[dict[str, Any]]:
-        """The worst."""
+        """Return events of the worst."""
         blows = sorted(self._blows.values(), key=lambda row: -row[0])[:MOST_EVENTS]
         found = [(size, t, text) for size, t, text in self._worst.values()]
         for k, rows in self._energy.items():
@@ -383,7 +385,7 @@ class Contacts:
             self._worst[name] = size, t, text
 
     def _sleeve(self, t: float, state: Any, k: int, sleeve: Any) -> None:
-        """The length that is free beside a sleeve, which its bore and its place in an element make uncertain."""
+        """Note the length that is free beside a sleeve, which its bore and its place in an element make uncertain."""
         beam, s = place_of(sleeve, float(state.s[k]))
         ends, e = beam.basis.element_ends, element_at(beam, s)
         size = float(ends[e + 1] - ends[e])
@@ -401,7 +403,7 @@ class Contacts:
             return
         mean = beam.length / beam.basis.n_elements
         is_default = abs(sleeve.length - mean) <= 1e-12 * mean
-        # of a cantilever with a force at its end the compliance L^3/3 changes by L^2 times that
+        # the compliance L^3/3 of a cantilever with a force at its end changes by L^2 times that
         error = 3.0 * (held_length(beam, s, sleeve.length, sleeve.curve) - OF_BORE * sleeve.length * (not is_default)) / arm
         if error > SLEEVE:
             text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the length of {arm:.2g} m that it "
@@ -442,7 +444,7 @@ class Contacts:
             self._note(f"{slider.name} c1", off, t, text)
 
     def _pair(self, t: float, state: Any, j: int, k: int, one: Slider, other: Slider) -> None:
-        """Two points of one body in an element: their forces are those of a stiffness that the element has not."""
+        """Note two points of one body in an element: their forces are those of a stiffness that the element has not."""
         (beam, a), (second, b) = place_of(one, float(state.s[j])), place_of(other, float(state.s[k]))
         if beam is not second:
             return
@@ -458,8 +460,8 @@ class Contacts:
 
 
 def held_length(beam: Beam, s: float, bore: float, curve: str) -> float:
-    """The length of a beam, m, that a sleeve at s keeps from bending: EI times the difference of the turn by a unit moment there
-    of a beam on two pins and of its elements, of which the mean over the bore is taken."""
+    """Return the length of a beam, m, that a sleeve at s keeps from bending: EI times the difference of the turn by a unit moment
+    there of a beam on two pins and of its elements, of which the mean over the bore is taken."""
     basis, around = beam.basis, AROUND if beam.interpolation == "lagrange" else AROUND_SPLINE
     sides = [element_at(beam, min(max(s + side * bore, 0.0), beam.length)) for side in (-0.5, 0.5)]
     ends = basis.element_ends[max(sides[0] - around, 0):sides[1] + around + 2]
@@ -482,7 +484,7 @@ def held_length(beam: Beam, s: float, bore: float, curve: str) -> float:
 
 
 def kinks_of(scene: Scene, slider: Slider) -> list[float]:
-    """Arc lengths, m, of what a slider runs on where that may have a kink: joints of a path, and nodes inside of beams at which
+    """Return arc lengths, m, at which the curve of a slider may have a kink: joints of a path, and nodes inside of beams at which
     other parts act."""
     beams = slider.beams
     starts = slider.beam.starts if isinstance(slider.beam, Path) else np.array([0.0, slider.beam.length])
@@ -498,12 +500,12 @@ def kinks_of(scene: Scene, slider: Slider) -> list[float]:
 
 
 def _owner(slider: Slider) -> Any:
-    """The part that a slider is a point of."""
+    """Return the part that a slider is a point of."""
     return getattr(slider.point, "owner", slider.point)
 
 
 def _exact(W: float, GA: float, N: float, s: Array) -> Array:
-    """Compliance at s of a taut Reissner beam with EI = 1 on two pins, W apart."""
+    """Return the compliance at s of a taut Reissner beam with EI = 1 on two pins, W apart."""
     length = np.sqrt(GA / (N * (GA - N)))
     a, b = s / length, (W - s) / length
     # sinh a sinh b / sinh(a + b)
@@ -519,14 +521,14 @@ class Piece(NamedTuple):
     load: Array                            # float64 [unknowns, k]
 
     def compliance(self, GA: float, N: float) -> Array:
-        """Where the forces act [k]."""
+        """Return the compliance at the places of the forces [k]."""
         shear, bending, tension = self.parts
         found = np.linalg.solve((GA - N) * shear + bending + N * tension, self.load)
         return np.asarray(np.einsum("ik,ik->k", self.load, found))
 
 
 def piece_of(basis: Basis, curve: str, at: Array) -> Piece:
-    """With forces at some places of the curve of a slider."""
+    """Form a piece with forces at some places of the curve of a slider."""
     n = basis.n_nodes
     parts = np.zeros((3, 2 * n, 2 * n))
     for e, nodes in enumerate(basis.element_nodes):
@@ -547,7 +549,7 @@ def piece_of(basis: Basis, curve: str, at: Array) -> Piece:
 
 @lru_cache(maxsize=64)
 def _piece(interpolation: str, degree: int, ends: tuple[float, ...], directors: str, curve: str, own: int) -> Piece:
-    """With forces at places of element `own`."""
+    """Form a piece with forces at places of element `own`."""
     fields = "greville" if directors == "nodes" else directors
     basis = build_basis(interpolation, degree, np.array(ends), ends[-1], directors=fields)
     return piece_of(basis, curve, ends[own] + 0.5 * (ends[own + 1] - ends[own]) * (

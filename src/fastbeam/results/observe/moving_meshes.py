@@ -15,7 +15,7 @@ Array = np.ndarray
 
 
 class MeshRows:
-    """What rows hold of contacts of a model.
+    """Rows of the contacts of a model with moving meshes.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class MeshRows:
     def __init__(self, model: Model, slider: bool, energy: bool) -> None:
         self.moving, self.slider = model.moving, slider and model.moving is not None
         self.motions, self.place = model.motions, 0 if model.motions is None else model.place("motions")
-        # of contacts on which something acts along the beam: their numbers, and those of their coordinates
+        # contacts with forces along the beam: their numbers, and those of their coordinates
         names = [] if model.moving is None else model.moving.along
         self.some = np.flatnonzero(np.array([name != "" for name in names], bool))
         self.along = np.array([model.motions.names.index(names[k]) for k in self.some.tolist()], np.int64)
@@ -37,11 +37,11 @@ class MeshRows:
 
     @property
     def acts(self) -> bool:
-        """Whether rows hold forces along beams."""
+        """True where rows hold forces along beams."""
         return self.slider and self.some.size > 0
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shape of one row of every series."""
+        """Return the shape of one row of every series."""
         n = 0 if self.moving is None else len(self.moving.names)
         out: dict[str, tuple[int, ...]] = {}
         if self.slider:
@@ -51,7 +51,8 @@ class MeshRows:
         return out | (dict.fromkeys(EXCHANGED, (n,)) if self.energy else {})
 
     def row(self, t: float, state: State) -> dict[str, Any]:
-        """Of a state at time t; there is no gap, points are nodes of the beam. Forces that are unknowns come later."""
+        """Return the row of a state at time t; there is no gap, points are nodes of the beam. Forces that are unknowns come
+        later."""
         out: dict[str, Any] = {}
         if self.slider:
             q, v, moving = state.q.reshape(-1, 12), state.v.reshape(-1, 12), self.moving
@@ -76,8 +77,8 @@ class MeshRows:
         return out
 
     def add_forces(self, row: dict[str, Any], found: Array) -> None:
-        """Of friction, of what prescribes a motion and of rigid stops into the newest row; found: forces of coordinates that are
-        unknowns, in the order of `Holds.held`. Against a stop friction counts as a part of its force."""
+        """Add forces of friction, of prescribed motions and of rigid stops to the newest row; found: forces of coordinates that
+        are unknowns, in the order of `Holds.held`. Against a stop friction counts as a part of its force."""
         holds = self.motions.holds
         given, rubs = np.zeros(len(holds.parts)), np.zeros(len(holds.parts))
         given[holds.given], rubs[holds.rubs] = np.split(found, [holds.given.size])
@@ -87,24 +88,24 @@ class MeshRows:
         row["force_along"] = row["friction_force"] + row["drive_force"] + row["stop_force"]
 
     def in_stops(self, energies: Array) -> float:
-        """Of energies [C] of coordinates what stops of contacts store, J."""
+        """Return the energy that stops of contacts store, J, from energies [C] of coordinates."""
         return float(np.sum(energies[self.along]))
 
     def _of(self, x: Array) -> Array:
-        """Of contacts, from values of all coordinates."""
+        """Return values of contacts from values of all coordinates."""
         out = np.zeros(len(self.moving.names))
         out[self.some] = x[self.along]
         return out
 
     def named(self, names: dict[str, list[Any]]) -> dict[str, list[Any]]:
-        """With the sliders."""
+        """Return names with those of the sliders."""
         if not self.slider and not self.energy:
             return names
         return {**names, "sliders": list(self.moving.names), "moving_meshes": [1], "moving_moments": list(self.moving.moments)}
 
 
 def moving_weight(model: Model, q: Array) -> float:
-    """Energy of all moving beams in the gravity of the scene, J."""
+    """Return the energy of all moving beams in the gravity of the scene, J."""
     total = 0.0
     for table in () if model.moving is None else model.moving.tables:
         values, weight = table.mass_shape[0], table.mass_point[1]
@@ -118,6 +119,6 @@ def moving_weight(model: Model, q: Array) -> float:
 
 
 def place_rows(model: Model) -> Array:
-    """Rows of the places of contacts, and of the begin of their line, which are no positions in space."""
+    """Return rows of the places of contacts, and of the begin of their line, which are no positions in space."""
     moving = model.moving
     return model.pattern.row_of[np.zeros(0, np.int64) if moving is None else np.concatenate((moving.line, moving.places))]

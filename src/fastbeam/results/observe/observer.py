@@ -1,4 +1,4 @@
-"""What a run records: observers turn a state into one row of numbers; what is not asked for is not computed."""
+"""Observers that turn a state into one row of numbers; quantities that are not asked for are not computed."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +36,7 @@ KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity",
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
 EPSILON = float(np.finfo(float).eps)
-# a start has been moved by more than this share of the size of the scene
+# share of the size of the scene from which on a start counts as moved
 MOVED = 1e-11
 OBSERVED = Listing(Word(KINDS), "a sequence of kinds, as in ('energy',)")
 POINTS = Names("must map names to nodes, as in points={'tip': beam.end}")
@@ -84,7 +84,7 @@ class Observer:
         self.held = self.joint and model.motions.holds.held.size > 0
         self.balance = self.energy and (model.balances or lost is not None)
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
-        # what `add_forces` needs of the newest row
+        # data of the newest row for `add_forces`
         self._moment: Any = None
         # energy of ropes of winches in the gravity of the scene, and of what stops of moving meshes store
         self._weight, self._in_stops = 0.0, 0.0
@@ -92,7 +92,7 @@ class Observer:
         self._angles = np.zeros(0)
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shape of one row of every series."""
+        """Return the shape of one row of every series."""
         out: dict[str, tuple[int, ...]] = {"iterations": (), "step_size": ()}
         if self.energy:
             out |= dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total"), ())
@@ -124,11 +124,11 @@ class Observer:
 
     @property
     def needs_forces(self) -> bool:
-        """Whether rows hold forces that steps tell."""
+        """True where rows hold forces that only steps determine."""
         return self.slider or bool(self.reactions or self.cut) or self.held or self.meshes.acts or self.points.measured > 0
 
     def row(self, t: float, state: State) -> dict[str, Any]:
-        """Everything except iterations, step size and contact force, which the run knows."""
+        """Return the row of a state, except iterations, step size and contact force, which the run knows."""
         model = self.model
         out: dict[str, Any] = {}
         for feature in model.features:
@@ -183,7 +183,7 @@ class Observer:
         return out | self.points.row(state)
 
     def _balance(self, out: dict[str, Any], state: State) -> None:
-        """What is stored and was dissipated, less what was put in."""
+        """Add the balance of energy to a row: stored and dissipated energy, less energy put in."""
         model = self.model
         stored, sizes = out["total"], [self.scale["total"]]
         lost, put_in = (state.history[begin:begin + len(of)].copy() for begin, of in (
@@ -210,14 +210,15 @@ class Observer:
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
     def _stored(self, state: State) -> float:
-        """What features store that is no strain, J."""
+        """Return the energy, besides strain energy, that features store, J."""
         out = 0.0
         for feature in self.model.features:
             out += feature.stored(state)
         return out
 
     def _booked(self, stored: float, sizes: list[float], out: dict[str, Any], state: State, opens: bool) -> float:
-        """With what features whose numbers open the history, or those of the others, took away and put in."""
+        """Return the balance with energies that features took away and put in: features whose numbers open the history, or the
+        others."""
         for feature in self.model.features:
             if feature.opens is opens:
                 parts, own = feature.booked(self.model, state, out)
@@ -228,8 +229,8 @@ class Observer:
         return stored
 
     def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
-        """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for,
-        in time what else steps tell of points; share: load factor of an equilibrium."""
+        """Add forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked
+        for, in time also the means of steps for points; share: load factor of an equilibrium."""
         of_supports = self.model.n_forces + 6 * len(self.reactions)
         own = of_supports + 6 * len(self.cut)
         if self.reactions:
@@ -250,7 +251,7 @@ class Observer:
                 self.meshes.add_forces(row, found)
 
     def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
-        """Contact forces, moments of sleeves and forces along the beam."""
+        """Add contact forces, moments of sleeves and forces along the beam to a row."""
         s = self.model.n_sliders
         row["contact_force"] = force[:3 * s].reshape(-1, 3)
         push, edges = np.zeros(s), np.zeros(s)
@@ -275,8 +276,8 @@ class Observer:
                     "stop_force": found.stop, "lock_force": found.lock}
 
     def scales(self, step: float) -> dict[str, float]:
-        """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
-        of the least motion in steps of this size (s) that is no round-off."""
+        """Return sizes of the conserved series, by which their drift is measured: the largest that occurred, and for a scene at
+        rest that of the least motion in steps of this size (s) that is no round-off."""
         model = self.model
         size = max(model.length, float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3]))))
         speed, mass = EPSILON * size / step, float(np.sum(model.gravity_weight))
@@ -288,7 +289,7 @@ class Observer:
             off = EPSILON * (1.0 - 2.0 * (np.arange(model.q0.size) * 2654435761 >> 16 & 1))  # signs without a pattern
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
-            # of prestressed beams and springs, whose own energy is no round-off, the strain has parts of first order, too
+            # the strain energy of prestressed beams and springs has parts of first order, too
             own = strain_energy(model, model.q0, self._work)
             ahead, back = (strain_energy(model, model.q0 + sign * off, self._work) - own for sign in (1.0, -1.0))
             strain, pull = 0.5 * abs(ahead + back), 0.5 * abs(ahead - back)
@@ -296,7 +297,7 @@ class Observer:
         return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
 
     def _motion(self, q: Array, v: Array) -> None:
-        """Kinetic energy and momenta into _out, momenta of the nodes into _p."""
+        """Evaluate kinetic energy and momenta into _out, momenta of the nodes into _p."""
         model = self.model
         self._p[:] = 0.0
         for tables in (model.simo, model.green):
@@ -307,11 +308,11 @@ class Observer:
         kernels.motion(q, v, self._p, self._out)
 
     def _inner(self, state: State) -> dict[str, Any]:
-        """Mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away before
-        anything is squared, so that no digits are lost to it."""
+        """Compute mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away
+        before anything is squared, so that no digits are lost to it."""
         weight = self.model.gravity_weight / np.sum(self.model.gravity_weight)
         q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
-        # from the first node: differences of large coordinates are exact
+        # arms are taken from the first node: differences of large coordinates are exact
         first = q[0, 0].copy()
         q[:, 0] -= first
         arm = weight @ q[:, 0]
@@ -323,7 +324,7 @@ class Observer:
                 "inner_spin": self._out[4:7].copy()}
 
     def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
-        """Header of the result; moving: of a run in time, whose shapes may have velocities."""
+        """Form the header of the result; moving: of a run in time, whose shapes may have velocities."""
         model = self.model
         names = {**model.names, "points": list(self.points.places)}
         if self.reactions:
@@ -335,7 +336,7 @@ class Observer:
         names |= {springs.kind: springs.names for springs in self.springs}
         if self.held:
             names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
-        # what `Result.state_for` finds in the state's history
+        # layout of the history for `Result.state_for`
         if model.slider_forces is not None and model.slider_forces.lets_go:
             names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
         if model.released is not None:
@@ -352,9 +353,9 @@ class Observer:
 
 
 def books_of_start(model: Model, given: Any, state: State, t: float, notes: list[Any]) -> tuple[dict[str, Any], list[Any]]:
-    """The energy that mending a given start took, J, for `Result.info`, and the notes with that in words. Where parts only met at
-    different velocities it is what an inelastic impact takes; where they were moved, also what changed with their places, of
-    either sign. Nothing where the start was taken as it is."""
+    """Return the energy that mending a given start dissipated, J, for `Result.info`, and the notes with a text about it. Where
+    parts only met at different velocities, it is that of an inelastic impact; where they were moved, it contains also the change
+    of energy with their places, of either sign. Empty where the start was taken as it is."""
     if not any(kind == "mended" for kind, _ in notes):
         return {}, notes
     given = own_state(model, given)
@@ -369,7 +370,7 @@ def books_of_start(model: Model, given: Any, state: State, t: float, notes: list
 
 
 def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
-    """Energy stored in all beams and springs, J."""
+    """Return the energy stored in all beams and springs, J."""
     work = empty(6) if work is None else work
     total = 0.0
     if model.simo is not None:
@@ -384,7 +385,7 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
 
 
 def conserved(model: Model, filtered: bool = False) -> list[str]:
-    """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
+    """List the invariants of the scene: constant dead loads keep the energy, nothing outside may act for the momenta."""
     out = [] if model.slider_forces is not None and model.slider_forces.leaves else ["gap"]
     if model.balances or filtered:
         out.append("balance")

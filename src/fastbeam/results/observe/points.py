@@ -1,5 +1,5 @@
-"""Rows of observed points: positions, velocities, triads and spins from a state, section forces; accelerations and what is
-viscous from the steps around a row (theory.md (4.5))."""
+"""Rows of observed points: positions, velocities, triads and spins from a state, section forces; accelerations and viscous
+stresses from the steps around a row (theory.md (4.5))."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ class PointRows:
     ----------
     model : Model
     kinds : sequence of str
-        Of these 'velocity', 'spin', 'orientation', 'acceleration' and 'section' concern points.
+        Observed kinds, of which 'velocity', 'spin', 'orientation', 'acceleration' and 'section' concern points.
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
 
     Raises
@@ -41,13 +41,13 @@ class PointRows:
         self.velocity, self.spin, self.orientation, self.acceleration = (
             kind in kinds and bool(given) for kind in ("velocity", "spin", "orientation", "acceleration"))
         self.sections = [_section(model, name, what) for name, what in given.items()] if "section" in kinds else []
-        # of damped beams: which point, and the section
+        # points on damped beams: number, and section
         self.damped = [(k, x) for k, x in enumerate(self.sections) if x is not None and x.viscosity is not None]
         # coordinates of these beams in the newest row
         self._kept: list[Array] = []
 
     def series(self) -> dict[str, tuple[int, ...]]:
-        """Shape of one row of every series."""
+        """Return the shape of one row of every series."""
         n = len(self.places)
         given = {"points": n > 0, "point_velocity": self.velocity, "point_spin": self.spin,
                  "point_acceleration": self.acceleration, "section_force": bool(self.sections),
@@ -56,7 +56,7 @@ class PointRows:
         return {name: (n, 3) for name, there in given.items() if there} | triads
 
     def row(self, state: State) -> dict[str, Any]:
-        """What the state tells; section forces without those of damping."""
+        """Return the series of points in a state; section forces without those of damping."""
         q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
         out: dict[str, Any] = {}
         if self.places:
@@ -76,36 +76,36 @@ class PointRows:
         return out
 
     def _along(self, x: Array) -> Array:
-        """Positions or velocities [P, 3] from coordinates or their rates [N, 4, 3]."""
+        """Return positions or velocities [P, 3] from coordinates or their rates [N, 4, 3]."""
         return np.array([np.einsum("ma,mac->c", weights, x[nodes]) for nodes, weights in self.places.values()])
 
     @staticmethod
     def _triad(x: Array, nodes: Array, weights: Array) -> Array:
-        """Directors, or their rates, [3, 3]."""
+        """Return directors, or their rates, [3, 3]."""
         return np.einsum("m,mkc->kc", weights[:, 0], x[nodes, 1:])
 
     # --- what steps tell --------------------------------------------------------------------------------------------------
     @property
     def measured(self) -> int:
-        """Numbers that a step tells."""
+        """Number of values that a step gives for points."""
         rates = sum(section.through.size * 6 for _, section in self.damped)
         return (3 * len(self.places) if self.acceleration else 0) + rates
 
     def look(self, state: State) -> list[Array]:
-        """What `means` needs of both ends of a step, as copies: velocities of points, coordinates and velocities of beams."""
+        """Return copies of what `means` needs at an end of a step: velocities of points, coordinates and velocities of beams."""
         q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
         beams = [x[section.span].copy() for _, section in self.damped for x in (q, v)]
         return ([self._along(v)] if self.acceleration else []) + beams
 
     def means(self, before: list[Array], after: list[Array], h: float) -> Array:
-        """Accelerations and rates of strains, means over a step of size h between two looks, [measured]."""
+        """Return accelerations and rates of strains, means over a step of size h between two looks, [measured]."""
         first = int(self.acceleration)
         middle = [0.5 * (a + b)[None] for a, b in zip(before[first:], after[first:])]
         rates = [section.strain_rates(q, v) for (_, section), q, v in zip(self.damped, middle[::2], middle[1::2])]
         return np.concatenate([x.reshape(-1) for x in [(b - a) / h for a, b in zip(before[:first], after[:first])] + rates])
 
     def add(self, row: dict[str, Any], found: Array) -> None:
-        """To the newest row what steps tell of its time, [measured]."""
+        """Add means of steps at the time of the newest row to it, [measured]."""
         if self.acceleration:
             own, found = np.split(found, [3 * len(self.places)])
             row["point_acceleration"] = own.reshape(-1, 3)
@@ -116,33 +116,33 @@ class PointRows:
 
 
 def _put(out: dict[str, Any], k: int, section: Sections, q: Array, rates: Array | None = None) -> None:
-    """Section forces of point k into a row; q: coordinates of the nodes of its beam [A, 4, 3]."""
+    """Put section forces of point k into a row; q: coordinates of the nodes of its beam [A, 4, 3]."""
     found = section.at(np.zeros(1), q[None, :, 0], q[None, :, 1:], rates)
     out["section_force"][k] = found.N[0, 0], found.Q2[0, 0], found.Q3[0, 0]
     out["section_moment"][k] = found.T[0, 0], found.M2[0, 0], found.M3[0, 0]
 
 
 def _spin(d: Array, rates: Array) -> Array:
-    """Angular velocity [3], rad/s, that fits the rates of three directors best; exact for rigid motions also where interpolated
-    directors are no triad."""
+    """Return the angular velocity [3], rad/s, that fits the rates of three directors best; exact for rigid motions also where
+    interpolated directors are no triad."""
     return np.linalg.solve(np.sum(d * d) * np.eye(3) - d.T @ d, np.cross(d, rates).sum(axis=0))
 
 
 def _orthonormal(d: Array) -> Array:
-    """The triad nearest to three directors [3, 3]."""
+    """Return the triad nearest to three directors [3, 3]."""
     u, _, v = np.linalg.svd(d)
     return np.asarray(u @ v)
 
 
 def _section(model: Model, name: str, what: Any) -> Sections | None:
-    """The section of an observed point; None where it lies on no beam."""
+    """Return the section of an observed point; None where it lies on no beam."""
     if isinstance(what, NodeRef) and isinstance(what.owner, Beam):
         what = what.owner, float(what.owner.basis.node_s[what.index])
     return Sections(model, *what) if isinstance(what, tuple) else None
 
 
 def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
-    """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
+    """Return nodes [m] of an observed point, and weights [m, 4] of their positions and directors in it."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]
         require(Analysis.POINT_INSIDE, model, name, part=owner)

@@ -1,6 +1,6 @@
-"""Whether the elements of beams resolve the shapes that a run takes: what invariants and Newton's method do not see.
+"""Mesh check: do the elements of beams resolve the shapes of a run? Invariants and Newton's method do not tell.
 
-Looked at are (theory.md 3.3)
+The check finds (theory.md 3.3)
 
 - an axis that runs against its sections, after a compression to nothing;
 - turns between neighbouring nodes beyond a right angle, after which interpolated directors may vanish;
@@ -60,7 +60,7 @@ class _Elements:
 
 
 class Resolution:
-    """Looks at shapes of a run and remembers the worst of every beam."""
+    """Mesh check of a run, which remembers the worst shape of every beam."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -77,7 +77,7 @@ class Resolution:
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
 
     def look(self, t: float, state: State, moves: bool = False) -> None:
-        """At a state in space at time t; moves: one of a run, in which contacts are looked at for their motion, too."""
+        """Check a state in space at time t; moves: state of a run, in which contacts are checked for their motion, too."""
         q = state.q
         self.contacts.look(t, state, self.tension, moves)
         self.look_at_moving(t, q)
@@ -91,7 +91,7 @@ class Resolution:
                 self._bending_lengths(t, q, e, found[e.at, 0])
 
     def look_at_moving(self, t: float, q: Array) -> None:
-        """At elements that move with contacts, which become long where these go, at coordinates q [12 N]."""
+        """Check elements that move with contacts and become long where these go, at coordinates q [12 N]."""
         for table in () if self.model.moving is None else self.model.moving.tables:
             p, nodes = table.node.shape[1] - 1, q.reshape(-1, 4, 3)
             beam = self.model.node_label(int(table.node[0, 0])).split(" node ")[0]
@@ -119,7 +119,7 @@ class Resolution:
                 "elements that stand")
 
     def tension(self, q: Array) -> Array:
-        """Of beams at their nodes [N] at the shape q [12 N], N; NaN elsewhere."""
+        """Return normal forces of beams at their nodes [N] at the shape q [12 N], N; NaN elsewhere."""
         out = np.full(self.model.n_nodes, np.nan)
         for tables, strains, of_elements, sets in self._sets:
             strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
@@ -128,7 +128,7 @@ class Resolution:
         return out
 
     def is_folded(self, q: Array) -> bool:
-        """Whether an axis runs against its sections at the shape q [12 N], or neighbouring nodes turn by more than a right
+        """Return whether an axis runs against its sections at the shape q [12 N], or neighbouring nodes turn by more than a right
         angle."""
         for tables, strains, of_elements, sets in self._sets:
             strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
@@ -138,7 +138,7 @@ class Resolution:
         return False
 
     def events(self) -> list[dict[str, Any]]:
-        """The worst of every kind and beam, MOST_EVENTS of a kind."""
+        """Return events of the worst of every kind and beam, MOST_EVENTS of a kind."""
         out = self.contacts.events()
         for kind in ("reversed", "turn", "curvature", "layer", "bend", "stretched"):
             rows = sorted((x for (k, _), x in self._worst.items() if k == kind), key=lambda x: -x[0])
@@ -198,7 +198,7 @@ class Resolution:
             self._note("layer", float(error[k]), t, e, k, text, float(spacing[k] / bending[k]))
 
     def _note(self, kind: str, size: float, t: float, e: _Elements, k: int, text: str, finer: float) -> None:
-        """Remember the worst of a beam; `finer`: so many times as many elements would do."""
+        """Remember the worst of a beam; `finer`: factor of the number of elements that would be enough."""
         first, last = int(e.nodes[k, 0]), int(e.nodes[k, -1])
         beam, where, elements = self._place(first, last)
         if size > self._worst.get((kind, beam), (0.0, 0.0, ""))[0]:
@@ -211,8 +211,8 @@ class Resolution:
             self._worst[kind, beam] = size, t, f"{beam}, {where}: {text}" + (f"; {cure}" if finer else "")
 
     def _kink(self, first: int, last: int) -> str:
-        """What to say of an element, or next to which, the curve that its beam was made from turns at one place; '' where it does
-        not."""
+        """Return a text about the kink of the curve that a beam was made from, in an element or next to it; '' where there is
+        none."""
         owner, k = self.model.numbers.labels.owner(first)
         curve = getattr(owner, "curve", None)
         if curve is None:
@@ -235,7 +235,7 @@ class Resolution:
                 "resolves: end the beam there and begin another one, or round the curve")
 
     def _place(self, first: int, last: int) -> tuple[str, str, int]:
-        """(beam, which part of it, number of its elements or 0) of the element between two nodes."""
+        """Return (beam, which part of it, number of its elements or 0) of the element between two nodes."""
         label = self.model.node_label(first)
         for beam in self.model.names["beams"]:
             if beam["first"] <= first < beam["first"] + beam["count"]:
@@ -247,8 +247,8 @@ class Resolution:
 
 
 def mesh_events(model: Model, state: State, slides: Array | None = None, squared: Array | None = None) -> list[dict[str, Any]]:
-    """Events where elements do not resolve one state, in space, of a model, nor modes about it: their w^2 [n], and motions of
-    sliders in those of modal mass 1 [n, S]."""
+    """Return events where elements do not resolve one state, in space, of a model, nor modes about it: their w^2 [n], and motions
+    of sliders in those of modal mass 1 [n, S]."""
     resolution = Resolution(model)
     resolution.look(0.0, state)
     out = resolution.events()
@@ -262,7 +262,7 @@ _KNOWN: WeakKeyDictionary[Model, list[tuple[Any, Any, list[_Elements]]]] = WeakK
 
 
 def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
-    """Tables and strains of a model, with their elements as they are in the reference."""
+    """Return tables and strains of a model, with their elements as they are in the reference."""
     out = []
     for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
         if tables is not None:
@@ -277,7 +277,7 @@ def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
 
 
 def _elements(model: Model, tables: Any) -> Any:
-    """_Elements of the tables of one strain set, for every number of nodes."""
+    """Yield _Elements of the tables of one strain set, for every number of nodes."""
     meta = tables.meta
     lanes = np.arange(8)
     for nn in np.unique(meta[:, NODES]).tolist():
@@ -303,12 +303,13 @@ def _elements(model: Model, tables: Any) -> Any:
 
 @lru_cache
 def _terms(p: int) -> Array:
-    """Values at the nodes of an element of degree p -> coefficients of Legendre polynomials [p + 1, p + 1]."""
+    """Return the map from values at the nodes of an element of degree p to coefficients of Legendre polynomials [p + 1, p +
+    1]."""
     return np.asarray(np.linalg.inv(np.polynomial.legendre.legvander(2.0 * build_basis("lagrange", p, 1, 1.0).node_s - 1.0, p)))
 
 
 def _cosines(q: Array, e: _Elements) -> Array:
-    """Of the turns between neighbouring nodes, [E, nn - 1]."""
+    """Return the cosines of the turns between neighbouring nodes, [E, nn - 1]."""
     d = q.reshape(-1, 4, 3)[:, 1:][e.nodes]
     return 0.5 * (np.einsum("enic,enic->en", d[:, :-1], d[:, 1:]) - 1.0)
 

@@ -27,7 +27,7 @@ NEED = "must be arc lengths within the beam, m"
 
 @dataclass(frozen=True)
 class SectionForces:
-    """What the part of a beam behind a section exerts on the part before it, at times t and arc lengths s.
+    """Forces and moments that the part of a beam behind a section exerts on the part before it, at times t and arc lengths s.
 
     Attributes
     ----------
@@ -44,9 +44,9 @@ class SectionForces:
     force, moment : float64 [n, m, 3]
         The same force and moment in axes of space, N and N m.
     position : float64 [n, m, 3]
-        Of the sections, m.
+        Places of the sections, m.
     directors : float64 [n, m, 3, 3]
-        Their triads, orthonormal, rows d1, d2, d3.
+        Triads of the sections, orthonormal, rows d1, d2, d3.
     strain_rates : float64 [n, m, 6] or None
         Rates of the strains, 1/s, of damped beams whose motion is known; else None, and forces are those of the strains
         alone.
@@ -96,7 +96,7 @@ class Sections:
     ----------
     model : Model
     beam : Beam
-        Of the compiled scene; also a beam of a net, `net.beam(k)`.
+        Beam of the compiled scene; also a beam of a net, `net.beam(k)`.
     s : float or array_like [m], optional
         Arc lengths, m; default: the ends of all elements.
 
@@ -144,8 +144,8 @@ class Sections:
         return slice(self.first, self.first + self.count)
 
     def at(self, t: Array, phi: Array, directors: Array, rates: Array | None = None) -> SectionForces:
-        """At n shapes of the beam: t [n], positions [n, A, 3] and directors [n, A, 3, 3] of its nodes, and of damped ones the
-        rates of strains [n, m, g, 6] as `strain_rates` gives them."""
+        """Evaluate the sections at n shapes of the beam: t [n], positions [n, A, 3] and directors [n, A, 3, 3] of its nodes, and
+        for damped ones the rates of strains [n, m, g, 6] as `strain_rates` gives them."""
         f, d, k = self._slopes(phi, directors)
         strain = strains_of(self.strain, f, d, k) - self.reference
         stress = strain @ self.stiffness.T
@@ -162,26 +162,26 @@ class Sections:
                              None if rates is None else self._through(rates))
 
     def strain_rates(self, q: Array, v: Array) -> Array:
-        """Rates E_q v of the strains at the points of the quadrature [n, m, g, 6], 1/s, from coordinates and velocities of the
-        nodes of the beam [n, A, 4, 3]; theory.md (2.5). Of the means of both ends of a step those of the step, to second order;
-        of rigid motions zero to round-off."""
+        """Return rates E_q v of the strains at the points of the quadrature [n, m, g, 6], 1/s, from coordinates and velocities of
+        the nodes of the beam [n, A, 4, 3]; theory.md (2.5). Means of both ends of a step give those of the step, to second order;
+        rigid motions give zero to round-off."""
         gradient = strain_gradient(self.strain, *self._slopes(q[:, :, 0], q[:, :, 1:]))
         f, d, k = self._slopes(v[:, :, 0], v[:, :, 1:])
         return np.einsum("tsgixc,tsgxc->tsgi", gradient, np.concatenate((f[..., None, :], d, k), axis=-2))
 
     def _slopes(self, phi: Array, d: Array) -> tuple[Array, Array, Array]:
-        """phi' [n, m, g, 3], directors and their derivatives [n, m, g, 3, 3] at the points of the quadrature."""
+        """Return phi' [n, m, g, 3], directors and their derivatives [n, m, g, 3, 3] at the points of the quadrature."""
         f = np.einsum("sgn,tsgnc->tsgc", self.phi_s, phi[:, self.nodes])
         return (f, *(np.einsum("sgn,tsgnkc->tsgkc", x, d[:, self.nodes]) for x in (self.dir, self.dir_s)))
 
     def _through(self, x: Array) -> Array:
-        """Values at the sections of the polynomials through those at the points."""
+        """Interpolate values at the points to the sections by the polynomials through them."""
         return np.einsum("sg,tsgc->tsc", self.through, x)
 
 
 def _points_about(basis: Basis, s: Array, at: Array) -> tuple[Array, Array]:
-    """Elements [m, 1] or [m, g] and numbers [g] or [m, g] of the points of the strain energy that tell of sections s [m] in
-    elements `at`: those of the element; of splines with points of weight zero the `degree` ones that are nearest."""
+    """Choose the points of the strain energy for sections s [m] in elements `at`: elements [m, 1] or [m, g] and numbers [g] or
+    [m, g] of points. They are those of the element; of splines with points of weight zero the `degree` ones that are nearest."""
     if np.all(basis.weight > 0.0):
         return at[:, None], np.arange(basis.weight.shape[1])
     element, point = np.nonzero(basis.weight > 0.0)
@@ -194,7 +194,8 @@ def _points_about(basis: Basis, s: Array, at: Array) -> tuple[Array, Array]:
 
 
 def forces_of(name: str, stress: Array, f: Array, d: Array, k: Array) -> tuple[Array, Array]:
-    """Force dW/d(phi') and moment sum d_i x dW/d(d_i') of a section [..., 3], from stresses conjugate to the strains [..., 6]."""
+    """Return force dW/d(phi') and moment sum d_i x dW/d(d_i') of a section [..., 3], from stresses conjugate to the strains [...,
+    6]."""
     s = [stress[..., i, None] for i in range(6)]
     d1, d2, d3 = (d[..., i, :] for i in range(3))
     if name == "simo_reissner":
@@ -221,16 +222,16 @@ def _lengths(beam: Beam, s: ArrayLike) -> Array:
 
 @checked(model=Anything(), shapes=Anything(), beam=Anything(), s=Anything())
 def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLike | None = None) -> SectionForces:
-    """Normal force, shear forces, torsion and bending moments along a beam.
+    """Compute normal force, shear forces, torsion and bending moments along a beam.
 
     Parameters
     ----------
     model : Model
-        That of the run.
+        Model of the run.
     shapes : Result or State
         All shapes of a result (`t_snap`), or one state.
     beam : Beam
-        Of the scene; also a beam of a net, `net.beam(k)`.
+        Beam of the scene; also a beam of a net, `net.beam(k)`.
     s : float or array_like [m]
         Arc lengths in the reference, m; default: the ends of all elements. Behind a point load where it stands on an element end.
 

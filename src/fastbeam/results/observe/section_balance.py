@@ -33,7 +33,7 @@ ON_NODES = Drag, AddedMass, UserForces, PlanarFollowers
 
 
 class Cut(NamedTuple):
-    """A beam cut at the end of an element; what the elements on one side of it put on the nodes that both sides have."""
+    """A beam cut at the end of an element, and the elements on one side of it that act on the nodes that both sides have."""
 
     section: Sections
     s: float          # arc length, m
@@ -44,7 +44,7 @@ class Cut(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Of a beam from the cut at the start of an element to a section inside it."""
+    """Piece of a beam from the cut at the start of an element to a section inside it."""
 
     section: Sections
     cut: int          # at its start
@@ -60,7 +60,7 @@ class Piece(NamedTuple):
 
 
 def places_on(section: Sections, s: Array) -> Array:
-    """Shape functions of all nodes of a beam at arc lengths [g]: [g, A]."""
+    """Return shape functions of all nodes of a beam at arc lengths [g]: [g, A]."""
     basis: Basis = section.beam.basis
     first, values, _ = basis.curve("own").evaluate(s)
     out = np.zeros((s.size, basis.n_nodes))
@@ -69,21 +69,21 @@ def places_on(section: Sections, s: Array) -> Array:
 
 
 def nodal(basis: Basis, values: Array) -> Array:
-    """Sums [A, 3] of what all elements have on their nodes [E, n, 3]."""
+    """Sum the values [E, n, 3] of all elements on their nodes, [A, 3]."""
     out = np.zeros((basis.n_nodes, 3))
     np.add.at(out, basis.element_nodes, values)
     return out
 
 
 def lengths_of(basis: Basis, elements: Any = slice(None)) -> Array:
-    """Length that belongs to every node of a beam, or of it what some elements have, m [A]."""
+    """Return the length that belongs to every node of a beam, or the part of it that belongs to some elements, m [A]."""
     out = np.zeros(basis.n_nodes)
     np.add.at(out, basis.element_nodes[elements], basis.mass_phi[elements].sum(axis=2))
     return out
 
 
 def cut_at(section: Sections, k: int) -> Cut:
-    """At end k of an element."""
+    """Cut a beam at end k of an element."""
     basis: Basis = section.beam.basis
     nodes, s = basis.element_nodes, float(basis.element_ends[k])
     last = basis.n_elements
@@ -98,7 +98,7 @@ def cut_at(section: Sections, k: int) -> Cut:
 
 
 def piece_to(section: Sections, cut: int, element: int) -> Piece:
-    """From the start of an element."""
+    """Form the piece of a beam from the start of an element to a section."""
     basis: Basis = section.beam.basis
     at, weight = np.polynomial.legendre.leggauss(basis.degree + 2)
     half = 0.5 * (float(section.s[0]) - float(basis.element_ends[element]))
@@ -113,13 +113,13 @@ class FreeBodies:
     Parameters
     ----------
     model : Model
-        In space.
+        Model in space.
     terms : sequence of kernels/terms.py
-        Of the run, with equations of the nodes themselves.
+        Terms of the run, with equations of the nodes themselves.
     sections : sequence of Sections
         One arc length each.
     plane : Plane or None
-        Where nodes have three unknowns.
+        Plane where nodes have three unknowns.
     idle : int
         Row of idle lanes in the tables of elements, behind those of nodes.
     """
@@ -167,7 +167,7 @@ class FreeBodies:
         self._gather()
 
     def _number(self, section: Sections, k: int) -> int:
-        """Number of the cut at end k of an element."""
+        """Return the number of the cut at end k of an element."""
         cut = cut_at(section, k)
         for number, known in enumerate(self.cuts):
             if known.section.first == section.first and known.s == cut.s:
@@ -176,7 +176,7 @@ class FreeBodies:
         return len(self.cuts) - 1
 
     def _elements(self, term: Beams, wanted: dict[tuple[int, int], Array], rows: int) -> Beams | None:
-        """The groups of elements that are wanted, each with rows of its own."""
+        """Return the groups of elements that are wanted, each with rows of its own."""
         tables = term.tables
         # elements of splines may have the same nodes: which of these it is, in their order along the beam, as in tables
         by_nodes = {}
@@ -201,11 +201,11 @@ class FreeBodies:
         return term._replace(tables=tables._replace(meta=np.ascontiguousarray(tables.meta[np.unique(groups)]), rows=out))
 
     def _basis(self, first: int) -> Basis:
-        """Of the beam whose nodes begin there."""
+        """Return the basis of the beam whose nodes begin there."""
         return next(x.beam.basis for x in self.sections if x.first == first)
 
     def _gather(self) -> None:
-        """Where the numbers of every pair of a cut and a node stand, and which shares of loads they have."""
+        """Find the rows of every pair of a cut and a node, and its shares of loads."""
         model, entries = self.model, []
         loads = np.zeros((len(model.load_times), 0, 6))
         slots: list[Array] = []
@@ -234,16 +234,16 @@ class FreeBodies:
         self.sign = np.array([-1.0 if cut.behind else 1.0 for cut in self.cuts])
 
     def _group(self, time: Any) -> int:
-        """Number of the load vector of loads with this factor in time."""
+        """Return the number of the load vector of loads with this factor in time."""
         return next(k for k, known in enumerate(self.model.load_times) if known is time)
 
     def _distributed(self, beam: Any) -> list[tuple[int, DistributedLoad]]:
-        """Dead loads along a beam, each with the number of its load vector."""
+        """Return dead loads along a beam, each with the number of its load vector."""
         return [(self._group(load.time), load) for load in self.model.load_parts.values()
                 if isinstance(load, DistributedLoad) and load.beam is beam and not load.follower]
 
     def _loaded(self, piece: Piece) -> Piece:
-        """With what loads do along it."""
+        """Return the piece with the loads along it."""
         section, beam, loads = piece.section, piece.section.beam, []
         start = float(beam.basis.element_ends[piece.element])
         for k, load in self._distributed(beam):
@@ -264,29 +264,29 @@ class FreeBodies:
 
     # --- one evaluation ---------------------------------------------------------------------------------------------------
     def forces(self, system: Any, q: Array, h: float, factors: Array, second: Array | None, pushes: Any) -> Array:
-        """Force and moment [C, 2, 3] that the part behind each section exerts on the part before it.
+        """Return force and moment [C, 2, 3] that the part behind each section exerts on the part before it.
 
         Parameters
         ----------
         system : System
-            As it is assembled; residuals are left alone.
+            System of the assembly; residuals are left alone.
         q : float64 [N, 4, 3]
             Coordinates in the middle of the step.
         h : float
             The step, s; 0 in statics.
         factors : float64 [K]
-            Of the loads.
+            Factors of the loads.
         second : float64 [N, 4, 3] or None
             Mean second rates of the coordinates in the step; in statics those of a steady motion.
         pushes : function of the number of a slider -> float64 [N, 8]
-            What it exerts on nodes.
+            Forces and moments that it exerts on nodes.
         """
         own = system._replace(work=system.work._replace(r=self._r))
         self._system = system_record(own, self._system, ADDED)
         rows = self._assembled(self.beams, h)
         entry = np.zeros((len(self.node), 6))
         np.add.at(entry, self.slot_entry, rows[self.slot_row])
-        # what distributed loads bring into the equations has the sign of inertia
+        # distributed loads have the sign of inertia in the equations
         on_nodes = self._assembled(self.on_nodes, h) if self.on_nodes.terms else np.zeros_like(rows)
         entry += self.share[:, None] * on_nodes[self.node_row]
         entry -= np.einsum("k,kec->ec", factors, self.loads)
@@ -314,13 +314,13 @@ class FreeBodies:
         return np.array(found)
 
     def _assembled(self, terms: Calls, h: float) -> Array:
-        """Forces and moments [rows, 6] that terms put on rows of their own."""
+        """Assemble forces and moments [rows, 6] that terms put on rows of their own."""
         self._r[:] = 0.0
         kernels.assemble_some(*terms.on(self._system), h)
         return self.in_space(self._r.reshape(-1, 8))
 
     def _inertia(self, q: Array, second: Array) -> Array:
-        """What inertia in a steady motion brings into the equations, which in statics have none, [entries, 6]."""
+        """Return forces of inertia in a steady motion, which the equations of statics lack, [entries, 6]."""
         out = np.zeros((len(self.node), 6))
         for c, cut in enumerate(self.cuts):
             basis, inertia = cut.section.beam.basis, cut.section.beam.section.inertia
@@ -337,7 +337,7 @@ class FreeBodies:
         return out
 
     def in_space(self, r: Array) -> Array:
-        """Forces and moments [rows, 6] of residuals [rows, 8]."""
+        """Return forces and moments [rows, 6] of residuals [rows, 8]."""
         if self.plane is None:
             return r[:, :6]
         axes = self.plane.axes
@@ -345,7 +345,7 @@ class FreeBodies:
 
     # --- sliders ----------------------------------------------------------------------------------------------------------
     def _find_sliders(self, start: Array, end: Array) -> None:
-        """Where sliders are in a step that leads them from s [S] to s [S]: which nodes they touch."""
+        """Find the nodes that sliders touch in a step that leads them from s [S] to s [S]."""
         self._place = 0.5 * (start + end)
         curves = self.model.curves
         self._local = [nodes_passed(curves, int(c), float(start[k]), float(end[k])) for k, c in enumerate(self._curve)]
@@ -354,20 +354,20 @@ class FreeBodies:
         self._under_of = np.repeat(np.arange(len(self._touched)), [len(x) for x in self._touched])
 
     def _line(self, k: int) -> tuple[Array, Array]:
-        """Nodes of the curve of slider k, and their arc lengths on it."""
+        """Return nodes of the curve of slider k, and their arc lengths on it."""
         c = int(self._curve[k])
         if c not in self._lines:
             self._lines[c] = nodes_of_curve(self.model.curves, c), self.model.curve_s[c]
         return self._lines[c]
 
     def _sliders(self, nodes: Array) -> list[int]:
-        """Those that act on some nodes in the step."""
+        """Return the sliders that act on some nodes in the step."""
         near = (self._under >= nodes.min()) & (self._under <= nodes.max())
         return [int(k) for k in np.unique(self._under_of[near]) if np.isin(nodes, self._touched[k]).any()]
 
     def _standing(self, k: int, section: Sections) -> tuple[float, Array, Array]:
-        """Where slider k stands on a beam of its curve, m, outside it less than 0 or more than its length; and which of the nodes
-        that it touches belong to other beams of the curve, in front of this one and behind it."""
+        """Return the place of slider k on a beam of its curve, m, outside it less than 0 or more than its length; and those of
+        the nodes that it touches which belong to other beams of the curve, in front of this one and behind it."""
         nodes, s = self._line(k)
         curves = self.model.curves
         period = float(curves.period[self._curve[k]]) if isinstance(curves, Paths) else 0.0
@@ -384,7 +384,7 @@ class FreeBodies:
         return float(along[0] + 0.5 * (high - low)), others[along[1:] < 0.0], others[along[1:] > 0.0]
 
     def _across(self, cut: Cut, at: Array, x: Array, k: int, push: Array) -> Array:
-        """What slider k, which stands on one side of a cut, exerts on nodes of the other [2, 3]."""
+        """Return the force and moment [2, 3] that slider k, on one side of a cut, exerts on nodes of the other."""
         place, front, behind = self._standing(k, cut.section)
         stands_behind = _is_behind(cut.section, place, cut.s)
         nodes = np.arange(cut.section.count)
@@ -394,7 +394,7 @@ class FreeBodies:
         return (1.0 if stands_behind else -1.0) * _about(at, x[other], push[other])
 
     def _within(self, piece: Piece, x: Array, k: int, push: Array) -> Array:
-        """What slider k exerts on the piece [2, 3], about the end of it."""
+        """Return the force and moment [2, 3] that slider k exerts on the piece, about the end of it."""
         section, start = piece.section, self.cuts[piece.cut].s
         place = self._standing(k, section)[0]
         touched = self._touched[k]
@@ -403,7 +403,7 @@ class FreeBodies:
         return _about(piece.place @ x[section.span], x[touched], push[touched])
 
     def _at_end_of(self, piece: Piece, start: Array, q: Array, factors: Array, second: Array | None, on_nodes: Array) -> Array:
-        """Force and moment [2, 3] at the end of a piece from those at its start. q, second: of the nodes of the beam."""
+        """Return force and moment [2, 3] at the end of a piece from those at its start. q, second: of the nodes of the beam."""
         section, beam = piece.section, piece.section.beam
         lacks = np.zeros((piece.s.size, 6))
         e, basis, inertia = piece.element, beam.basis, beam.section.inertia
@@ -438,17 +438,17 @@ class FreeBodies:
 
 
 def _is_behind(section: Sections, place: float, s: float) -> bool:
-    """Whether a place lies behind arc length s of the beam; one at s does not."""
+    """Return whether a place lies behind arc length s of the beam; one at s does not."""
     return place > s + AT_END * section.beam.length
 
 
 def _about(at: Array, x: Array, c: Array) -> Array:
-    """Sum of forces and moments [n, 6] at places x [n, 3], about another place: [2, 3]."""
+    """Sum forces and moments [n, 6] at places x [n, 3], about another place: [2, 3]."""
     return np.array([c[:, :3].sum(axis=0), c[:, 3:].sum(axis=0) + np.cross(x - at, c[:, :3]).sum(axis=0)])
 
 
 def _routed(term: Any, row_of: Array, nowhere: int) -> Any:
-    """The term with rows of its own for wanted nodes; what acts on one node alone is no part of the beam."""
+    """Return the term with rows of its own for wanted nodes; what acts on one node alone is no part of the beam."""
     row = row_of[term.node]
     if isinstance(term, (UserForces, PlanarFollowers)):
         row = np.where(term.along == 1, row, nowhere)

@@ -27,7 +27,7 @@ SOME, MOST = 6, 48
 
 
 def which_modes(value: Any) -> int | tuple[int, ...]:
-    """A mode, or several.
+    """Check that an argument is a mode, or several.
 
     Raises
     ------
@@ -42,15 +42,15 @@ def which_modes(value: Any) -> int | tuple[int, ...]:
 
 
 class Film(Protocol):
-    """What is shown in a film."""
+    """Figures of a film, frame by frame."""
 
     n: int
 
     def begin(self) -> Any:
-        """The figure of the first frame."""
+        """Return the figure of the first frame."""
 
     def show(self, i: int) -> None:
-        """Frame i."""
+        """Show frame i."""
 
 
 @checked(result=SHOWN, path=FilePath(), plane=PLANE, fps=Number(above=0.0, most=120.0, unit="1/s"), speed=Number(above=0.0),
@@ -64,14 +64,14 @@ def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, 
     The shape at the first snapshot stays behind in grey. Snapshots are shown as they are, nothing is interpolated in time: record
     enough of them, ``simulate(..., snapshots=200)``.
 
-    Of modes the film is one period of each, which goes on where it begins, before the equilibrium in grey; a GIF repeats it.
+    A film of modes is one period of each, which goes on where it begins, before the equilibrium in grey; a GIF repeats it.
     Damped modes, and those about a steady motion in the frame that spins, have the phases of their complex shapes. Motions
     without a period (free, growing, more than critically damped) go to and fro once (see `Modes.motion`).
 
     Parameters
     ----------
     result : Result, Modes or DampedModes
-        With snapshots; or what `modes` returns.
+        Result with snapshots; or modes.
     path : path
         The new file.
     plane : str
@@ -79,17 +79,17 @@ def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, 
     fps : float
         Frames per second of the film; players of GIF take 50 at most.
     speed : float
-        Of a result: seconds of the run in a second of the film, 1: as it was; each frame then shows the snapshot nearest to its
+        For a result: seconds of the run in a second of the film, 1: as it was; each frame then shows the snapshot nearest to its
         time. Default: every snapshot is a frame.
     mode : int or sequence of int
-        Of modes: the number of one, from 0, or of several, at most 48, a panel for each. Default: the first 6.
+        For modes: the number of one, from 0, or of several, at most 48, a panel for each. Default: the first 6.
     amplitude : float
-        Of modes: largest displacement, as a share of the size of the scene, default 0.12 as in `plot_modes`; largest angle, rad,
+        For modes: largest displacement, as a share of the size of the scene, default 0.12 as in `plot_modes`; largest angle, rad,
         where nothing but triads turns.
     frames : int
-        Of modes: frames of the period, default 24.
+        For modes: frames of the period, default 24.
     decay : bool
-        Of modes: whether they decay or grow as they do, from or to `amplitude`; default: not.
+        For modes: whether they decay or grow at their rate, from or to `amplitude`; default: not.
     overwrite : bool
         Replace an existing file.
     progress : bool
@@ -166,7 +166,7 @@ class ResultFilm:
     ----------
     result : Result
     plane, fps, speed
-        Of `animate`.
+        See `animate`.
 
     Raises
     ------
@@ -180,7 +180,7 @@ class ResultFilm:
         self.n = len(self.picks)
 
     def begin(self) -> Any:
-        """The figure of the first snapshot."""
+        """Return the figure of the first snapshot."""
         shapes = self.shapes
         figure = _canvas(new_figure((8.0, 6.0)))
         self.axes = space_axes(figure, 111, shapes.everything, self.plane)
@@ -192,7 +192,7 @@ class ResultFilm:
         return figure
 
     def show(self, i: int) -> None:
-        """The snapshot of frame i."""
+        """Show the snapshot of frame i."""
         k = self.picks[i]
         self.shapes.move(self.lines, k, self.axes.axes_of_space)
         put_title(self.axes, _time(self.result, k))
@@ -208,7 +208,7 @@ class ModeFilm:
     which : sequence of int
         Modes, from 0.
     amplitude : float
-        As of `Motion`.
+        See `Motion`.
     n : int
         Frames.
     decay : bool
@@ -231,7 +231,7 @@ class ModeFilm:
                                     directors=np.tile(modes.directors, (len(phi), 1, 1, 1))))
 
     def begin(self) -> Any:
-        """The figure with the equilibrium, and the modes at phase 0."""
+        """Return the figure with the equilibrium, and the modes at phase 0."""
         shapes = self.shapes
         if len(self.which) == 1:
             figure = new_figure((8.0, 6.0))
@@ -250,7 +250,7 @@ class ModeFilm:
         return _canvas(figure)
 
     def show(self, i: int) -> None:
-        """All modes at frame i of their period."""
+        """Show all modes at frame i of their period."""
         self._take(i)
         for j, (lines, axes) in enumerate(zip(self.lines, self.panels)):
             self.shapes.move(lines, 1 + j, axes.axes_of_space)
@@ -261,7 +261,7 @@ class ModeFilm:
 
 
 def _frames(times: np.ndarray, fps: float, speed: float | None) -> np.ndarray:
-    """Snapshots that the frames show."""
+    """Choose the snapshots that the frames show."""
     if speed is None:
         return np.arange(len(times))
     n = int(min((times[-1] - times[0]) / (speed / fps), MOST_FRAMES)) + 1
@@ -272,7 +272,7 @@ def _frames(times: np.ndarray, fps: float, speed: float | None) -> np.ndarray:
 
 
 def _writer(kind: str, fps: float) -> Any:
-    """What makes a film of frames.
+    """Return the writer that makes a film of frames.
 
     Raises
     ------
@@ -294,7 +294,7 @@ def _writer(kind: str, fps: float) -> Any:
 
 
 def _canvas(figure: Any) -> Any:
-    """The figure, with something that draws it."""
+    """Return the figure, with a canvas that draws it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     FigureCanvasAgg(figure)
     return figure

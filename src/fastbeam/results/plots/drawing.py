@@ -57,7 +57,7 @@ class Shapes:
     Attributes
     ----------
     paths : dict
-        Of every slider times [k] and positions [k, 3] of its point.
+        Times [k] and positions [k, 3] of the point of every slider.
     """
 
     def __init__(self, result: Result) -> None:
@@ -86,17 +86,17 @@ class Shapes:
             self.everything = np.concatenate((self.everything, tips.reshape(-1, 3)))
 
     def beams(self, k: int) -> np.ndarray:
-        """Points [m, 3] of all beams at snapshot k, NaN between them."""
+        """Return points [m, 3] of all beams at snapshot k, NaN between them."""
         return np.insert(self.lines.points(self.result.phi[k]), self.lines.starts[1:-1], np.nan, axis=0)
 
     def axes_of_bodies(self, k: int) -> np.ndarray:
-        """Points [m, 3] of lines from the centres of bodies along their axes at snapshot k, NaN between them."""
+        """Return points [m, 3] of lines from the centres of bodies along their axes at snapshot k, NaN between them."""
         center = self.result.phi[k, self.bodies][:, None]
         tips = center + self.axis_length * self.result.directors[k, self.bodies]
         return np.stack((np.broadcast_to(center, tips.shape), tips, np.full(tips.shape, np.nan)), axis=2).reshape(-1, 3)
 
     def dots(self, k: int) -> np.ndarray:
-        """Point masses and points of sliders [m, 3] at snapshot k."""
+        """Return point masses and points of sliders [m, 3] at snapshot k."""
         t = self.result.t_snap[k]
         rings = [position_at(times, path, t) for times, path in self.paths.values() if len(path)]
         return np.concatenate((self.result.phi[k, self.masses], np.reshape(rings, (-1, 3))))
@@ -112,7 +112,7 @@ class Shapes:
         return out
 
     def points(self, k: int) -> tuple[np.ndarray, ...]:
-        """Points of all lines at snapshot k, [m, 3] each: beams, axes of bodies, bodies, masses and sliders."""
+        """Return points of all lines at snapshot k, [m, 3] each: beams, axes of bodies, bodies, masses and sliders."""
         return self.beams(k), self.axes_of_bodies(k), self.result.phi[k, self.bodies], self.dots(k)
 
     def move(self, lines: list[Any], k: int, space: list[int]) -> None:
@@ -124,7 +124,7 @@ class Shapes:
                 line.set_data(*points[:, space].T)
 
     def draw_paths(self, axes: Any) -> None:
-        """Paths of sliders, behind everything."""
+        """Draw paths of sliders, behind everything."""
         for _, path in self.paths.values():
             if len(path):
                 axes.plot(*path[:, axes.axes_of_space].T, color="0.65", lw=0.9, ls="--", zorder=1)
@@ -144,7 +144,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(size: tuple[float, float]) -> Figure:
-    """A figure of so many inches that no window knows; notebooks show it, also where they do not know matplotlib."""
+    """Create a figure of this size, inches, outside of any window; notebooks show it, also where they do not know matplotlib."""
     from matplotlib.figure import Figure
     figure = Figure(figsize=size, layout="constrained")
     setattr(figure, "_repr_png_", partial(_png_of, figure))
@@ -152,19 +152,19 @@ def new_figure(size: tuple[float, float]) -> Figure:
 
 
 def _png_of(figure: Figure) -> bytes:
-    """A figure as notebooks ask for it."""
+    """Return a figure as PNG, for notebooks."""
     image = io.BytesIO()
     figure.savefig(image, format="png")
     return image.getvalue()
 
 
 def as_text(name: str) -> str:
-    """A name of the user's as matplotlib shows it letter by letter: no formulas, and not left out of legends."""
+    """Return a name of the user's such that matplotlib shows it letter by letter: no formulas, and not left out of legends."""
     return f"{' ' if name.startswith('_') else ''}{name}".replace("$", r"\$")
 
 
 def shapes_size(points: np.ndarray, plane: str) -> tuple[float, float]:
-    """Width and height of a figure, inches, in which axes that show `points` leave little white around them."""
+    """Return width and height of a figure, inches, in which axes that show `points` leave little white around them."""
     low, high = bounds(points)
     space = PLANES[flat_plane(high - low) if plane == "auto" else plane]
     width, *others = (high - low)[list(space)]
@@ -177,7 +177,7 @@ def shapes_size(points: np.ndarray, plane: str) -> tuple[float, float]:
 
 
 def space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> Any:
-    """Axes that show `points`, with equal aspect unless one extent in a plane is more than `LONGEST` times the other;
+    """Create axes that show `points`, with equal aspect unless one extent in a plane is more than `LONGEST` times the other;
     .axes_of_space lists the coordinates drawn."""
     low, high = bounds(points)
     extent = high - low
@@ -214,7 +214,7 @@ def space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> An
 
 
 def panel_figure(n: int, points: np.ndarray, plane: str) -> tuple[Figure, list[Any]]:
-    """A figure with n panels, in rows of three, and their axes, which all show `points`."""
+    """Create a figure with n panels, in rows of three, and their axes, which all show `points`."""
     columns = min(3, n)
     rows = -(-n // columns)
     figure = new_figure((4.2 * columns, 3.4 * rows))
@@ -230,7 +230,7 @@ def panel_figure(n: int, points: np.ndarray, plane: str) -> tuple[Figure, list[A
 
 
 def words_of_mode(modes: Modes | DampedModes, k: int) -> tuple[str, bool]:
-    """What stands over a mode, and whether it grows."""
+    """Return the title of a mode, and whether it grows."""
     if isinstance(modes, DampedModes):
         grows = bool(modes.decay[k] < 0.0)
         swing = f"{modes.frequencies[k]:.5g} Hz, " if modes.frequencies[k] else ""
@@ -242,13 +242,13 @@ def words_of_mode(modes: Modes | DampedModes, k: int) -> tuple[str, bool]:
 
 
 def put_title(axes: Any, text: str) -> None:
-    """A title above the axes; those in space leave room above their box unless it is high."""
+    """Put a title above the axes; those in space leave room above their box unless it is high."""
     flatness = 1.0 - _height(axes)
     axes.set_title(text, y=1.0 - 0.07 * flatness if flatness else None)
 
 
 def _height(axes: Any) -> float:
-    """Height of the box of axes in space over its width, at most 1; of flat axes 1."""
+    """Return the height of the box of axes in space over its width, at most 1; of flat axes 1."""
     if len(axes.axes_of_space) == 2:
         return 1.0
     width, depth, height = (high - low for low, high in (axes.get_xlim(), axes.get_ylim(), axes.get_zlim()))
@@ -256,7 +256,7 @@ def _height(axes: Any) -> float:
 
 
 def time_bar(figure: Figure, axes: Any, mappable: Any, label: str = "time [s]") -> None:
-    """Colour bar of time: as high as flat axes, below axes in space."""
+    """Draw a colour bar of time: as high as flat axes, below axes in space."""
     flat = len(axes.axes_of_space) == 2
     # the labels of a high box reach further down
     place = axes.inset_axes((1.02, 0.0, 0.02, 1.0) if flat else (0.15, -0.02 - 0.07 * _height(axes) ** 2, 0.7, 0.025))
@@ -264,13 +264,13 @@ def time_bar(figure: Figure, axes: Any, mappable: Any, label: str = "time [s]") 
 
 
 def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest coordinates [3] of the finite points."""
+    """Return smallest and largest coordinates [3] of the finite points."""
     finite = points[np.isfinite(points).all(axis=1)]
     return (finite.min(axis=0), finite.max(axis=0)) if len(finite) else (np.zeros(3), np.zeros(3))
 
 
 def flat_plane(extent: np.ndarray) -> str:
-    """Name of the plane with the two largest extents (xy before xz before yz when equal), or 3d."""
+    """Return the name of the plane with the two largest extents (xy before xz before yz when equal), or 3d."""
     if extent.min() > FLAT * extent.max():
         return "3d"
     # equal extents: the later coordinate is left out
@@ -279,12 +279,13 @@ def flat_plane(extent: np.ndarray) -> str:
 
 
 def slider_names(result: Result) -> list[str]:
-    """Names of the sliders whose motion was recorded."""
+    """Return names of the sliders whose motion was recorded."""
     return list(result.names.get("sliders", [])) if "s_slide" in result.series else []
 
 
 def slider_path(result: Result, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Times [k] and positions [k, 3] of a slider point: its series, an observed point of that name, or its node in snapshots."""
+    """Return times [k] and positions [k, 3] of a slider point: its series, an observed point of that name, or its node in
+    snapshots."""
     values = result.slider(name)
     if "position" in values:
         return result.t, values["position"]
@@ -297,5 +298,5 @@ def slider_path(result: Result, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def position_at(times: np.ndarray, path: np.ndarray, t: float) -> np.ndarray:
-    """Position [3] on a path at time t."""
+    """Return the position [3] on a path at time t."""
     return np.array([np.interp(t, times, path[:, i]) for i in range(3)])

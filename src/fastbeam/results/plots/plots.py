@@ -36,8 +36,8 @@ DRIFTS = (("total", "total energy", "black"), ("balance", "energy balance", COLO
 @checked(result=A_RESULT, plane=PLANE, n=SHAPES, cmap=Word())
 @styled
 def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "viridis") -> Figure:
-    """Deformed shapes at n snapshots coloured by time; bodies as squares with their axes, point masses and slider points as dots,
-    slider paths as lines.
+    """Draw deformed shapes at n snapshots coloured by time; bodies as squares with their axes, point masses and slider points as
+    dots, slider paths as lines.
 
     Beams are drawn as the curves they are, those of nets, and of scenes with more than 5000 nodes, through their nodes. Of a
     static result the colour is the load factor.
@@ -67,7 +67,7 @@ def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "vi
 @checked(result=A_RESULT)
 @styled
 def plot_invariants(result: Result) -> Figure:
-    """Energies over time (J), and relative deviation of energy, momenta and gap from the start on a logarithmic axis.
+    """Draw energies over time (J), and relative deviation of energy, momenta and gap from the start on a logarithmic axis.
 
     Raises
     ------
@@ -86,7 +86,8 @@ def plot_invariants(result: Result) -> Figure:
 @checked(result=A_RESULT)
 @styled
 def plot_balance(result: Result) -> Figure:
-    """Change since the start of what parts store, take away and put in (J), see `Result.balance`, and how far their sum moves.
+    """Draw the change since the start of energies that parts store, take away and put in (J), see `Result.balance`, and the drift
+    of their sum.
 
     Raises
     ------
@@ -111,7 +112,7 @@ def plot_balance(result: Result) -> Figure:
 @checked(result=A_RESULT, slider=Word())
 @styled
 def plot_slider(result: Result, slider: str | None = None) -> Figure:
-    """Sliding coordinate s(t) (m), components of the contact force (N), and the path of the slider point in space (m).
+    """Draw the sliding coordinate s(t) (m), components of the contact force (N), and the path of the slider point in space (m).
 
     Parameters
     ----------
@@ -149,7 +150,7 @@ def plot_slider(result: Result, slider: str | None = None) -> Figure:
 @checked(result=A_RESULT, plane=PLANE, n=SHAPES)
 @styled
 def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
-    """One figure with shapes, energies, deviations and, where there are sliders, s(t) and contact forces.
+    """Draw one figure with shapes, energies, deviations and, where there are sliders, s(t) and contact forces.
 
     Parameters
     ----------
@@ -188,7 +189,7 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
 @checked(modes=SOME_MODES, plane=PLANE, n=Count(most=48), first=Count(0), amplitude=SIZE)
 @styled
 def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
-    """n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey. Of damped modes the
+    """Draw n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey. Of damped modes the
     shape at phase 0.
 
     Parameters
@@ -197,7 +198,7 @@ def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, firs
     plane : str
         'xy', 'xz', 'yz', '3d', or 'auto': the plane that scene and drawn modes lie in, else '3d'.
     n, first : int
-        How many modes, and the first of them, counted from 0.
+        Number of modes, and the first of them, counted from 0.
     amplitude : float
         Largest displacement drawn, as a share of the size of the scene.
 
@@ -229,7 +230,7 @@ def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, firs
 @checked(response=A_RESPONSE, component=Word(("x", "y", "z", "size")), log=Flag())
 @styled
 def plot_response(response: FrequencyResponse, component: str = "size", log: bool = True) -> Figure:
-    """Amplitudes of all points over the frequency, and below them the phases of a component.
+    """Draw amplitudes of all points over the frequency, and below them the phases of a component.
 
     Parameters
     ----------
@@ -379,6 +380,6 @@ def _need_any(result: Result, names: tuple[str, ...], what: str) -> None:
 
 
 def _cycle(n: int) -> list[Any]:
-    """n colours, all different."""
+    """Return n colours, all different."""
     import matplotlib as mpl
     return list(COLOURS[:n]) if n <= len(COLOURS) else list(mpl.colormaps["turbo"](np.linspace(0.03, 0.97, n)))

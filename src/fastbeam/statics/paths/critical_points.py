@@ -10,8 +10,8 @@ from fastbeam.statics.arc_length import Direction, PathSolver, root
 from fastbeam.statics.constrained import Increment
 
 Array = np.ndarray
-# zeros so near to each other, as a share of the step, are those of one point; counts beside a limit point are taken so far from
-# it, nearer where other directions change as well
+# zeros within this share of the step belong to one point; eigenvalues beside a limit point are counted at these shares from it,
+# nearer where other directions change as well
 TOGETHER, NEARBY = 1e-6, (1e-3, 1e-4, 1e-5, 1e-6)
 # cosine of two directions that are the same
 SAME_WAY = 0.99
@@ -20,7 +20,7 @@ SAME_WAY = 0.99
 CLOSEST, WIDEST, SAMPLES = 1e-4, 0.05, 3
 # part of a step within which eigenvalues of tangents without symmetry change their signs together
 SHORTEST = 1e-3
-# forces that are left along vectors that vanish, as a multiple of those of the samples, beyond which two paths pass each other
+# residual along vectors that vanish, as a multiple of that of the samples, beyond which two paths pass each other
 LEFT = 30.0
 # step off a bifurcation by which its type is told, as a share of the first step of a path; changes of the load factor below this
 # are none; increment of the unknowns by which a mode is told
@@ -28,7 +28,7 @@ ASIDE, NO_CHANGE, SHORT = 0.2, 1e-13, 1e-6
 
 
 class CriticalPoint(NamedTuple):
-    """The first one within a step."""
+    """First critical point within a step."""
 
     kind: str                # 'limit' or 'bifurcation'
     size: float              # part of the step that leads there
@@ -41,14 +41,14 @@ Found = tuple[float, int, tuple[Any, ...]]
 
 
 class PathStep:
-    """A step along a path, of which parts can be gone.
+    """Step along a path, of which parts can be taken.
 
     Parameters
     ----------
     solver : PathSolver
-        At the end of the step. Eigenvalues are those of its judge.
+        Solver at the end of the step. Eigenvalues are those of its judge.
     before : tuple
-        What the solver has saved at its beginning.
+        State of the solver saved at the beginning of the step.
     along : Direction
     size : float
     """
@@ -56,12 +56,12 @@ class PathStep:
     def __init__(self, solver: PathSolver, before: tuple[Any, ...], along: Direction, size: float) -> None:
         self.solver, self.before, self.along, self.size = solver, before, along, size
         self.end = solver.saved()
-        # whether something changes within the step that was not found
+        # whether a change within the step was not located
         self.is_lost = False
 
     def zero(self, f: Callable[[], float], first: float, last: float, size: float | None = None,
              number: int | None = None, begin: float = 0.0) -> float | None:
-        """The part of the step at which f of the solver vanishes, with the solver there; first, last: f at the beginning of the
+        """Find the part of the step at which f vanishes, and put the solver there; first, last: f at the beginning of the
         step and at its end, or those of its parts `begin` and `size`; number: of the eigenvalue that vanishes there, too. None,
         with the solver at the end of the step, where it is not found."""
         size = self.size if size is None else size
@@ -86,8 +86,9 @@ class PathStep:
         return x
 
     def _between_samples(self, f: Callable[[], float], at: Callable[[float], float], near: float, number: int) -> float | None:
-        """The same by interpolation between equilibria on both sides of a place where Newton's matrix is singular, as it is at a
-        bifurcation: next to it round-off moves the solver along the vector that vanishes, and Newton's method may fail."""
+        """Find the zero of f near the part `near` of the step by interpolation between equilibria on both sides; None where it is
+        not found. At a bifurcation Newton's matrix is singular: next to it round-off moves the solver along the vector that
+        vanishes, and Newton's method may fail."""
         places = np.array([*range(-SAMPLES, 0), *range(1, SAMPLES + 1)], float)
         width = CLOSEST * self.size
         while width <= WIDEST * self.size:
@@ -111,9 +112,9 @@ class PathStep:
         return None
 
     def _is_balanced(self, number: int, samples: Array) -> bool:
-        """Whether a mean of equilibria, whose forces that are left are round-off, samples [m, n], is one along the vectors of the
-        eigenvalues that vanish with one of this number: it is where all lie on one path, to the second order of what the mean
-        is off; where some lie on another that passes by, it lacks what keeps the two from crossing."""
+        """Return whether a mean of equilibria lies on one path: its residual along the vectors that vanish with eigenvalue
+        `number` is round-off, as are those of the samples [m, n]. If some samples lie on another path that passes by, the mean
+        lacks the force that keeps the two from crossing."""
         judge = self.solver.judge
         vectors = judge.critical_directions(number, left=True)
         if vectors is None:
@@ -136,12 +137,12 @@ class PathStep:
 
     # --- what is looked for -------------------------------------------------------------------------------------------
     def first(self, rates: tuple[float, float] | None, unstable: int | None, counted: int | None) -> CriticalPoint | None:
-        """The first critical point, with the solver there; None, with the solver at the end, where there is none.
+        """Find the first critical point, with the solver there; None, with the solver at the end, where there is none.
 
         Parameters
         ----------
         rates : (float, float), optional
-            Of the load factor at the beginning and the end, where they differ in sign.
+            Rates of the load factor at the beginning and the end, where they differ in sign.
         unstable, counted : int, optional
             Negative eigenvalues of the tangent at the beginning and the end.
         """
@@ -154,9 +155,9 @@ class PathStep:
             self.is_lost |= limit is None
         behind = counted
         if limit is not None and known:
-            # it changes the number, too: what has changed before it are bifurcations
+            # a limit point changes the number, too; earlier changes are bifurcations
             size, ahead, behind = self._around(limit[0])
-            # where another path crosses there, no equilibrium of this one may be found so near
+            # near a crossing with another path there may be no equilibrium of this one
             behind = counted if behind is None else behind
             if ahead == behind:
                 # next to a limit point the number has to differ on both sides: round-off hides where it changes
@@ -191,8 +192,8 @@ class PathStep:
         return abs(a - b) <= TOGETHER * self.size
 
     def _turns(self, size: float, number: int, at: tuple[Any, ...]) -> bool:
-        """Whether the path goes along vectors of the eigenvalues that vanish at a saved state, at this part of the step, as it
-        does at a limit point."""
+        """Return whether the path is tangent to vectors of the eigenvalues that vanish at a saved state, at this part of the
+        step, as it is at a limit point."""
         # not the direction there, which at a bifurcation is that of any path
         self.solver.restore(self.end)
         after = self.solver.direction(self.along)
@@ -206,8 +207,8 @@ class PathStep:
         return bool(np.linalg.norm(weighed @ vectors) >= SAME_WAY * np.sqrt(weighed @ way + factor**2))
 
     def _around(self, limit: float) -> tuple[float, int | None, int | None]:
-        """Part of the step that ends shortly before a limit point, and the numbers of negative eigenvalues there and as far
-        behind it: so near that one direction changes between, if that is possible."""
+        """Return the part of the step that ends shortly before a limit point, and the numbers of negative eigenvalues there and
+        as far behind it: so near that one direction changes between, if that is possible."""
         found = []
         for near in NEARBY:
             size = limit - near * self.size
@@ -225,7 +226,7 @@ class PathStep:
         return np.nan if found is None else found.factor
 
     def _bifurcations(self, unstable: int, counted: int, size: float, end: tuple[Any, ...]) -> list[Found]:
-        """Where eigenvalues of the tangent vanish up to this size, at whose end the solver has saved `end`."""
+        """Find the places where eigenvalues of the tangent vanish up to this size, at whose end the solver has saved `end`."""
         if self.solver.judge.is_unsymmetric:
             return self._crossings(0.0, unstable, size, counted)
         solver, out = self.solver, []
@@ -244,7 +245,8 @@ class PathStep:
         return out
 
     def _crossings(self, begin: float, first: int, end: float, last: int) -> list[Found]:
-        """The same of tangents without symmetry, between two parts of the step with these numbers of negative eigenvalues.
+        """Find vanishing eigenvalues of tangents without symmetry, between two parts of the step with these numbers of negative
+        eigenvalues.
 
         Their eigenvalues have no order of their own, so the step is divided until one changes its sign in each part, or several
         at one place. Two real ones that meet and become complex leave the number without passing zero."""
@@ -265,7 +267,7 @@ class PathStep:
         return []
 
     def _zeros_of(self, begin: float, end: float, number: int, count: int) -> list[Found]:
-        """The same between two parts of the step of the `count` eigenvalues nearest to zero at the second, numbered from
+        """Find zeros, between two parts of the step, of the `count` eigenvalues nearest to zero at the second, numbered from
         `number` on."""
         solver, out = self.solver, []
         vectors = solver.judge.nearest(count) if self.to(end) else np.zeros((0, 0))
@@ -281,7 +283,7 @@ class PathStep:
 
 
 def type_of_bifurcation(solver: PathSolver, vectors: Array, step: float, sign: float) -> str:
-    """Of the bifurcation at which the solver is, by the vectors [n, m] of the eigenvalues that vanish.
+    """Classify the bifurcation at which the solver is, by the vectors [n, m] of the eigenvalues that vanish.
 
     'supercritical' and 'subcritical' pitchforks have load factors that grow and fall on both sides (sign -1: the other way round,
     on a path that goes down), a 'transcritical' one those that grow here and fall there; 'multiple' where several eigenvalues
@@ -304,7 +306,8 @@ def type_of_bifurcation(solver: PathSolver, vectors: Array, step: float, sign: f
 
 
 def mode_of(solver: PathSolver, vector: Array) -> tuple[Array, Array] | None:
-    """Displacements of all nodes [N, 3] and of sliders [S] by a vector [n], the largest of them 1; None where nothing moves."""
+    """Return displacements of all nodes [N, 3] and of sliders [S] by a vector [n], the largest of them 1; None where nothing
+    moves."""
     before, places = solver.saved(), []
     n, s = vector.size - solver.core.n_forces, solver.sliding.size
     for sign in (1.0, -1.0):

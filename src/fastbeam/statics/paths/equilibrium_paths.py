@@ -39,7 +39,7 @@ KINDS = ("limit", "bifurcation")
 
 
 def which_branch(value: Any) -> int:
-    """1 or -1.
+    """Check that a side is 1 or -1.
 
     Raises
     ------
@@ -63,8 +63,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                max_iterations: int = 15, backend: str = "auto", stop_at: str | None = None, side: int | None = None,
                branch: int | None = None, moves: Mapping[Support, ArrayLike] | None = None,
                stop: Mapping[Quantity, float] | None = None, prestrains: Mapping[Beam, float] | None = None) -> Result:
-    """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
-    length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
+    """Follow the path of equilibria under dead loads and gravity times a load factor by arc length, through limit points and
+    snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     start : State
         An equilibrium, that of `load_factor`; default: the reference, without loads.
     load_factor : float
-        Of the start. The path sets out towards `to`.
+        Load factor of the start. The path sets out towards `to`.
     step, largest_step, smallest_step : float
         First, largest and smallest length of a step: the root of the squares of the change of the load factor and of the mean
         motion of the nodes, in sizes of the scene and rad.
@@ -105,8 +105,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     side : {1, -1}, optional
         Leave the start, a bifurcation (`stop_at`), on the other path that goes through it, to this side.
     branch : int, optional
-        The same where several directions lead away, from 0: number of one of `info["critical_points"][-1]["branches"]`; of a
-        simple bifurcation 0 is side 1 and 1 is side -1.
+        Number, from 0, of one of several directions `info["critical_points"][-1]["branches"]` to leave the start in; at a simple
+        bifurcation 0 is side 1 and 1 is side -1.
     moves : mapping, optional
         Displacement control: supports (Clamp, Pin, PrescribedMotion, or the node that they hold) -> displacement (3,), m, by
         which they are shifted from the start, straight, times the load factor less that of the start; or (6,) with a rotation
@@ -164,7 +164,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
 
 
 class _Growing(NamedTuple):
-    """What changes with the load factor."""
+    """Loads, supports and prestrains that change with the load factor."""
 
     factors: tuple[Array, Array]             # of loads [K] at load factor 0, and their change until 1
     laws: LawPath                            # forces by laws
@@ -176,7 +176,7 @@ class _Growing(NamedTuple):
 
 @dataclass(frozen=True)
 class _Task:
-    """A path that is asked for, its arguments tested."""
+    """Task of a path, its arguments tested."""
 
     model: Model
     start: State | None
@@ -187,7 +187,7 @@ class _Task:
     growing: _Growing
 
     def solver(self, at: State | None, factor: float, flat: bool | None) -> PathSolver:
-        """One that begins at a state of this load factor."""
+        """Make a solver that begins at a state of this load factor."""
         model, grows = self.model, self.growing
         found = PathSolver(model, at, self.max_iterations, self.stays, flat, self.backend, grows.factors, factor, grows.laws,
                            grows.strains)
@@ -202,7 +202,7 @@ class _Task:
         return found
 
     def first_solver(self, at_time: float | tuple[float, float] | None) -> tuple[PathSolver, str]:
-        """One at the start, which has what judges it in space, or why nothing does.
+        """Make a solver at the start, with a judge in space, or with the reason why there is none.
 
         Raises
         ------
@@ -211,7 +211,7 @@ class _Task:
         """
         model = self.model
         may_leave = model.plane is not None and not model.asked_for_plane
-        # where supports leave its plane the scene does, if it may
+        # the scene leaves its plane with its supports, if it may
         solver = self.solver(self.start, self.load_factor,
                              False if may_leave and leave_plane(model, self.growing.moved) else None)
         if self.start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
@@ -232,7 +232,7 @@ class _Task:
 
 
 def _first_step(to: float, load_factor: float, step: float, largest_step: float, smallest_step: float) -> float:
-    """Length of the first step.
+    """Return the length of the first step.
 
     Raises
     ------
@@ -248,12 +248,12 @@ def _first_step(to: float, load_factor: float, step: float, largest_step: float,
 
 
 def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | None, moves: Any, prestrains: Any) -> _Growing:
-    """What changes with the load factor.
+    """Collect what changes with the load factor.
 
     Raises
     ------
     SceneError
-        Nothing does, or one of the arguments is not usable.
+        Nothing changes, or one of the arguments is not usable.
     """
     stays_put = moves is None and prestrains is None
     rides = _rides(model, at_time, moves, stays_put)
@@ -277,7 +277,7 @@ def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | 
 
 def _checked_start(model: Model, start: State | None, growing: _Growing, branch: int | None, side: int | None
                    ) -> tuple[State | None, list[tuple[str, str]]]:
-    """A start, and its events.
+    """Check a start; return it and its events.
 
     Raises
     ------
@@ -300,7 +300,8 @@ def _checked_start(model: Model, start: State | None, growing: _Growing, branch:
 
 
 def _rides(model: Model, at_time: float | tuple[float, float] | None, moves: Any, grow: bool) -> tuple[float, float] | None:
-    """Times at load factors 0 and 1 at which supports that move are where their functions have them; None where they stay."""
+    """Return times at load factors 0 and 1 at which supports that move are where their functions have them; None where they
+    stay."""
     if model.prescribed is None or at_time is None:
         return None
     if isinstance(at_time, tuple):
@@ -312,7 +313,7 @@ def _rides(model: Model, at_time: float | tuple[float, float] | None, moves: Any
 
 
 def _moves(model: Model, moves: Any) -> dict[int, Array]:
-    """Displacements and rotation vectors of nodes that supports hold, (6,) each.
+    """Return displacements and rotation vectors of nodes that supports hold, (6,) each.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Goes along a path of equilibria: lengths of steps, critical and wanted points within them, rows (theory.md 12)."""
+"""Continuation along a path of equilibria: lengths of steps, critical and wanted points within them, rows (theory.md 12)."""
 from __future__ import annotations
 
 import time
@@ -39,14 +39,14 @@ AT_END = 1e-3
 # a path is closed that comes back to its first equilibrium: rows before this is looked for, distance of the start from a chord of
 # the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
 LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
-# what is said of loads without a potential
+# message about loads without a potential
 FLUTTER = ("loads that follow, laws, moving air and moments that are fixed in space have no potential: real eigenvalues are "
            "counted here, vibrations that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
 
 
 @dataclass
 class _Step:
-    """A step along a path, or the part of it up to what ends it."""
+    """Step along a path, or the part of it up to its event."""
 
     before: tuple[Any, ...]     # what the solver has saved at its beginning
     along: Direction
@@ -60,14 +60,14 @@ class _Step:
 
 
 class PathWalk:
-    """Goes along, and keeps rows."""
+    """Walk along a path of equilibria, with the rows of its result."""
 
     def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Place] | None, step: float, largest: float,
                  smallest: float, most: int, observe: Sequence[str] = (), wanted: Sequence[Wanted] = ()) -> None:
         Observer(model, observe, points)  # refuses what does not exist
         self.model, self.solver = model, solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
-        # where the step begins that is under way
+        # state at which the present step begins
         self.begun_at: tuple[Any, ...] | None = None
         self.first_step = self.size = step
         # length of a step before it was divided because something within it was not located
@@ -95,7 +95,7 @@ class PathWalk:
         self.aside = ""
 
     def record(self, iterations: int, size: float, unstable: int | None) -> None:
-        """A row and a shape of the present equilibrium."""
+        """Keep a row and a shape of the present equilibrium."""
         self.solver.count_turns()
         state, (t, share) = self.solver.state, self.solver.drives_at or (0.0, None)
         row = {**self.observer.row(t, state), "iterations": iterations, "step_size": size,
@@ -114,7 +114,7 @@ class PathWalk:
         self.iterations += iterations
 
     def finish(self) -> Result:
-        """The result so far."""
+        """Return the result so far."""
         for event in self.resolution.events():
             self.buffer.event(event)
         if self.open:
@@ -130,7 +130,8 @@ class PathWalk:
         return result
 
     def to(self, to: float, stop_at: str | None, branch: int | None) -> Result:
-        """Until this load factor, or a critical point of this kind; branch: of the bifurcation that it begins at.
+        """Follow the path until this load factor, or a critical point of this kind; branch: number of the branch at the
+        bifurcation where the path begins.
 
         Raises
         ------
@@ -176,7 +177,7 @@ class PathWalk:
             if step is not None and self._closes(first, step):
                 return
             if step is not None and self.rows == 1 and branch is not None:
-                # what changes on the way off is no event
+                # changes on the first step off a bifurcation are no events
                 self.sign = float(np.sign(step.after.factor))
             elif step is not None and not self._looks(step, stop_at, bar):
                 step = None
@@ -202,7 +203,7 @@ class PathWalk:
         self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
 
     def _taken(self, before: tuple[Any, ...], along: Direction) -> _Step | None:
-        """The next step, up to the first wanted quantity within it; None where it fails or the path turns too far."""
+        """Take the next step, up to the first wanted quantity within it; None where it fails or the path turns too far."""
         solver = self.solver
         iterations = solver.go(along, self.step)
         after = solver.direction(along) if iterations else None
@@ -245,7 +246,7 @@ class PathWalk:
         return None
 
     def _closes(self, first: tuple[Any, ...], step: _Step) -> bool:
-        """Whether a step leads back to the first equilibrium, with the last row there."""
+        """Return whether a step leads back to the first equilibrium; if it does, keep the last row there."""
         back = self._back(first, step.before, step.along, step.size) if self.rows >= LEAST_ROWS else None
         if back is None:
             return False
@@ -273,7 +274,8 @@ class PathWalk:
         return True
 
     def _arrives(self, step: _Step, to: float) -> bool:
-        """Whether a part of a step that passes the load factor of the end of the path leads there, with the last row there."""
+        """Return whether part of a step that passes the final load factor leads to an equilibrium there; if it does, keep the
+        last row."""
         solver, along = self.solver, step.along
         solver.restore(step.before)
         share = (to - step.before[3]) / along.factor if along.factor else step.size
@@ -285,7 +287,7 @@ class PathWalk:
         return True
 
     def _ends_with(self, step: _Step, stop_at: str | None, bar: Progress) -> bool:
-        """Keep a step; whether the path ends with it, at a wanted quantity or a critical point of this kind."""
+        """Keep a step; return whether the path ends with it, at a wanted quantity or a critical point of this kind."""
         found, met = step.found, step.met
         if found is not None:
             self.sign = -self.sign if found.kind == "limit" else self.sign
@@ -304,7 +306,7 @@ class PathWalk:
         return True
 
     def _lengthen(self, iterations: int) -> None:
-        """The next step is longer where the last one was easy."""
+        """Lengthen the next step where the last one was easy."""
         self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
         if self.undivided is not None and self.step >= self.undivided:
             self.undivided = None
@@ -313,10 +315,10 @@ class PathWalk:
         return np.array([x.off(self.solver.state) for x in self.wanted])
 
     def _met(self, before: tuple[Any, ...], along: Direction) -> tuple[Wanted | None, Array]:
-        """The first wanted quantity that the present step brings to its value, with the solver there and `size` the part of the
-        step; and how far all are off at its end."""
+        """Find the first wanted quantity that the present step brings to its value, with the solver there and `size` the part of
+        the step; return it, and how far all quantities are off at its end."""
         off, met = self._off_values(), None
-        # one that begins at its value goes on from there
+        # a quantity that begins at its value goes on from there
         passed = np.flatnonzero((self.off != 0.0) & (self.off * off <= 0.0))
         solver, whole, end, after = self.solver, self.step, self.solver.saved(), off
         for k in passed.tolist():
@@ -338,14 +340,14 @@ class PathWalk:
         return met[1], after
 
     def _first(self, to: float) -> Direction:
-        """The first direction.
+        """Find the first direction.
 
         Raises
         ------
         ConvergenceError
         """
         solver = self.solver
-        # from what may not quite be an equilibrium
+        # the start may not quite be an equilibrium
         sign = 1.0 if to > solver.factor else -1.0
         at = Direction(np.zeros_like(solver.weight), 1.0)
         good = solver.go(at, 0.0, solver.factor)
@@ -359,7 +361,7 @@ class PathWalk:
         return along
 
     def _off(self, branch: int) -> Direction:
-        """The first direction on another path through a bifurcation.
+        """Find the first direction on another path through a bifurcation.
 
         Raises
         ------
@@ -383,8 +385,7 @@ class PathWalk:
         return within or found[branch]
 
     def _list_branches(self, k: int) -> None:
-        """What is known of the directions that lead away from the last critical point, at which the eigenvalue of number k
-        vanishes."""
+        """Store the directions of paths that leave the last critical point, at which the eigenvalue of number k vanishes."""
         point = self.info["critical_points"][-1]
         if point["kind"] != "bifurcation":
             return
@@ -396,12 +397,12 @@ class PathWalk:
             point |= {"multiplicity": vectors.shape[1], "branches": [part.tolist() for part in parts], "continuum": is_continuum}
 
     def _direction(self, along: Direction) -> Direction:
-        """At the present equilibrium; the last one where there is none, as where paths cross."""
+        """Return the direction at the present equilibrium; the last one where none is found, as where paths cross."""
         found = self.solver.direction(along)
         return along if found is None or self.solver.product(along, found) < LEAST_COSINE else found
 
     def _shorten(self, bar: Progress) -> None:
-        """Half the step.
+        """Halve the step.
 
         Raises
         ------
@@ -426,7 +427,8 @@ class PathWalk:
         self.step = max(self.smallest, 0.5 * self.step)
 
     def _back(self, first: tuple[Any, ...], before: tuple[Any, ...], along: Direction, size: float) -> float | None:
-        """The part of the present step that leads back to the first equilibrium, with the solver there; None where it does not.
+        """Return the part of the present step that leads back to the first equilibrium, with the solver there; None where it does
+        not.
 
         Newton's method is asked for a little before and behind it only: where the path begins at a bifurcation its matrix is
         singular.
@@ -452,13 +454,13 @@ class PathWalk:
         return None
 
     def _may_divide(self, stop_at: str | None) -> bool:
-        """Whether a step with a change that was not located may become shorter: to a share of what it was, or as far as it goes
-        where the path ends at a critical point."""
+        """Return whether a step with a change that was not located may be divided: to a share of what it was, or to the smallest
+        step where the path ends at a critical point."""
         self.undivided = self.undivided or self.step
         return self.step > max(self.smallest, 0.0 if stop_at else FINEST * self.undivided)
 
     def _lost(self, step: PathStep, what: str, stop_at: str | None, bar: Progress) -> None:
-        """An event about something that changes within a step and was not located; the next step is as long as before.
+        """Add an event about a change within a step that was not located; the next step is as long as before.
 
         Raises
         ------
@@ -501,7 +503,8 @@ class PathWalk:
 
 
 def _from_chord(point: Array, a: Array, b: Array) -> tuple[float, float]:
-    """Of a point beside the chord from a to b: where its foot is, from 0 to 1, and its distance; both as shares of the chord."""
+    """Return the place of the foot of a point on the chord from a to b, from 0 to 1, and its distance; both as shares of the
+    chord."""
     way = b - a
     share = float(way @ (point - a) / (way @ way))
     return share, float(np.linalg.norm(point - a - share * way) / np.linalg.norm(way))
