@@ -156,7 +156,7 @@ def accept(term, method, system):
 
 @generic
 def is_regular(term, system):
-    """Return whether eliminations before the solver met no singular matrix."""
+    """Return whether the solver may run: False after a singular elimination, or with an impossible length of rope."""
 
 
 @generic

@@ -457,7 +457,7 @@ def put_sums(scratch, o, g2, g3, e4, e5, e6, e7):
 @add_geometric.register(SimoReissner)
 @kernel
 def geometric(strains, krr, scratch, qa, qb, sums, m2, m3):
-    """Add sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, inertia and lengths diagonal."""
+    """Return krr + sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, inertia and lengths diagonal."""
     a1 = vld3(scratch, qa + 24, 8); a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
     b1 = vld3(scratch, qb + 24, 8); b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
     q4 = 0.25 * vld(scratch, sums + TWIST, 0); q5 = 0.25 * vld(scratch, sums + CURVATURE_2, 0)

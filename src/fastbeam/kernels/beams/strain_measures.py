@@ -119,7 +119,7 @@ def sum_pair(strains, constants, scratch, at, a, b):
 
 @generic
 def add_geometric(strains, krr, scratch, qa, qb, sums, q2, q3):
-    """Add the part of directors against directors to krr, from the sums of a pair: qa, qb: mid coordinates of a and end
+    """Return krr plus the part of directors against directors from the sums of a pair: qa, qb: mid coordinates of a and end
     coordinates of b; q2, q3: inertia of the directors."""
 
 

@@ -133,7 +133,7 @@ def add_double_cross_in_plane(a, b, factor, column, at):
 
 @inlined
 def put_condition(contact, c, p, at, weights, turned_mid, turned_end):
-    """Store column and line of condition p of constraint c on a spin; turned: sums of products d_j x D_i."""
+    """Add column and line of condition p of constraint c on a spin; turned: sums of products d_j x D_i."""
     add_to(contact.column[c], at + p, 8, -weights.mean * turned_mid)
     add_to(contact.line[c], at + p, 8, weights.end * turned_end)
 
@@ -146,7 +146,7 @@ def turned_by_key(key, side, second, third):
 
 @inlined
 def put_conditions(contact, c, held, at, weights, holder, second_mid, second_end, third_mid, third_end):
-    """Store the first `held` of three conditions on a spin that turns d_2 and d_3, those in the middle and at the end of the
+    """Add the first `held` of three conditions on a spin that turns d_2 and d_3, those in the middle and at the end of the
     step."""
     put_condition(contact, c, 0, at, weights, cross_product.call(second_mid, holder.bore_mid),
                   cross_product.call(second_end, holder.bore_end))

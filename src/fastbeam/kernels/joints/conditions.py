@@ -72,7 +72,7 @@ def direction_in_plane(dofs, joints, j, side, i, q):
 
 @kernel
 def put_spin(contact, k, p, row, column, line, dofs):
-    """Store column and line of force p of constraint k on a spin."""
+    """Add column and line of force p of constraint k on a spin."""
     o = entry_of(contact, k, row, dofs) + 8 * dim(dofs) + p
     add_to(contact.column[k], o, 8, column)
     add_to(contact.line[k], o, 8, line)
@@ -80,7 +80,7 @@ def put_spin(contact, k, p, row, column, line, dofs):
 
 @kernel
 def put_place(contact, k, p, row, column, line, dofs):
-    """Store column and line of force p of constraint k on a position."""
+    """Add column and line of force p of constraint k on a position."""
     o = entry_of(contact, k, row, dofs) + p
     add_to(contact.column[k], o, 8, column)
     add_to(contact.line[k], o, 8, line)
@@ -88,7 +88,7 @@ def put_place(contact, k, p, row, column, line, dofs):
 
 @generic
 def put_on_end(ties, joints, system, k, p, j, side, column, line):
-    """Store column and line of force p of constraint k on the position of node `side` of set j; tied nodes pass them on."""
+    """Add column and line of force p of constraint k on the position of node `side` of set j; tied nodes pass them on."""
 
 
 @put_on_end.register(NoTies)
