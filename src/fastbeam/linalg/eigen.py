@@ -156,7 +156,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
     """Find eigenvalues next to the shift with vectors [k, m], or a better shift."""
 
     def anything() -> Array:
-        """To begin with [k, BLOCK]."""
+        """Return random start vectors [k, BLOCK]."""
         return applied(mass @ (draw.standard_normal((k, BLOCK)) / root[:, None]))
 
     pencil, k = factors.pencil, factors.pencil.mass.shape[0]
@@ -209,7 +209,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         if done or m >= most:
             break
         if not block.shape[1]:
-            # closed under the operator: what is left, if anything, has equal eigenvalues
+            # the space is closed under the operator: remaining vectors, if any, have equal eigenvalues
             block, weighed, _, _ = orthonormal(anything(), known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None

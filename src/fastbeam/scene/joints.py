@@ -121,7 +121,7 @@ class PrismaticJoint(OneAxisJoint):
     Parameters
     ----------
     a, b, name, axis
-        As of `RevoluteJoint`; the points need not coincide.
+        See `RevoluteJoint`; the points need not coincide.
     stiffness, damping : float
         Of a spring along the axis, N/m, and of a damper, N s/m, >= 0.
     rest : float
@@ -137,12 +137,12 @@ class PrismaticJoint(OneAxisJoint):
         Of friction in a guide of this length, m: it adds coefficient x (F + 2 M/length) to the largest force, F the force and M
         the moment about the point of b that the joint carries across its axis; without length= moments do not press.
     drive, stops : Drive, Stops, optional
-        As of `RevoluteJoint`, along the axis.
+        As in `RevoluteJoint`, along the axis.
 
     Raises
     ------
     SceneError
-        As of `RevoluteJoint`.
+        See `RevoluteJoint`.
     """
 
     kind: ClassVar[str] = "prismatic joint"

@@ -1,4 +1,4 @@
-"""What couples two points of a scene: the common part of springs and of joints with multipliers."""
+"""Links between two points of a scene: the common part of springs and of joints with multipliers."""
 from __future__ import annotations
 
 from typing import ClassVar
@@ -36,6 +36,6 @@ class Link:
 
 
 def label_of(link: Link) -> str:
-    """A link for messages; automatic names already say the kind."""
+    """Return the name of a link for messages; automatic names already say the kind."""
     name = str(link.name)
     return name if name.startswith(f"{link.kind} of ") else checks.label(link.kind, name)

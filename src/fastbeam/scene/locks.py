@@ -21,7 +21,7 @@ START, END, STOP = "start", "end", "stop"
 
 @dataclass(frozen=True)
 class When:
-    """A time, a function of (t, s, ds/dt), or one of a few words."""
+    """Check of a time, a function of (t, s, ds/dt), or one of a few words."""
 
     words: tuple[str, ...] = ()
 
@@ -41,7 +41,7 @@ class When:
 
 
 def truth(function: Any, t: float, s: float, rate: float) -> float | None:
-    """What a condition returns as a number: it holds from 0 on, True is 1 and False is -1. None where it is not finite.
+    """Return the value of a condition as a number: it holds from 0 on, True is 1 and False is -1. None if it is not finite.
 
     Raises
     ------
@@ -109,7 +109,7 @@ class Lock:
 
     @property
     def from_start(self) -> bool:
-        """Whether it holds from the start."""
+        """True if it holds from the start."""
         return self.when is None and self.at is None
 
 
@@ -145,8 +145,8 @@ class OneSided:
     back. `Slider(..., one_sided=(0, 0, 1))` is the short form of `one_sided=fb.OneSided((0, 0, 1))`.
 
     A point that comes back hits the beam: across it the velocity jumps to -restitution times what it was, the loss is in
-    `result.balance()`. What does not bounce slides on. A point may also begin away from the beam, on its side: then `at` is where
-    the search for the nearest point begins (theory.md 5.9). `result.slider(name)["gap"]` is the distance.
+    `result.balance()`. A point that does not bounce slides on. A point may also begin away from the beam, on its side: then `at`
+    is where the search for the nearest point begins (theory.md 5.9). `result.slider(name)["gap"]` is the distance.
 
     In space a point that comes back has to meet the beam itself: one that passes beside it flies on, and an event says so.
 
@@ -179,7 +179,7 @@ class OneSided:
 
 @dataclass(frozen=True)
 class AOneSided:
-    """A OneSided, or its side."""
+    """Check of a OneSided, or its side."""
 
     def __call__(self, value: Any) -> OneSided:
         if isinstance(value, OneSided):
@@ -192,7 +192,7 @@ class AOneSided:
 
 @dataclass(frozen=True)
 class SomeLocks:
-    """A Lock, or several that act one after the other, as a tuple."""
+    """Check of a Lock, or several that act one after the other, as a tuple."""
 
     def __call__(self, value: Any) -> tuple[Lock, ...]:
         locks = tuple(value) if isinstance(value, (list, tuple)) else (value,)
@@ -203,7 +203,7 @@ class SomeLocks:
 
 @dataclass(frozen=True)
 class ARelease:
-    """A Release."""
+    """Check of a Release."""
 
     def __call__(self, value: Any) -> Release:
         if not isinstance(value, Release):
@@ -212,7 +212,7 @@ class ARelease:
 
 
 def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tuple[float, float]) -> None:
-    """Locks of a slider fit each other, its stops and the ends of its beam.
+    """Check that locks of a slider fit each other, its stops and the ends of its beam.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tu
 
 
 def check_release(who: str, release: Release, stops: Stops | None, closed: bool) -> None:
-    """A release at an end of the beam needs an end that the slider can reach.
+    """Check that a release at an end of the beam has an end that the slider can reach.
 
     Raises
     ------

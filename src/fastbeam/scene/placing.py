@@ -1,4 +1,4 @@
-"""Where masses without a position of their own lie: at sliders and joints, also through other masses; extent of a scene."""
+"""Positions of masses without a position of their own: at sliders and joints, also through other masses; extent of a scene."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -23,14 +23,14 @@ Joint = RigidConnection | BallJoint | AxisJoint
 
 
 def extent_of(points: Array) -> float:
-    """Twice the largest distance of points [n, 3] from their mean, m: whichever way they are turned; 0 of none."""
+    """Return twice the largest distance of points [n, 3] from their mean, m, whichever way they are turned; 0 without points."""
     if not len(points):
         return 0.0
     return 2.0 * float(np.sqrt(np.max(np.sum((points - np.mean(points, axis=0))**2, axis=1))))
 
 
 class Placing:
-    """What places the masses of a scene with the parts that it has now.
+    """Search for the positions of masses in a scene with its present parts.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ class Placing:
     Attributes
     ----------
     count : int
-        Of parts that the scene had.
+        Number of parts that the scene had.
     """
 
     def __init__(self, scene: Scene) -> None:
         self._masses, self.count = scene.masses, len(scene.parts)
         # sliders, then joints of points, then rigid connections of every point mass
         self._table: dict[Any, list[Slider | Joint]] = {}
-        # of masses that were found
+        # positions of masses that were found
         self._known: dict[Any, Array] = {}
         for link in [*scene.sliders, *scene.balls, *scene.pinned, *scene.rigid]:
             for node in held_nodes(link):
@@ -54,7 +54,7 @@ class Placing:
                     self._table.setdefault(node.owner, []).append(link)
 
     def position(self, node: NodeRef) -> Array:
-        """Position (3,) m at t = 0 of a node.
+        """Return the position (3,) m at t = 0 of a node.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class Placing:
             if found is None:
                 self._no_place(owner)
             way, position = found
-            # whatever leads there is there
+            # all masses on the way have the same position
             known.update(dict.fromkeys(way, position))
         return known[owner]
 
@@ -86,7 +86,8 @@ class Placing:
                          "RigidConnection")
 
     def _placements(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Array]]:
-        """(slider or joint, where it places a mass without position); joints may lead through other masses."""
+        """Yield (slider or joint, the position at which it places a mass without position); joints may lead through other
+        masses."""
         for link, place, other in self._leads(mass):
             if other is None:
                 yield link, place()
@@ -96,7 +97,8 @@ class Placing:
                     yield link, found[1]
 
     def _leads(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Callable[[], Array], PointMass | None]]:
-        """What a mass without position hangs on: (slider or joint, where that is, the mass without position there or None)."""
+        """Yield the links of a mass without position: (slider or joint, function of its position, the mass without position there
+        or None)."""
         for link in self._table.get(mass, []):
             if isinstance(link, Slider):
                 yield link, partial(self._slider_position, link), None
@@ -110,8 +112,8 @@ class Placing:
         return slider.place
 
     def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
-        """The masses that lead from one without position to the first that something else places, not through another, and that
-        place; None where nothing does."""
+        """Return the masses that lead from one without position to the first that something else places, not through another, and
+        its position; None if nothing does."""
         way, open_leads, visited = [mass], [self._leads(mass)], {mass, avoid}
         known = self._known if avoid is None else {}
         while way:
@@ -131,7 +133,7 @@ class Placing:
         return None
 
     def check(self, tolerance: float) -> None:
-        """Every mass has a position, and all that place it agree to within a tolerance, m.
+        """Check that every mass has a position, and that all links that place it agree to within a tolerance, m.
 
         Raises
         ------
@@ -143,7 +145,7 @@ class Placing:
                 self._check_place(mass, tolerance)
 
     def _placed_once(self) -> set[PointMass]:
-        """Masses that joints join to one group in which a single slider or joint says where it is: nothing can
+        """Return masses that joints join to one group in which a single slider or joint gives the position, so that nothing can
         disagree. In a long chain of masses the search from each of them would take the square of its length."""
         out: set[PointMass] = set()
         seen: set[PointMass] = set()
@@ -162,13 +164,13 @@ class Placing:
         return out
 
     def _check_place(self, mass: PointMass, tolerance: float) -> None:
-        """A mass has a position, and all that place it agree."""
+        """Check that a mass has a position, and that all links that place it agree."""
         if mass.position is not None:
             return
         self.position(mass.center)
         (first, place), *others = self._placements(mass)
         for link, position in others:
-            # once a slider or ball joint says where, a rigid connection keeps the distance that results
+            # once a slider or ball joint gives the position, a rigid connection keeps the resulting distance
             if isinstance(link, RigidConnection) and not isinstance(first, RigidConnection):
                 continue
             gap = float(np.linalg.norm(position - place))
