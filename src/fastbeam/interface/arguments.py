@@ -384,7 +384,7 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
 
     @cache
     def known() -> tuple[list[str], list[str]]:
-        """Arguments to name in messages, and which of them are needed: also those that go on to another call."""
+        """Return arguments to name in messages, and which of them are needed: also those that go on to another call."""
         if not more:
             return visible, required
         full = [p for p in signature(call).parameters.values() if p.kind is not Parameter.VAR_KEYWORD][bound:]

@@ -27,14 +27,14 @@ class Doubts:
 
 
 def doubts(events: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A line for every event that says that numbers are not to be trusted, of which the first few are shown."""
+    """Return a line for every event that makes numbers untrustworthy; the first few are shown."""
     found = [f"{event['kind']}: {event.get('text', '')}" for event in events if event.get("kind") in KINDS]
     more = [f"and {len(found) - MOST} more like these in .events"] if len(found) > MOST else []
     return [f"not to be trusted, {line}" for line in found[:MOST]] + more
 
 
 def warns(function: T) -> T:
-    """Decorator of an analysis, above `@checked`: a ResultWarning where its result has such events, once that is complete.
+    """Decorate an analysis, above `@checked`: issue a ResultWarning if its result has such events, once that is complete.
 
     It names the line of the program that called; where fastbeam itself did, there is none.
     """

@@ -170,7 +170,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
     weights = np.asarray((mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
 
     def applied(right: Array) -> Array:
-        """(K - shift M)^-1 on right [k, m], what has mass."""
+        """Return the part with mass of (K - shift M)^-1 times right [k, m]."""
         whole = np.zeros((size, right.shape[1]))
         whole[:k] = right / by
         x = factors.solve(whole)[:k]

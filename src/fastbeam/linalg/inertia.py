@@ -402,7 +402,7 @@ def negative_pivots(matrix: Any) -> int | None:
 
 
 def _pivots(matrix: Any) -> Array | None:
-    """Pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
+    """Return pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
     factors = _factored(matrix)
     return None if factors is None else factors.pivots
 

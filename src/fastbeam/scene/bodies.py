@@ -161,7 +161,7 @@ class RigidBody:
 
     @checked(offset=Vector)
     def point(self, offset: ArrayLike) -> NodeRef:
-        """The point at `offset` (3,) m from the centre of mass, in the body triad.
+        """Return the point at `offset` (3,) m from the centre of mass, in the body triad.
 
         Raises
         ------
@@ -177,7 +177,7 @@ MOST_OBJECTS = 10**6
 
 
 def _inertia(who: str, value: Any) -> Array:
-    """Symmetric inertia tensor (3, 3) of a possible body from principal moments or a tensor."""
+    """Return the symmetric inertia tensor (3, 3) of a possible body from principal moments or a tensor."""
     found = checks.numbers(value)
     if found is not None and found.shape == (3,):
         value = np.diag(checks.array(who, "inertia", value, (3,), "3 finite numbers"))
@@ -315,12 +315,12 @@ class DistributedLoad:
 
     @checked(s=ArcLengths())
     def force_at(self, s: Array) -> Array:
-        """Force per length [n, 3] at the arc lengths s[n], without the time factor."""
+        """Return the force per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "force", _field_or_zero(self.force), s)
 
     @checked(s=ArcLengths())
     def moment_at(self, s: Array) -> Array:
-        """Moment per length [n, 3] at the arc lengths s[n], without the time factor."""
+        """Return the moment per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "moment", _field_or_zero(self.moment), s)
 
 
@@ -357,12 +357,12 @@ class InitialVelocity:
 
     @checked(s=ArcLengths())
     def velocity_at(self, s: Array) -> Array:
-        """Velocity [n, 3] at the arc lengths s[n]."""
+        """Return the velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "velocity", self.velocity, s)
 
     @checked(s=ArcLengths())
     def spin_at(self, s: Array) -> Array:
-        """Angular velocity [n, 3] at the arc lengths s[n]."""
+        """Return the angular velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "spin", self.spin, s)
 
 

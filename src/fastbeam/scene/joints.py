@@ -13,7 +13,7 @@ from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 
 
 def _check_pin(who: str, coefficient: float, length: float | None, radius: float | None) -> None:
-    """Friction by the load needs the sizes of what is pressed; radius: of a pin, None of a guide.
+    """Check that friction by the load has the sizes of the pressed surfaces; radius: of a pin, None for a guide.
 
     Raises
     ------

@@ -321,7 +321,7 @@ class Signal:
     @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start, baseline=_degree)
     def from_acceleration(cls, times: ArrayLike, acceleration: ArrayLike, *, direction: ArrayLike | None = None,
                           velocity: ArrayLike = 0.0, displacement: ArrayLike = 0.0, baseline: int | None = None) -> Signal:
-        """Make the displacement, m, of accelerations along the cubic spline through a table (not-a-knot), integrated twice exactly.
+        """Make the displacement, m, of accelerations on the cubic spline through a table (not-a-knot), integrated twice exactly.
 
         Outside the table nothing accelerates: before it the motion has the initial velocity, behind it the final one.
 

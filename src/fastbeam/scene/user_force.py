@@ -112,7 +112,7 @@ class UserForce:
 
 
 def numbers_of_nodes(force: UserForce) -> Array:
-    """Parameters of the nodes that a force acts on, [n, m]; one row where they are equal.
+    """Return parameters of the nodes that a force acts on, [n, m]; one row where they are equal.
 
     Raises
     ------

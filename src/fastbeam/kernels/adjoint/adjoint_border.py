@@ -50,7 +50,7 @@ class Border(NamedTuple):
 # --- transposed elimination of nodes --------------------------------------------------------------------------------------
 @kernel
 def add_transposed(rows, columns, blocks, factor, x, y_out, dofs):
-    """y_out += factor K^T x for blocks at `rows`, `columns`."""
+    """Add factor K^T x to y_out for blocks at `rows`, `columns`."""
     n = len(dofs)
     for k in range(rows.shape[0]):
         o = 8 * n * k
@@ -64,7 +64,7 @@ def add_transposed(rows, columns, blocks, factor, x, y_out, dofs):
 
 @kernel
 def take_transposed(blocks, b, x, xo, yo, dofs):
-    """x[yo] -= B^T x[xo] for the block at b, rows of 8."""
+    """Subtract B^T x[xo] from x[yo] for the block at b, rows of 8."""
     y = vld(x, yo, 0)
     for c in range(len(dofs)):
         y -= x[xo + c] * vld(blocks, b + 8 * c, 0)
@@ -73,7 +73,7 @@ def take_transposed(blocks, b, x, xo, yo, dofs):
 
 @kernel
 def solve_diagonal(blocks, d, pivots, p, x, o, dofs):
-    """x[o] <- D^-T x[o] with the factors of a diagonal block and their exchanges."""
+    """Solve x[o] <- D^-T x[o] with the factors of a diagonal block and their exchanges."""
     n = len(dofs)
     for i in range(n):
         s = x[o + i]
@@ -95,7 +95,7 @@ def solve_diagonal(blocks, d, pivots, p, x, o, dofs):
 
 @kernel
 def solve_transposed(plan, blocks, pivots, x, dofs):
-    """x <- K^-T x with factors of `chain.factor`, K = L U: U has D^-1 K_ij, L has the factored diagonal blocks and K_ji."""
+    """Solve x <- K^-T x with factors of `chain.factor`, K = L U: U has D^-1 K_ij, L has the factored diagonal blocks and K_ji."""
     n = len(dofs)
     block = 8 * n
     for i in range(plan.diagonal.shape[0]):
@@ -132,7 +132,7 @@ def relative(rest, of, dofs):
 
 @kernel
 def node_residual(adjoint, dofs):
-    """adjoint.rest <- right - K^T x with the kept tangent."""
+    """Form adjoint.rest = right - K^T x with the kept tangent."""
     copy(adjoint.right, adjoint.rest)
     add_transposed(adjoint.block_row, adjoint.block_column, adjoint.kept, -1.0, adjoint.x, adjoint.rest, dofs)
 

@@ -20,7 +20,7 @@ class LoadWork(NamedTuple):
 @account.register(LoadWork)
 @kernel
 def account_loads(term, system, h):
-    """f . Dphi + m . theta, which is what the step is tested with (theory.md 4)."""
+    """Record the work f . Dphi + m . theta of the loads, as of the forces in the equations of the step (theory.md 4)."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     spins = len(dofs) - d

@@ -71,7 +71,7 @@ def put_change_in_plane(dofs, method, strains, constants, reference, g, scratch,
 
 @generic
 def product(dofs, constants, to, coupled, x, y):
-    """Weight times x . C y at the point whose table begins at `to`."""
+    """Return the weight times x . C y at the point whose table begins at `to`."""
 
 
 @product.register(Space)
@@ -96,7 +96,7 @@ def product_in_plane(dofs, constants, to, coupled, x, y):
 
 @kernel
 def put_changes(term, system, k, h):
-    """Changes of all strains of group k in a step of size h."""
+    """Store changes of all strains of group k in a step of size h."""
     dofs, tables, scratch = system.dofs, term.tables, system.work.scratch
     move = motion.call(system.method, system.state, system.work, h)
     strains = set_over.call(term.strains, move)
@@ -113,7 +113,7 @@ def put_changes(term, system, k, h):
 
 @generic
 def put_all_changes(term, system, h):
-    """Changes of the strains of all filters."""
+    """Store changes of the strains of all filters."""
 
 
 @put_all_changes.register(StrainFilter)
@@ -147,7 +147,8 @@ def group_energy(term, system, k, x, y):
 @first_guess.register(StrainFilter)
 @kernel
 def begin_filters(term, system, h, c):
-    """The stress of the filters that is known when a step begins, as strains that are subtracted with those of the reference."""
+    """Store the known stress of the filters at the begin of a step, as strains that are subtracted with those of the
+    reference."""
     a, b, begin, tab = h * term.factors[0], 2.0 * h * term.factors[1], term.begin[0], term.tables.tab
     for i in range(term.fixed.shape[0]):
         tab[begin + i] = term.fixed[i] + (a * term.smooth[i] + b * term.rate[i])
@@ -156,7 +157,7 @@ def begin_filters(term, system, h, c):
 @account.register(StrainFilter)
 @kernel
 def account_filters(term, system, h):
-    """Filters and energies after the step."""
+    """Update filters and their energies after the step."""
     n = term.fixed.shape[0]
     term.kept[2 * n] = term.lost[0]
     term.kept[2 * n + 1] = term.lost[1]

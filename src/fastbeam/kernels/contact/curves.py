@@ -93,14 +93,14 @@ def find_element(curves, c, s, hint):
 
 @generic
 def add_basis(curves, c, e, s, derivative, factor, next_factor, table, basis_out, position):
-    """basis_out[position, A] += factor d^k N_A / ds^k at s, from the polynomials of element e, and basis_out[position + 1, A] +=
-    next_factor d^(k+1) N_A / ds^(k+1); k = derivative, 0 or 1."""
+    """Add factor d^k N_A / ds^k at s, from the polynomials of element e, to basis_out[position, A], and next_factor d^(k+1) N_A /
+    ds^(k+1) to basis_out[position + 1, A]; k = derivative, 0 or 1."""
 
 
 @generic
 def add_mean_slopes(curves, c, s0, s1, e0, e1, table, basis_out):
-    """basis_out[3] += N[s0, s1] for a step that crosses element ends: N[a, b] = 1/(b - a) int_a^b N' ds, a Gauss rule on the part
-    of each element, theory.md (5.3)."""
+    """Add N[s0, s1] to basis_out[3] for a step that crosses element ends: N[a, b] = 1/(b - a) int_a^b N' ds, a Gauss rule on the
+    part of each element, theory.md (5.3)."""
 
 
 @nodes_of.register(Curves)

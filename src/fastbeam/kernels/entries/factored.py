@@ -61,7 +61,7 @@ FactoredContact.reads = System  # type: ignore[attr-defined]
 
 @kernel
 def new_place(contact, k, row, weights, kind):
-    """Place of a new entry of slider k. Where the arrays are full it is the last again, and `full` is set."""
+    """Return the place of a new entry of slider k. If the arrays are full it is the last again, and `full` is set."""
     m = contact.entries[k]
     if m == contact.row.shape[1]:
         contact.full[0] = 1
@@ -229,8 +229,8 @@ def add_factored_product(contact, k, m, y, first, unknowns, out, at, dofs):
 
 @kernel
 def largest_across(of, first, held, dofs):
-    """Largest number of the free rows of the matrix x cross, x in of [*] from `first` on; bit i of `held` set: row i is not
-    free."""
+    """Return the largest number of the free rows of the matrix x cross, x in of [*] from `first` on; bit i of `held` set: row i
+    is not free."""
     d = dim(dofs)
     largest = 0.0
     for i in range(3 if d == 3 else 1):

@@ -35,7 +35,7 @@ class PlanarFollowers(NamedTuple):
 
 @kernel
 def evaluate_in_plane(term, k, q0, q1):
-    """Force and moment of node k into the work array."""
+    """Store force and moment of node k in the work array."""
     w = term.work
     o = 4 * term.node[k]
     for i in range(18):
@@ -80,7 +80,7 @@ def assemble_planar_followers(term, method, system, h):
 @account.register(PlanarFollowers)
 @kernel
 def account_planar_followers(term, system, h):
-    """F . Dphi + M theta."""
+    """Record the work F . Dphi + M theta."""
     work, w = system.work, term.work
     for k in range(term.node.shape[0]):
         n = term.node[k]

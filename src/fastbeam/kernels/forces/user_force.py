@@ -72,7 +72,7 @@ def put_time(term, system, k):
 
 @kernel
 def evaluate(term, k, q0, q1, h):
-    """Force and moment of node k into the work array."""
+    """Evaluate force and moment of node k in the work array."""
     w, o = term.work, 12 * term.node[k]
     over = 1.0 / h if h != 0.0 else 0.0
     st3(w, GIVEN, 1, 0.5 * (ld3(q0, o, 1) + ld3(q1, o, 1)))
@@ -107,7 +107,7 @@ def assemble_user_forces(term, method, system, h):
 
 @kernel
 def find_slopes(term, k):
-    """The derivative of law k by what it was given, [6, 18] into the work array."""
+    """Form the derivative of law k by its arguments, [6, 18], in the work array."""
     w = term.work
     for i in range(108):
         w[SLOPES + i] = 0.0
@@ -118,8 +118,8 @@ def find_slopes(term, k):
 
 @kernel
 def add_slopes(term, k, factor, system, h):
-    """The derivative by the end of the step, from that of the law: position and directors enter as means of both ends. A turn e
-    of the end changes directors d there by e x d, and the spin, half the sum of D x r with their means D and rates r."""
+    """Add the derivative by the end of the step, from that of the law: position and directors enter as means of both ends. A turn
+    e of the end changes directors d there by e x d, and the spin, half the sum of D x r with their means D and rates r."""
     work, w = system.work, term.work
     q0, q1, o = system.state.q, work.q_end, 12 * term.node[k]
     over = 1.0 / h if h != 0.0 else 0.0
@@ -141,7 +141,7 @@ def add_slopes(term, k, factor, system, h):
 
 @kernel
 def turned(w, q0, q1, o, d, over, c):
-    """Changes of the mean of director d, and of the spin, by turn c of the end of the step."""
+    """Return changes of the mean of director d, and of the spin, by turn c of the end of the step."""
     unit = triple(1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
     change = cross(unit, ld3(q1, o + d, 1))
     rate = over * (ld3(q1, o + d, 1) - ld3(q0, o + d, 1))
@@ -150,7 +150,7 @@ def turned(w, q0, q1, o, d, over, c):
 
 @kernel
 def add_differences(term, k, factor, system, h):
-    """The derivative by the end of the step, by differences. In time, where inertia is the larger part of a tangent, they are
+    """Add the derivative by the end of the step, by differences. In time, where inertia is the larger part of a tangent, they are
     one-sided, which takes half as many evaluations."""
     work, w = system.work, term.work
     q0, q1, o = system.state.q, work.q_end, 12 * term.node[k]
@@ -181,7 +181,7 @@ def add_differences(term, k, factor, system, h):
 @account.register(UserForces)
 @kernel
 def account_user_forces(term, system, h):
-    """F . Dphi + M . theta."""
+    """Record the work F . Dphi + M . theta."""
     work, w = system.work, term.work
     for k in range(term.node.shape[0]):
         n = term.node[k]

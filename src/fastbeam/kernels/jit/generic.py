@@ -72,7 +72,7 @@ class GenericFunction:
         return self._intrinsic(self._every)
 
     def register(self, *classes: Any) -> Callable[[Any], Any]:
-        """Decorator: a kernel as the implementation for first arguments of these classes.
+        """Register a kernel, as a decorator, as the implementation for first arguments of these classes.
 
         Raises
         ------
@@ -94,7 +94,8 @@ class GenericFunction:
         return note
 
     def entry(self, *, returns: Any = types.void, contact: bool = False, **given: Any) -> Callable[[Any], Any]:
-        """Decorator: what tables call (`calls.py`), a kernel (term, system, further arguments of these numba types).
+        """Register the entry for tables (`calls.py`), as a decorator: a kernel (term, system, further arguments of these numba
+        types).
 
         Parameters
         ----------
@@ -127,7 +128,7 @@ class GenericFunction:
         return self.of_classes(*of) is not None
 
     def implementation(self, *arguments: Any) -> Any:
-        """The implementation for these values.
+        """Return the implementation for these values.
 
         Raises
         ------

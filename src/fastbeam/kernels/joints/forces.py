@@ -56,7 +56,7 @@ def put_motors(term, system, k):
 
 @kernel
 def swing_slope(w0, w1):
-    """Divided difference of u from w0 to w1, both small, and its derivative by w1."""
+    """Return the divided difference of u from w0 to w1, both small, and its derivative by w1."""
     share, slope, power, found, bent = 0.0, 0.0, 1.0, 0.0, 0.0
     for n in range(len(SWING_SERIES)):
         # of w^(n+1)
@@ -70,7 +70,7 @@ def swing_slope(w0, w1):
 
 @kernel
 def push_swing(motion, c, system, q0, q1):
-    """The spring of coordinate c, a swing, from one shape to another, q0, q1 [12 N]."""
+    """Add the force of the spring of coordinate c, a swing, from one shape to another, q0, q1 [12 N]."""
     k = motion.stiffness[c]
     z0, z1 = parts_of(motion, c, system.dofs, q0).z, parts_of(motion, c, system.dofs, q1).z
     if max(1.0 - z0, 1.0 - z1) < SMALL_SWING:
@@ -101,14 +101,14 @@ def assemble_joint_forces(term, method, system, h):
 
 @kernel
 def way_of(motion, c, system, grip, before):
-    """Increment of coordinate c in this step; `before` is its value in the history."""
+    """Return the increment of coordinate c in this step; `before` is its value in the history."""
     return value_of(motion, c, system.dofs, system.work.q_end, 0.0) - before if motion.kind[c] == LINE else grip.way
 
 
 @assemble.register(JointForces, Equilibrium)
 @kernel
 def assemble_joint_forces_at_rest(term, method, system, h):
-    """Forces at one shape and half their derivative."""
+    """Add forces at one shape and half their derivative."""
     motion, work = term.motion, system.work
     for c in range(motion.node.shape[0]):
         k = motion.stiffness[c]
@@ -148,7 +148,7 @@ def assemble_stops_at_rest(term, method, system, h):
 @account.register(JointMotion)
 @kernel
 def account_motion(motion, system, h):
-    """Coordinates at the end of the step, what dampers take and motors put in."""
+    """Record coordinates at the end of the step, losses of dampers and work of motors."""
     state, work, dofs = system.state, system.work, system.dofs
     for c in range(motion.node.shape[0]):
         for side in range(2):

@@ -161,7 +161,7 @@ def _make_solve(size, kind, right):
 def _make_solve_right(size, kind):
     @intrinsic
     def solve(tc, a, offset, c, dofs):
-        """The right-hand side beside the factors of a constraint of compliance c <- D^-1 of it, forces in their own unit."""
+        """Solve with D for the right-hand side beside the factors of a constraint of compliance c, forces in their own unit."""
         m, d = size(dofs.count), kind[0](dofs.count)
 
         def codegen(ctx, b, sig, args):

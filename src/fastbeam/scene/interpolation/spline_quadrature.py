@@ -129,7 +129,7 @@ def _solved(p: int, ends: Array, symmetric: bool) -> tuple[Array, Array] | None:
         return np.clip(both[:m] + 0.5, 0.0, 1.0 - 1e-15), both[m:]
 
     def missing(z: Array) -> tuple[Array, Array]:
-        """What integrals lack, and its derivative."""
+        """Return the error of the integrals, and its derivative."""
         x, w = unfolded(z)
         values, slopes = _splines(q, knots, x)
         return values.T @ w - whole, np.hstack((slopes.T * w, values.T)) @ fold
