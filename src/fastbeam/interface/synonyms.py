@@ -3,8 +3,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-# argument: what people call it. Where a call has several of these arguments the first one is suggested; a list of arguments is
-# where it has them all. Capitals and underscores do not count, unless the words differ by them alone
+# argument: its names elsewhere. If a call has several of these arguments, the first one is suggested; a list of arguments is
+# suggested if the call has all of them. Capitals and underscores do not count, unless the words differ by them alone
 WORDS = {
     # when, how long, how finely
     "step": "dt h time_step timestep step_size stepsize load_step "
@@ -33,7 +33,7 @@ WORDS = {
     "backend": "solver linear_solver",
     "mend_start": "fix_start repair mend",
     "keep_every": "every checkpoints keep",
-    # where a run starts, what comes out of it
+    # start and results of a run
     "start": "restart initial_state initial x0 state y0 warm_start seed from p1 x1 first begin min lower minimum low",
     "state": "start equilibrium at about",
     "observe": "outputs record variables quantities",

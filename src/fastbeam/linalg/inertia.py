@@ -16,8 +16,8 @@ from fastbeam.kernels.linalg import band
 from fastbeam.linalg.factors import LU, SYMMETRIC_MODE, lu
 
 Array = np.ndarray
-# of a matrix scaled to a diagonal of 1, in which round-off moves eigenvalues by 1e-16 to 1e-15: where none is nearer to zero than
-# this, pivots count them; else those within one of these widths are computed, the first that has no more than so many
+# for a matrix scaled to a diagonal of 1, in which round-off moves eigenvalues by 1e-16 to 1e-15: if none is nearer to zero than
+# CERTAIN, pivots count them; else those within the first of these widths that has no more than MOST_NEAR are computed
 CERTAIN, WIDTHS, MOST_NEAR = 1e-14, (1e-12, 1e-13, 1e-14), 60
 # inverse iteration for these: shift as a share of the width, vectors more than are wanted, and steps
 SHIFT, MORE, SWEEPS = 0.01, 8, 6
@@ -25,7 +25,7 @@ SHIFT, MORE, SWEEPS = 0.01, 8, 6
 NOISE = 8.0
 # sums of a row next to its terms, and skew parts of a block next to its diagonal, that are round-off; entries at once
 LAST_BITS, SKEW_BLOCK, CHUNK = 3.0 * np.finfo(float).eps, 1e-14, 100_000
-# where all pivots lie above this share of their diagonal entries no eigenvalue is zero
+# if all pivots lie above this share of their diagonal entries, no eigenvalue is zero
 CLEAR_PIVOT = 1e-6
 # a negative pivot above this share is no round-off of a free motion, which in long beams grows to 1e-9
 NEGATIVE_PIVOT = 1e-8
@@ -174,7 +174,7 @@ class Signs:
             return clear
         # scaled, because stiffnesses differ by many powers of ten
         if not symmetric and self.skew(np.sqrt(1.0 / self._diagonal())) > SKEW:
-            # at first without the eigenvalues next to zero
+            # clearly negative pivots decide, before eigenvalues next to zero are computed
             is_positive = self.clear(NEGATIVE_PIVOT) in (None, (0, 0)) and self._of_symmetric_part() == (0, 0)
             return (0, 0) if is_positive else (1, 0) if self.determinant() < 0 else None
         return clear or self._of_symmetric_part()

@@ -171,7 +171,7 @@ class LinearSystem:
         self.pattern, self.size = pattern, size
         self.fallbacks = 0
         self.pardiso: Pardiso | None = None
-        # for the compiled loop
+        # arguments of the compiled loop
         self.tables: PardisoTables | None = None
         self._superlu: SuperLU | None = None
         self._why = ""

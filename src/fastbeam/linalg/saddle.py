@@ -21,8 +21,8 @@ from fastbeam.linalg.inertia import (SKEW, Entries, Nodes, Signs, Terms, held, i
 from fastbeam.linalg.scaling import typical_factors, with_values
 
 Array = np.ndarray
-# of the scaled matrix: singular values that are round-off, what is added to the diagonal so that it can be factored, null vectors
-# that are looked for at most, and refinements without them
+# limits for the scaled matrix: singular values that are round-off, number added to the diagonal so that it can be factored, most
+# null vectors that are searched, and refinements without them
 NULL, SMALL, MOST_NULL, REFINEMENTS = 3e-15, 1e-13, 12, 6
 # share of B^T B that is added to A before its pivots are counted: any gives the same number; and multipliers up to which
 # the rest is counted by eigenvalues of a dense matrix
@@ -161,7 +161,7 @@ class Saddle(Factors):
         whole = (matrix + matrix.T).tocsr()
         whole.data *= 0.5
         factor = self.typical(whole)
-        # the same factor for a row and its column; of coordinates none, between which differences are taken
+        # one factor for a row and its column; none for coordinates, whose differences are taken
         used = np.where(self.multiplier, factor, 1.0)
         whole.data *= np.repeat(used, np.diff(whole.indptr)) * used[whole.indices]
         found = signs_between(whole, self.multiplier, self.nodes)

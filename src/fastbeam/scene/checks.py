@@ -87,14 +87,14 @@ def _brief(value: Any) -> str:
     return named if isinstance(named, str) else shown(value)
 
 
-# what arguments may be: a function of t, in the place of numbers along a beam s[n] -> [n, 3], of (t, state), of (t, s, rate)
+# types of arguments: a function of t, a field along a beam s[n] -> [n, 3], a function of (t, state), of (t, s, rate)
 TimeFactor = Callable[[float], Union[float, Array]]
 OfTimeLike = Union[float, TimeFactor]
 FieldLike = Union["ArrayLike", Callable[[Array], "ArrayLike"]]
 Condition = Callable[[float, float, float], Union[float, np.bool_]]
 UntilLike = Union[float, Callable[[float, "State"], Union[float, np.bool_]]]
 WhenLike = Union[float, str, Condition]
-# a node, or what has one; a place to observe
+# a node, or a part that has one; a place to observe
 NodeLike = Union["NodeRef", "RigidBody", "PointMass"]
 Place = Union["NodeRef", "RigidBody", "PointMass", tuple["Beam", float]]
 # numbers of any kind that become arrays, nodes, bodies and masses that become nodes

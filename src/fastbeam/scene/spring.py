@@ -27,7 +27,7 @@ class Table:
         need = "must be two rows of at least 2 finite numbers each, elongations in m that grow and forces in N"
         try:
             rows = [] if isinstance(value, (str, bytes, dict)) else [numbers(row) for row in islice(value, 3)]
-        except Exception:          # what cannot be looped over
+        except Exception:          # objects that cannot be looped over
             rows = []
         if len(rows) != 2 or any(row is None or row.ndim != 1 for row in rows):
             raise Refusal(f"{need}, got {shown(value)}")

@@ -73,7 +73,7 @@ class Found(NamedTuple):
 class Adjoint(NamedTuple):
     """Adjoint variables, and the constants that their recursion needs."""
 
-    ties: Any                 # of ties.py or planar_nodes.py, or NoTies
+    ties: Any                 # ties.Ties, planar_nodes.PlanarTies or NoTies
     border: Any               # adjoint_border.Border or NoBorder
     mass_start: np.ndarray    # int64 [V + 1]: masses of the V vectors of all nodes (position, directors), by rows
     mass_column: np.ndarray   # int64 [*]

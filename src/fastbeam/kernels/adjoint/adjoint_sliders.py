@@ -44,8 +44,8 @@ class Sliders(NamedTuple):
 class Rest(NamedTuple):
     """Derivatives of the increment of s that leaves a slider at rest, h/2 ds/dt at the start of the step."""
 
-    by_rate: Any          # by the velocity of the point relative to the beam
-    by_tangent: Any       # by dx/ds
+    by_rate: Any          # derivative by the velocity of the point relative to the beam
+    by_tangent: Any       # derivative by dx/ds
     by_s: float
 
 

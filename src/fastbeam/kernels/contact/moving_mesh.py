@@ -117,7 +117,7 @@ def add_weight(beam, e, state, work):
     n = beam.node.shape[1]
     h = 0.5 * (size_of(beam, e, state.q, state.v) + size_of(beam, e, work.q_end, state.v))
     df = beam.share[e, 1] - beam.share[e, 0]
-    # of the load vectors, the mean factor of gravity over the step
+    # the row of a place in the load vectors has the mean factor of gravity over the step
     force = work.f_ext[8 * beam.place_rows[0] + 1] * ld3(beam.weighs, 0, 1)
     for g in range(beam.mass_point.shape[1]):
         for a in range(n):

@@ -36,7 +36,7 @@ TWIST = 4
 ANGLE, SIGN, STICKS, MOST = range(TWIST)
 # increment, rad, below which a section that sticks is at rest
 LEFT = 1e-12
-# of the compliance that was found: rows of moments that are known are written in this unit, which is to be the smaller one
+# share of the found compliance in whose unit rows of known moments are written; it has to be the smaller one
 UNIT = 1e-3
 # Dh up to which (x* in the middle of the step) Dx/Dh is taken from its series
 SHORT_WAY = 1e-4

@@ -71,7 +71,7 @@ class Weights(NamedTuple):
     mean: float     # share of the force; the mean gap changes with -mean/2 of its position
     end: float      # the gap at the end of the step changes with -end of its position
     slope: float    # derivative of `mean` by the place of the slider at the end
-    along: float    # its share in the derivative of the sliding equation by a position
+    along: float    # share of the node in the derivative of the sliding equation by a position
 
 
 class Frame(NamedTuple):

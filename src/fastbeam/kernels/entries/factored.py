@@ -24,7 +24,7 @@ from fastbeam.kernels.entries.dense import (add_column, add_column_times, add_li
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.terms import System
 
-# what an entry of `FactoredContact` has: the position of a node, its spin, both, or the spin of one that carries it on an arm
+# kinds of entries of `FactoredContact`: the position of a node, its spin, both, or the spin of one that carries it on an arm
 POSITION, SPIN, BOTH, ON_ARM = 1.0, 2.0, 3.0, 4.0
 # numbers of such an entry: those of `Weights`, then from TURNED on a vector, the kind last; with ties two arms behind them
 TURNED, KIND, ARM_MID, ARM_END = 4, 7, 8, 11

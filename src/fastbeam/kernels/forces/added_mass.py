@@ -33,7 +33,7 @@ class Flow(NamedTuple):
     velocity: Any     # mean
     before: Any       # d1 at the start
     axis: Any         # d1 at the end
-    change: Any       # of d1
+    change: Any       # change of d1
     direction: Any    # direction along which the mean velocity counts
     start: float      # momentum along d1 at the start
     end: float        # momentum along d1 at the end

@@ -25,7 +25,7 @@ class NoWind(NamedTuple):
 class Wind(NamedTuple):
     """User functions for the velocity of the air."""
 
-    laws: Laws              # of every node; 0: the velocity that stands in `Drag.air`
+    laws: Laws              # law of every node; 0: the velocity in `Drag.air`
     first: np.ndarray       # int64 [D]: first of its parameters
     parameters: np.ndarray  # float64 [*]
     work: np.ndarray        # float64 [SIZE]: of one run, as of user forces

@@ -143,7 +143,7 @@ def assemble_force_elements(term, method, system, h):
             work.r[8 * term.row[k, i // 6] + i % 6] -= w[WRENCH + i]
         if term.laws.slopes[k] != 0:
             find_slopes(term, k)
-            # what was given and found stands side by side
+            # arguments and results stand side by side
             for i in range(24):
                 w[ORIGIN + i] = w[GIVEN + i]
         for side in range(2):
@@ -157,7 +157,7 @@ def account_force_elements(term, system, h):
     state, work, w = system.state, system.work, term.work
     for k in range(term.place.shape[0]):
         for side in range(2):
-            # where the last increment led them
+            # update the nodes to the last increment
             n = term.node[k, side]
             spread_nodes.call(system.dofs, system.method, state, work, h, n, n + 1)
         evaluate_both(term, k, state.q, work.q_end, h, system.dofs, False)

@@ -66,7 +66,7 @@ def assemble_planar_followers(term, method, system, h):
         work.r[r] -= factor * w[FOUND]
         work.r[r + 1] -= factor * w[FOUND + 1]
         work.r[r + 2] -= factor * w[FOUND + 5]
-        # from the mean u to that of the end, as complex numbers
+        # rotation from the mean u to that of the end, as a complex number
         o = 4 * term.node[k]
         x, y = w[GIVEN + 3], w[GIVEN + 4]
         size = x * x + y * y

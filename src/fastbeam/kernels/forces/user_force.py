@@ -16,14 +16,14 @@ from fastbeam.kernels.algebra.vectors import add3, call_law, cross, dot, ld3, st
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.terms import account, assemble, known, put_loads, spread_nodes
 
-# places in the work array: time, load factor in statics, what a law is given, force and moment, rates; then what differences
-# keep: triads, coordinates, force and moment; of force elements what acts on both nodes, twice, and rates of their rotation;
-# slopes of the six numbers that a law finds by the 18 that it is given, and where these are taken
+# places in the work array: time, load factor in statics, arguments of a law, force and moment, rates; then data of differences:
+# triads, coordinates, force and moment; for force elements the forces on both nodes, twice, and rates of rotation;
+# derivatives of the six results of a law by its 18 arguments, and the arguments at which they are taken
 TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SLOPES, ORIGIN = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97, 205
-# what code that takes differences is given: as the law; 1/h and increments of positions and turns; changes of nine components of
-# directors and three of the spin by three turns, [3, 12]; room for 24 numbers, force and moment
+# arguments of code that takes differences: those of the law; 1/h and increments of positions and turns; changes of nine
+# components of directors and three of the spin by three turns, [3, 12]; room for 24 numbers, force and moment
 DIFFERENCE, STEPS, TURNS, BEFORE = 229, 247, 250, 310
-# of the first law that failed, which gives NaN: address of its parameters, 0 where none has failed; time; what it was given
+# first law that failed, by returning NaN: address of its parameters, 0 if none has failed; time; its arguments
 FAILED, SIZE = 316, 336
 # increments of central differences and of one-sided ones, of positions relative to the size of the scene, and of turns
 INCREMENT, ONE_SIDED = 1e-6, 1e-7

@@ -53,7 +53,7 @@ class Winches(NamedTuple):
 class Step(NamedTuple):
     """Segment of rope at the start and the end of a step."""
 
-    r0: Any      # from the upper to the lower node
+    r0: Any      # vector from the upper to the lower node at the start
     r1: Any
     x: Any       # upper node in the middle
     l0: float    # free length of the whole rope

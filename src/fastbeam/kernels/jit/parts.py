@@ -20,8 +20,8 @@ import numba.np.linalg as _linalg
 from llvmlite import binding
 from llvmlite.binding import ffi
 
-# when it starts, numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call none, and other code that
-# does finds it all the same, later
+# at its start numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call no BLAS, and other code that
+# does finds it later
 _look = _linalg.ensure_blas
 _linalg.ensure_blas = lambda: None
 import numba.np.arraymath  # noqa: E402, F401

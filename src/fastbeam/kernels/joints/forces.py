@@ -59,7 +59,7 @@ def swing_slope(w0, w1):
     """Return the divided difference of u from w0 to w1, both small, and its derivative by w1."""
     share, slope, power, found, bent = 0.0, 0.0, 1.0, 0.0, 0.0
     for n in range(len(SWING_SERIES)):
-        # of w^(n+1)
+        # divided difference of w^(n+1), and its derivative by w1
         slope = share + w1 * slope
         share = w1 * share + power
         power *= w0
@@ -152,7 +152,7 @@ def account_motion(motion, system, h):
     state, work, dofs = system.state, system.work, system.dofs
     for c in range(motion.node.shape[0]):
         for side in range(2):
-            # where the last increment led them
+            # update the nodes to the last increment
             node = motion.node[c, side]
             spread_nodes.call(dofs, system.method, state, work, h, node, node + 1)
         o = motion.place[c]

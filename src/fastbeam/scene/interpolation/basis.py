@@ -24,7 +24,7 @@ IntArray = NDArray[np.int64]
 
 DEGREES: dict[str, tuple[int, int]] = {"lagrange": (1, 8), "bspline": (2, 5)}
 DIRECTORS: tuple[str, ...] = ("nodes", "greville", "control")
-END_TOLERANCE = 1e-12  # of the length: how far a given end may miss 0 and length, and s may leave the beam
+END_TOLERANCE = 1e-12  # share of the length by which a given end may miss 0 and length, and s may leave the beam
 
 
 @dataclass(frozen=True)

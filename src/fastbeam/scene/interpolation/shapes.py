@@ -96,7 +96,7 @@ def _director_weights(knots: Array, greville: Array, p: int) -> tuple[IntArray, 
     node = np.arange(n)
     inner_knots = knots[1 + node[:, None] + np.arange(p)]
     sizes = np.diff(knots[p:n + 1])
-    rounding = 8.0 * np.finfo(float).eps * greville[-1]  # of a difference of arc lengths
+    rounding = 8.0 * np.finfo(float).eps * greville[-1]  # round-off of a difference of arc lengths
     equal = np.ptp(sizes) <= rounding
     width = p + 1 if p % 2 == 0 or equal else min(p + 2, n)
     wide = node - half if p % 2 == 0 else np.where(equal & (2 * node < n), node - half, node - half - 1)
