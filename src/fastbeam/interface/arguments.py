@@ -97,7 +97,7 @@ def numbers(value: Any) -> Array | None:
         return None
     try:
         raw = np.asarray(value)
-    except Exception:          # ragged lists, and what foreign objects raise
+    except Exception:          # ragged lists, and errors of foreign objects
         return None
     if raw.dtype.kind in "iuf":
         if isinstance(value, (list, tuple)) and hides_others(value):

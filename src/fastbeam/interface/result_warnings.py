@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from fastbeam.interface.errors import ResultWarning
 
 T = TypeVar("T", bound=Callable[..., Any])
-# kinds of events that say so; the others tell what happened, or what was done at the start
+# kinds of events that make numbers untrustworthy; the others report what happened, or was done at the start
 KINDS = ("coarse", "contact", "reversed", "unresolved", "drift", "massless", "order", "extrapolation", "leap", "lagging load",
          "shock")
 # events that a text shows
@@ -18,7 +18,7 @@ MOST = 6
 
 
 class Doubts:
-    """A result with events: the lines that `table()`, `repr` and notebooks end with."""
+    """Base of a result with events: the lines that `table()`, `repr` and notebooks end with."""
 
     events: Sequence[Mapping[str, Any]] = ()
 

@@ -58,7 +58,7 @@ _OF_ALL: list[RecordType] = []
 
 
 class SystemRecord(Record):
-    """A record of what all terms share, for loops that know nothing of the scene.
+    """Record of the data that all terms share, for loops that are independent of the scene.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Typed:
 
 
 class Calls:
-    """Terms of a model for loops that know nothing of the scene.
+    """Terms of a model for loops that are independent of the scene.
 
     Parameters
     ----------

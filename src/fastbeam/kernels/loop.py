@@ -29,7 +29,7 @@ from fastbeam.kernels.terms import (AtRest, Equilibrium, Loads, NoContact, Solve
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 # increments below these may be round-off: if they do not shrink; if they are far longer than expected
 SMALL_INCREMENT, SMALLEST_INCREMENT = 1e-9, 1e-11
-# an increment of so many sizes of the scene is divergence of a step in time
+# increment, in sizes of the scene, that counts as divergence of a step in time
 LARGEST_IN_TIME = 1e6
 
 

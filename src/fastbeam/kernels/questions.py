@@ -1,5 +1,5 @@
-"""Entries of tables of calls (jit/calls.py): for every question that a step asks one kernel, compiled for the types of a term and
-of what it reads of the system.
+"""Entries of tables of calls (jit/calls.py): one kernel for every question of a step, compiled for the types of a term and of the
+part of the system that it reads.
 """
 from __future__ import annotations
 

@@ -39,11 +39,11 @@ class SolverOutside(NamedTuple):
 
 # --- methods: equations of an iteration ---------------------------------------------------------------------------------
 class Conserving(NamedTuple):
-    """The energy-momentum conserving step, theory.md 4."""
+    """Energy-momentum conserving step, theory.md 4."""
 
 
 class Midpoint(NamedTuple):
-    """The implicit midpoint rule, theory.md 7."""
+    """Implicit midpoint rule, theory.md 7."""
 
 
 class Equilibrium(NamedTuple):

@@ -29,11 +29,11 @@ FEW = 0.01
 GIVEN_WAY = 1e-3
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
 LEAST_SHIFT = 1e-13
-# eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
+# largest ratio of the lowest nonzero eigenvalue and the shift if there are zero eigenvalues; beyond, the shift is moved
 CLOSE = 1e3
 MOVES = 3
-# on the diagonal of the scaled matrix that is factored: of multipliers, so that constraints which say the same twice share the
-# force, and of what has neither mass nor stiffness, where it is singular. Refinement with the matrix itself takes both out again
+# added to the diagonal of the scaled matrix that is factored: for multipliers, so that dependent constraints share the
+# force, and for unknowns with neither mass nor stiffness, if it is singular. Refinement with the matrix itself removes both again
 GIVE, IDLE = 1e-13, 1e-10
 # gap of constraints next to the largest component, scaled
 OPEN = 1e-6
@@ -42,7 +42,7 @@ NOISE = 8.0 * np.finfo(float).eps
 # neighbours differ by more than this share where eigenvalues are counted; gaps and places in them where that is tried; unknowns
 # up to which it is done by all eigenvalues of a dense matrix where pivots are not certain
 DISTINCT, GAPS, SHARES, DENSE = 1e-6, 3, (0.5, 0.3), 1500
-# growth of the number of Krylov vectors between two looks at what they give
+# growth of the number of Krylov vectors between two solutions of the projected problem
 GROWTH = 1.04
 
 

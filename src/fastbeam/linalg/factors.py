@@ -41,9 +41,9 @@ class Limits(NamedTuple):
     accepted: float         # up to which a solution is accepted
     fair: float             # up to which a solution is accepted if its residual is round-off:
     round_off: float        # at most this share of the largest term of the equations
-    enough: int             # refinements after which what can be accepted is not refined any more
+    enough: int             # refinements after which an acceptable solution is not refined any more
     most: int               # refinements at most
-    is_strict: bool = False  # perturbed pivots, and what is only fair, count where no singular value is near round-off
+    is_strict: bool = False  # accept perturbed pivots, and fair solutions, only if no singular value is near round-off
     last_bits: float = 0.0  # residual next to the solution, scaled, that is round-off of the product and not refined any more
 
 

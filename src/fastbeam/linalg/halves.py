@@ -113,7 +113,7 @@ class Half:
 
 
 class Halves:
-    """One structure cut in two, analysed once.
+    """Matrix structure cut in two, analysed once.
 
     Parameters
     ----------

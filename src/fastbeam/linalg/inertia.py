@@ -21,7 +21,7 @@ Array = np.ndarray
 CERTAIN, WIDTHS, MOST_NEAR = 1e-14, (1e-12, 1e-13, 1e-14), 60
 # inverse iteration for these: shift as a share of the width, vectors more than are wanted, and steps
 SHIFT, MORE, SWEEPS = 0.01, 8, 6
-# an eigenvalue is zero up to so many times the round-off of its terms
+# an eigenvalue is zero up to this multiple of the round-off of its terms
 NOISE = 8.0
 # sums of a row next to its terms, and skew parts of a block next to its diagonal, that are round-off; entries at once
 LAST_BITS, SKEW_BLOCK, CHUNK = 3.0 * np.finfo(float).eps, 1e-14, 100_000
@@ -117,7 +117,7 @@ class Entries:
 
 
 class Terms:
-    """A symmetric matrix as a sum of entries, of which several may stand at one place.
+    """Symmetric matrix as a sum of entries, of which several may stand at one place.
 
     Parameters
     ----------

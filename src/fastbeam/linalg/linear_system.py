@@ -17,7 +17,7 @@ from fastbeam.linalg.mkl import PardisoMemory, mkl_for, pardiso_tables, threads_
 from fastbeam.linalg.pattern import Pattern
 
 Array = np.ndarray
-# PARDISO cuts a matrix for so many threads and gets the same bits on any number; another number gives other bits
+# number of threads for which PARDISO cuts a matrix; the bits are the same on any number of threads, but depend on this number
 REPRODUCIBLE = 8
 BACKENDS = ("auto", "pardiso", "superlu")
 # unknowns from which on a matrix is cut in two, where results have to be the same bits on any number of threads

@@ -8,7 +8,7 @@ import numpy as np
 from fastbeam.kernels.linalg.scaling import balance
 
 Array = np.ndarray
-# sweeps of the equilibration; each halves the exponent of what is missing
+# sweeps of the equilibration; each halves the exponent of the remaining factor
 SWEEPS = 12
 # share of the largest stiffness of a kind below which a stiffness is round-off
 ROUND_OFF = 1e-12

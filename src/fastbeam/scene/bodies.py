@@ -26,7 +26,7 @@ MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), Field(), Factor()
 
 @dataclass(frozen=True)
 class Node:
-    """A node from a NodeRef, RigidBody (its centre) or PointMass; with `fixed` also a point of the ground."""
+    """Check of a node from a NodeRef, RigidBody (its centre) or PointMass; with `fixed` also a point of the ground."""
 
     fixed: bool = False
 
@@ -62,7 +62,7 @@ class Steady:
 
 @dataclass(frozen=True)
 class Movable:
-    """One Beam, Net, RigidBody or PointMass or several, as a tuple."""
+    """Check of one Beam, Net, RigidBody or PointMass or several, as a tuple."""
 
     def __call__(self, value: Any) -> tuple[Any, ...]:
         one = isinstance(value, MOVABLE) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray))
@@ -217,7 +217,8 @@ class _Joint:
 
 
 class RigidConnection(_Joint):
-    """Keeps the relative position and rotation that two nodes have at t = 0; an offset between them is allowed.
+    """Rigid connection that keeps the relative position and rotation that two nodes have at t = 0; an offset between them is
+    allowed.
 
     Raises
     ------
@@ -229,7 +230,7 @@ class RigidConnection(_Joint):
 
 
 class BallJoint(_Joint):
-    """Keeps two coincident points together, rotations stay free. `Scene.check` tests that they coincide at t = 0.
+    """Ball joint that keeps two coincident points together, rotations stay free. `Scene.check` tests that they coincide at t = 0.
 
     Raises
     ------
@@ -369,7 +370,7 @@ class InitialVelocity:
 @checked(objects=Movable(), velocity=Vector, spin=Vector, about=Vector)
 @noun
 class RigidMotion:
-    """Adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
+    """Rigid motion that adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
 
     `objects`: one Beam, Net, RigidBody or PointMass, or several; kept as a tuple. Units m/s, rad/s, m. Contributions add up.
 

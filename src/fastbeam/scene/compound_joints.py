@@ -34,7 +34,8 @@ def _sums(count: int, what: str) -> dict[str, Any]:
          distance=OfTime("m"), speed=times_of(2, TURN_AND_WAY, "rad/s or m/s"), **_sums(2, TURN_AND_WAY))
 @noun
 class CylindricalJoint(OneAxisJoint):
-    """Part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to `axis`.
+    """Cylindrical joint: part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to
+    `axis`.
 
     `result.joint(name)` has the angle and the distance along the axis from a to b, both zero at t = 0.
 
@@ -86,7 +87,7 @@ class CylindricalJoint(OneAxisJoint):
          speed=times_of(3, IN_PLANE, "m/s or rad/s"), **_sums(3, IN_PLANE))
 @noun
 class PlanarJoint(AxisJoint):
-    """The point of b stays in a plane of a, and b turns about the normal of the plane alone.
+    """Planar joint: the point of b stays in a plane of a, and b turns about the normal of the plane alone.
 
     `result.joint(name)` has the distances [n, 2] that the point of b has gone along two directions of the plane, which a carries,
     `along` and normal x along, and the angle by which b has turned about the normal.

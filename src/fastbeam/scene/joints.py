@@ -32,7 +32,7 @@ def _check_pin(who: str, coefficient: float, length: float | None, radius: float
          radius=Number(least=0.0, unit="m"), length=Number(above=0.0, unit="m"), drive=ADrive(), stops=SomeStops())
 @noun
 class RevoluteJoint(OneAxisJoint):
-    """A hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
+    """Hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
 
     `result.joint(name)` has the angle, that by which b has turned against a about the axis since t = 0, counted over turns.
 

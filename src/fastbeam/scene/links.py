@@ -14,7 +14,7 @@ from fastbeam.scene.checks import NodeField, noun
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a link has two sides, write one for every pair"))
 @noun
 class Link:
-    """Two different nodes and a name that is made from them when left out."""
+    """Link of two different nodes and a name that is made from them when left out."""
 
     kind: ClassVar[str] = "link"
 

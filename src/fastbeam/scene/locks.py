@@ -65,7 +65,7 @@ def truth(function: Any, t: float, s: float, rate: float) -> float | None:
 @checked(when=When((STOP, START, END)), at=Place(), until=When())
 @dataclass(frozen=True)
 class Lock:
-    """Holds a slider where it is on its beam: a latch, a clamp, a brake. `Slider(..., lock=fb.Lock(...))`.
+    """Lock that fixes a slider where it is on its beam: a latch, a clamp, a brake. `Slider(..., lock=fb.Lock(...))`.
 
     Lock()                        from the start, for good
     Lock(until=1.0)               from the start, let go at t = 1 s
@@ -116,7 +116,7 @@ class Lock:
 @checked(when=When((START, END)))
 @dataclass(frozen=True)
 class Release:
-    """Lets a slider go of its beam for good; its point flies on by itself. `Slider(..., release=fb.Release(...))`.
+    """Release of a slider from its beam for good; its point flies on by itself. `Slider(..., release=fb.Release(...))`.
 
     Release(1.0)                  at t = 1 s
     Release("end")                at the end of its beam or path, instead of ending the run there; "start": at the start. On a

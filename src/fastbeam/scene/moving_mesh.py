@@ -87,7 +87,7 @@ def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
 @checked(beam=ABeam(), sliders=SomeSliders(), velocity=FIELD, spin=FIELD)
 @noun
 class MovingMesh:
-    """The elements of a beam move with sliders, whose contacts are element ends at all times (theory.md 5.12).
+    """Beam whose elements move with sliders; their contacts are element ends at all times (theory.md 5.12).
 
     Elements between two contacts, or a contact and an end of the beam, share the length there in constant proportions. Each
     slider needs an element end at its place at t = 0; `with_moving_meshes` makes such beams.

@@ -96,7 +96,8 @@ class Moving:
          until=Until(), since=Until())
 @noun
 class PrescribedMotion:
-    """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
+    """Prescribed motion of a node as a function of time: base excitation, moving supports, displacement control in time
+    (theory.md (4.11)).
 
     It holds the node like a `Pin` that moves; with `rotation`, or a `Clamp` of the same node beside it, like a clamp. The work of
     its reaction is in `result.balance()`. `solve_static(at_time=t)` moves it to its place at that time with the load factor;

@@ -30,7 +30,7 @@ LEAST_BORE = 1e-7
          radius=Number(above=0.0, unit="m"), axis=Vector)
 @noun
 class Sleeve(Slider):
-    """A slider that also holds the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
+    """Slider that also fixes the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
 
     The holder carries the sleeve as it lies around the beam at t = 0: there is nothing to align. On a curved beam the sliding
     point is the mean over the bore, a point of the holder beside the one that is given.

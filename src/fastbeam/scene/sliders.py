@@ -29,7 +29,7 @@ CURVES = ("own", "c1")
          friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided())
 @noun
 class Slider:
-    """Lets a point slide along a beam, or a path of several (theory.md 5), without friction where none is given.
+    """Point that slides along a beam, or a path of several (theory.md 5), without friction by default.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class _Support:
 
 
 class Clamp(_Support):
-    """Holds position and triad of a node: `Clamp(beam.start)`. A point of a body clamps the whole body.
+    """Support that fixes position and triad of a node: `Clamp(beam.start)`. A point of a body clamps the whole body.
 
     Parameters
     ----------
@@ -121,8 +121,8 @@ class Clamp(_Support):
 
 
 class Pin(_Support):
-    """Holds the position of a node, rotation stays free: `Pin(beam.end)`; a roller holds it along some axes of space only:
-    `Pin(beam.end, axes="yz")` rolls along x.
+    """Support that fixes the position of a node, rotation stays free: `Pin(beam.end)`; a roller fixes it along some axes of space
+    only: `Pin(beam.end, axes="yz")` rolls along x.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ _FLAGS = ("contract",)
 
 
 class VecType(types.Type):
-    """A vector of 8 doubles, or of WIDTH."""
+    """Vector of 8 doubles, or of WIDTH."""
 
     def __init__(self, lanes: int) -> None:
         self.lanes = lanes

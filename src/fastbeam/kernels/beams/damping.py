@@ -25,7 +25,7 @@ from fastbeam.kernels.terms import account
 
 
 class Dissipation(NamedTuple):
-    """The damping of beams with one strain set, as far as energy goes; G groups of elements."""
+    """Energy dissipated by the damping of beams with one strain set; G groups of elements."""
 
     strains: Any           # strain_measures.SimoReissner or GreenLagrange with section_laws.KelvinVoigt
     tables: ElementTables

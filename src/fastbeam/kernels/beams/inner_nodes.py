@@ -74,7 +74,7 @@ def short_store(nn, n, with_y):
 class Short(NamedTuple):
     """Kept results of an elimination: U_ij of every other node, then y_i."""
 
-    r: np.ndarray      # float64 [8 rows]: residual, with what loads put there
+    r: np.ndarray      # float64 [8 rows]: residual, with the loads
 
 
 class WithColumns(NamedTuple):

@@ -11,7 +11,7 @@ from fastbeam.kernels.terms import account
 
 
 class LoadWork(NamedTuple):
-    """The term that adds the work of all loads and of gravity to `State.history`."""
+    """Term that adds the work of all loads and of gravity to `State.history`."""
 
     node: np.ndarray    # int64 [rows]: a node that has the row
     place: np.ndarray   # int64 [1]: where the work stands in the history

@@ -43,7 +43,7 @@ class ToEnd(NamedTuple):
     q: np.ndarray          # float64 [12 N]: at the start of the step
     dphi: np.ndarray       # float64 [3 N]
     u: np.ndarray          # float64 [12 N]: second rates at the end
-    spin_rate: np.ndarray  # float64 [18 N]: derivatives of those of d2, d3 by the spins
+    spin_rate: np.ndarray  # float64 [18 N]: derivatives of second rates of d2, d3 by the spins
     increment: LastIncrement
     mass_factor: float     # half of d(second rates)/d(displacements), as the tangent is halved
 

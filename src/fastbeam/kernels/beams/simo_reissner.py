@@ -331,7 +331,7 @@ def coupled_form_stiffness(law, constants, to, scratch, so, ao, out):
             x += y * vld(scratch, end + j, 0)
             vst(scratch, o + j, 0, c * y)
         vst(scratch, o + 48, 0, x)
-    # times those in the middle, and the change of those
+    # times derivatives in the middle, and the change of these derivatives
     over = vld(scratch, ao + 16, 0); g2 = vld(scratch, ao, 0); g3 = vld(scratch, ao + 8, 0); c = vld(scratch, ao + 48, 0)
     for o in range(out, out + 56, 8):
         x = over * vld(scratch, o, 0)

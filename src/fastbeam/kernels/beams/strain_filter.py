@@ -1,5 +1,5 @@
-"""Dissipation of high frequencies by two filters of the strains of every point (theory.md (6.2)), as a term: what their stress
-adds to the reference strains of a run, and what filters and energies become after a step.
+"""Dissipation of high frequencies by two filters of the strains of every point (theory.md (6.2)), as a term: their stress in the
+reference strains of a run, and the update of filters and energies after a step.
 
 Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
 lanes: layout.py has their places; x, y [*], addresses of strains of a point, and change_out [*], where they are written.
@@ -40,7 +40,7 @@ class StrainFilter(NamedTuple):
     rate: np.ndarray       # float64 [n]: r, their rate at the end of the last step, 1/s
     kept: np.ndarray       # float64 [2 n + 2]: m, r and energies before the last step
     change: np.ndarray     # float64 [n]: of the strains in a step
-    rest: np.ndarray       # float64 [n]: their change less what m makes of it
+    rest: np.ndarray       # float64 [n]: their change less h m
     lost: np.ndarray       # float64 [2], J: dissipated since the start, and stored in the filters
 
 
@@ -170,7 +170,7 @@ def account_filters(term, system, h):
         term.rest[i] = change - h * m
         term.smooth[i] = m + (kappa / h) * term.rest[i]
         term.rate[i] = r + (2.0 / h) * (change - h * r)
-    # what of the stress of the filters does work
+    # energy that the filters dissipate, then the work of their stress
     through = 0.0
     for k in range(term.tables.meta.shape[0]):
         through += (a * (1.0 - 0.5 * kappa)) * group_energy(term, system, k, term.rest, term.rest)

@@ -61,7 +61,7 @@ def nearest_place_of(curves, sliders, contact, sides, k, q, s, low, high, length
         slope = square - dot(gap, bend)
         before = s
         s = min(max(s + dot(gap, tangent) / (slope if slope > 0.5 * square else square), low), high)
-        # Newton's method squares what is left
+        # Newton's method squares the error
         if abs(s - before) <= NEAR * length:
             break
     lo, hi, contact.element[k] = shapes_at_place(curves, c, s, contact.element[k], contact)

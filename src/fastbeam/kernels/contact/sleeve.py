@@ -47,7 +47,7 @@ class Sleeves(NamedTuple):
     keyed: np.ndarray      # int64 [O]: 1 where the twist is fixed, too
     axes: np.ndarray       # float64 [9 O]: R with D_i = sum_k R_ik d_k of the holder; in a plane [2 O], D_1 = (a, b) stands for
     #                        a u + b J u
-    edges: np.ndarray      # float64 [2 O]: 2/length of the bore and 1/radius of the key, 1/m; 0 where that is not given
+    edges: np.ndarray      # float64 [2 O]: 2/length of the bore and 1/radius of the key, 1/m; 0 without length, or radius
     twist: Any             # sleeve_twist.Twist or NoTwist
 
 

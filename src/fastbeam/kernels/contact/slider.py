@@ -49,7 +49,7 @@ SLACK = 2
 
 
 class Sliding(NamedTuple):
-    """The term of all sliders; their work arrays are `System.contact`."""
+    """Term of all sliders; their work arrays are `System.contact`."""
 
     curves: Any             # curves.Curves or curves.Paths
     sliders: Sliders
@@ -75,10 +75,10 @@ class NoSleeves(NamedTuple):
 class SlidingLaw(NamedTuple):
     """Sliding equation (5.6) of one slider, force . T + rest = 0, with T of the step."""
 
-    force: Any      # the contact force; with friction also what changes with T
-    tangent: Any    # derivative of the equation by the contact force: T, with friction also what changes with the force
+    force: Any      # contact force; with friction also its derivative by T
+    tangent: Any    # derivative of the equation by the contact force: T, with friction also that of friction
     rest: float     # minus the slider force, N
-    slope: float    # derivative of what is not force . T by s at the end of the step
+    slope: float    # derivative of `rest` by s at the end of the step
     share: float    # factor of (5.6) in the equation: 1, or 0 where the increment of s is prescribed
     rub: float      # derivative of the equation by `force_of_edges`
 
@@ -232,7 +232,7 @@ def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
 
 
 class Passage(NamedTuple):
-    """The curve under a slider in one step, theory.md (5.3), (5.4)."""
+    """Contact curve of a slider in one step, theory.md (5.3), (5.4)."""
 
     end: Any        # position at the end of the step, and its derivative by s there
     end_s: Any

@@ -103,7 +103,7 @@ def put_drives(term, system, k):
 
 
 class Force(NamedTuple):
-    """A force along the beam and its derivative by s at the end of the step."""
+    """Force along the beam and its derivative by s at the end of the step."""
 
     value: float
     slope: float

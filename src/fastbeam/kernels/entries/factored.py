@@ -1,6 +1,6 @@
-"""Entries of sliders as the few numbers that they are made of, a twelfth of the memory of their blocks, which are written where
-they are needed. With w the weights of a node, s the slide of the frame and t what its theta takes of the sliding
-equation, columns and lines against F, s, g_mean are
+"""Factored entries of sliders: the few numbers of an entry take a twelfth of the memory of its blocks, which are formed where
+they are needed. With w the weights of a node, s the slide of the frame and t the share of its theta in the sliding equation,
+columns and lines against F, s, g_mean are
 
     position        [w.mean I, w.slope F, 0]                             [-w.end I, w.along s, w.mean/2 I]
     spin            [w.mean g_mean^, w.slope g_mean x F, -w.mean F^]     [0, t, 0]
@@ -37,7 +37,7 @@ FORCE, GAP, SLIDE, MOMENT, END_S, MEAN_S, TANGENT, BY_S, IDLE, FRAME = 0, 3, 6, 
 class FactoredContact(NamedTuple):
     """Contact of scenes whose constraints are all sliders, rows of the block matrix, without sleeves; E entries each at most."""
 
-    basis: np.ndarray       # float64 [5, n]: this and what is not explained here as in `Contact`
+    basis: np.ndarray       # float64 [5, n]: this and all fields without a comment as in `Contact`
     legendre: np.ndarray    # float64 [3, n_coef]
     entries: np.ndarray     # int32 [S]
     row: np.ndarray         # int32 [S, E]

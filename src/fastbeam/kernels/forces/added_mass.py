@@ -17,7 +17,7 @@ from fastbeam.kernels.terms import Conserving, account, assemble, spread_nodes
 
 
 class AddedMass(NamedTuple):
-    """A nodes with added mass, coefficients of whole nodes."""
+    """Table of A nodes with added mass, coefficients of whole nodes."""
 
     node: np.ndarray     # int64 [A]
     row: np.ndarray      # int64 [A]

@@ -28,7 +28,7 @@ class ForceElements(NamedTuple):
     node: np.ndarray       # int64 [L, 2]
     row: np.ndarray        # int64 [L, 2]
     block: np.ndarray      # int64 [L, 4]: a-a, a-b, b-a, b-b
-    place: np.ndarray      # int64 [L]: of what it takes in the history
+    place: np.ndarray      # int64 [L]: offset of its work in the history
     axes: np.ndarray       # float64 [18 L]: as of `JointConditions`
     first: np.ndarray      # int64 [L]: first of its parameters
     parameters: np.ndarray  # float64 [*]

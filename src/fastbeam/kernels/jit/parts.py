@@ -209,7 +209,7 @@ class _Progress:
             self._write(text, "")
 
     def _write(self, text: str, after: str) -> None:
-        # blanks over what is left of a longer line
+        # blanks over the rest of a longer line
         sys.stderr.write(("\r" if self._shown or not after else "") + f"fastbeam: {text}".ljust(self._shown) + after)
         sys.stderr.flush()
         self._shown = len(text) + 10
@@ -223,7 +223,7 @@ def _about(seconds: float) -> str:
 PROGRESS = _Progress()
 
 
-# passes of numba for what kernels do not have: `with`, closures, lists of literals, inlining at the level of Python, expressions
+# passes of numba for features that kernels do not use: `with`, closures, lists of literals, inlining of Python, expressions
 # of whole arrays, exceptions, parallel loops
 LEFT_OUT = {"WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "InlineInlinables",
             "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "NopythonRewrites",

@@ -176,7 +176,7 @@ def _put_words(of: tuple[Any, ...], words: list[Any], told: list[Any]) -> None:
             # from_buffer takes a fifth of the time of the array interface
             first = (addressof(c_char.from_buffer(x)) if x.size and flags & CONTIGUOUS == CONTIGUOUS
                      else x.__array_interface__["data"][0])
-            # laid out as numba's arrays; nobody counts references to them
+            # laid out as numba's arrays, without reference counts
             told += x.dtype, x.ndim, flags & TYPED
             words += 0, 0, x.size, x.itemsize, first, *x.shape, *x.strides
         elif isinstance(x, tuple):

@@ -63,7 +63,7 @@ class Parts(NamedTuple):
 
 
 class Grip(NamedTuple):
-    """A coordinate from one shape to another, and what its forces do to y and z."""
+    """Derivatives of a joint coordinate between two shapes by its sums y and z."""
 
     way: float             # Dx
     y: float               # g_y and g_z, Dx = g_y Dy + g_z Dz

@@ -107,7 +107,7 @@ def is_held(motion, c, system, k):
     return is_closed(system.contact, k, allowed)
 
 
-# --- given ------------------------------------------------------------------------------------------------------------
+# --- prescribed -------------------------------------------------------------------------------------------------------
 @first_guess.register(JointDrives)
 @kernel
 def begin_drives(term, system, h, c):

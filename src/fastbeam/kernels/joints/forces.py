@@ -1,4 +1,4 @@
-"""Springs, dampers, motors and elastic stops on what joints with axes leave free, theory.md 4.
+"""Springs, dampers, motors and elastic stops on coordinates of joints with axes, theory.md 4.
 
 x is a coordinate of joints/coordinates.py, zero at t = 0. A spring, a damper and a motor give the force
 
@@ -6,7 +6,7 @@ x is a coordinate of joints/coordinates.py, zero at t = 0. A spring, a damper an
 
 on it, whose work is G Dx, so that the energy changes by exactly that. Elastic stops add minus the divided difference of their
 energy to G. The spring of a swing x between two axes has the energy k x^2/2 = k u(w), w = 1 - cos x: its force is the divided
-difference of that, (4.32), from the series of u where axes are close. Forces that are unknowns, of given coordinates and of
+difference of that, (4.32), from the series of u where axes are close. Forces that are unknowns, of prescribed coordinates and of
 friction, stand in joints/drives.py.
 """
 from __future__ import annotations
@@ -27,7 +27,7 @@ SWING_SERIES = (1.0, 1.0 / 6.0, 2.0 / 45.0, 1.0 / 70.0, 8.0 / 1575.0, 4.0 / 2079
 
 
 class JointForces(NamedTuple):
-    """The term that applies the forces, where there are any."""
+    """Term that applies the forces of joint coordinates, if there are any."""
 
     motion: JointMotion
 

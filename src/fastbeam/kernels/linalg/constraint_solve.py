@@ -29,7 +29,7 @@ from fastbeam.kernels.linalg.constraint_blocks import (column_on_slider, column_
 # and without
 LEAST_NODE, LEAST_PIVOT, LEAST_UNAUGMENTED = 1e-14, 1e-14, 1e-7
 RIGHT = 7     # column of the right-hand side
-# blocks of so many rows ahead are asked for where all blocks have more doubles than the caches next to a processor hold
+# number of rows whose blocks are prefetched, if all blocks have more doubles than the caches next to a processor hold
 AHEAD, FAR = 8, 65536
 
 

@@ -1,4 +1,4 @@
-"""Curves averaged over a length: what a bore of a sleeve sees of a beam, theory.md 5.8.
+"""Curves averaged over a length: the contact curve of a sleeve with a bore, theory.md 5.8.
 
 The shape functions of a point are replaced by their mean, weighed by a quadratic B-spline of that width: three convolutions with
 a box of a third of it. Beyond its ends the beam is continued by reflection at the end point, so that straight lines keep their

@@ -242,7 +242,7 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
     spread: Array | None = None
     kinds = sizes
     if interpolation == "lagrange":
-        # equal elements share what they have
+        # equal elements share their tables
         kinds = sizes[:1] if np.ndim(n_elements_or_ends) == 0 else sizes
         directors, stride, n_nodes = "nodes", p, n_elements * p + 1
         xi_nodes = gll_nodes(p)

@@ -148,7 +148,7 @@ def _blossom_weights(points: Array, arguments: Array, p: int) -> Array:
     weights = np.zeros((points.shape[0], width, 1))
     weights[:, :fixed] = np.linalg.solve(square, polar[:, :fixed, None])
     if width == p + 2:
-        # the divided difference of order p + 1 spans what may be added without touching degree p
+        # the divided difference of order p + 1 spans the weights that may be added without a change up to degree p
         null = 1.0 / np.stack([(x[:, b:b + 1] - np.delete(x, b, axis=1)).prod(axis=1) for b in range(width)], axis=1)
         null /= np.sqrt((null ** 2).sum(axis=1))[:, None]
         weights[:, :, 0] -= (null * weights[:, :, 0]).sum(axis=1)[:, None] * null
