@@ -1,5 +1,6 @@
-"""Dynamic stiffness: equations of motions x e^(r t) about a state of rest as one complex sparse matrix, K x + r C x + r^2 M x -
-B^T m = f, B x = g.
+"""Dynamic stiffness, the equations of motions x e^(r t) about a state of rest as one complex sparse matrix:
+
+    K x + r C x + r^2 M x - B^T m = f,   B x = g
 
 One structure serves all rates r; without an imaginary part the matrix is a real one.
 """

@@ -162,7 +162,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
     pencil, k = factors.pencil, factors.pencil.mass.shape[0]
     size = pencil.multiplier.size
     draw = np.random.default_rng(0)
-    # roots of masses times such a power have the same bits in other units
+    # roots of masses times `by` have the same bits in other units
     heavy = pencil.mass.diagonal() > 0.0
     by = parity(pencil.mass.diagonal()[np.argmax(heavy)])
     mass = by * pencil.mass

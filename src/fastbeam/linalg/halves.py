@@ -23,8 +23,9 @@ MOST_BETWEEN, SHARE_BETWEEN = 1000, 0.125
 
 
 def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
-    """Return the nodes of two halves of a symmetric structure that no block couples, and those between them; None if these are
-    many. Levels of the breadth-first search behind the Cuthill-McKee order are narrow, whatever the geometry of the net."""
+    """Return nodes of two halves of a symmetric structure that no block couples, and those between them; None if these are many.
+
+    Levels of the breadth-first search behind the Cuthill-McKee order are narrow, whatever the geometry of the net."""
     from scipy import sparse
     from scipy.sparse.csgraph import reverse_cuthill_mckee
     n = indptr.size - 1

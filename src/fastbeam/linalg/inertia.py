@@ -263,7 +263,7 @@ def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
 
 
 def held(matrix: Any, unknowns: Array) -> Any:
-    """Add the largest diagonal entry of a matrix by rows to the diagonal of some unknowns.
+    """Return a matrix by rows with its largest diagonal entry added to the diagonal of some unknowns.
 
     With z, K z = 0, z_i not 0, the matrix K + k e_i e_i^T has one zero eigenvalue less than K, and as many negative ones."""
     from scipy import sparse
