@@ -1,4 +1,4 @@
-"""What public calls take: kinds of arguments, and the decorator that checks them.
+"""Arguments of public calls: kinds of arguments, and the decorator that checks them.
 
 A kind is called with a value and returns it clean, or raises `Refusal` with the rest of a sentence that begins with the name of
 the argument. `@checked(mass=Number(above=0.0, unit="kg"))` checks the argument `mass` of a function, or of the constructor of a
@@ -27,16 +27,16 @@ T = TypeVar("T")
 # beyond these, products of a few numbers leave the range of doubles
 SMALLEST, LARGEST = 1e-60, 1e60
 LONGEST_RANGE = 10**7
-# what float() takes all the same
+# types that float() accepts although they are no real numbers
 NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, complex, np.complexfloating, np.datetime64, np.timedelta64, type)
 
 
 class Refusal(ValueError):
-    """Why a value is not usable: the rest of a sentence that begins with the name of its argument."""
+    """Error that says why a value is not usable: the rest of a sentence that begins with the name of its argument."""
 
 
 def shown(value: Any) -> str:
-    """A value as a short text for messages: numbers with six digits, anything else by its repr, cut."""
+    """Return a value as a short text for messages: numbers with six digits, anything else by its repr, cut."""
     array = None if isinstance(value, (str, bytes, type)) or value is None else numbers(value)
     if array is not None and array.size > 12:
         return f"an array of shape {array.shape}"
@@ -55,7 +55,7 @@ def shown(value: Any) -> str:
         text = label if isinstance(label, str) else text
         kind = type(value).__name__
         if len(text) > 60 and text.startswith(f"{kind}(") or " object at 0x" in text:
-            # nobody knows it by what is inside
+            # its contents do not help to recognise it
             text = f"{'an' if kind[:1] in 'AEIOUaeiou' else 'a'} {kind}"
     except Exception:          # whatever a foreign repr does, or a whole number with too many digits
         text = f"a {type(value).__name__}"
@@ -63,12 +63,12 @@ def shown(value: Any) -> str:
 
 
 def is_masked(value: Any) -> bool:
-    """Whether it is an array that says which of its numbers count; without a look at `numpy.ma`, which takes a while to load."""
+    """Return whether a value is a masked array; without a look at `numpy.ma`, which takes a while to load."""
     return isinstance(value, np.ndarray) and hasattr(value, "mask")
 
 
 def real(value: Any) -> float | None:
-    """The value as a float where it is one real number, else None."""
+    """Return the value as a float if it is one real number, else None."""
     if type(value) is float:
         return value
     if isinstance(value, NO_NUMBERS):
@@ -82,7 +82,7 @@ def real(value: Any) -> float | None:
 
 
 def whole(value: Any) -> int | None:
-    """The value as an int where it is a whole number by its type, else None."""
+    """Return the value as an int if it is a whole number by its type, else None."""
     # timedelta64 is an integer to NumPy
     if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (int, np.integer)):
         return None
@@ -90,14 +90,14 @@ def whole(value: Any) -> int | None:
 
 
 def numbers(value: Any) -> Array | None:
-    """The value as an array of floats where it holds nothing but real numbers, else None."""
+    """Return the value as an array of floats if it holds nothing but real numbers, else None."""
     if isinstance(value, (str, bytes, bytearray, memoryview, bool)) or value is None or is_masked(value):
         return None
     if isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE:
         return None
     try:
         raw = np.asarray(value)
-    except Exception:          # ragged lists, and what foreign objects raise
+    except Exception:          # ragged lists, and errors of foreign objects
         return None
     if raw.dtype.kind in "iuf":
         if isinstance(value, (list, tuple)) and hides_others(value):
@@ -113,8 +113,8 @@ def numbers(value: Any) -> Array | None:
 
 
 def hides_others(value: list[Any] | tuple[Any, ...]) -> bool:
-    """Whether truth values, which pass for 0 and 1 among numbers, or masked arrays stand in a list, at any depth; by the types of
-    its entries, since a net may have a million."""
+    """Return whether a list has truth values, which pass for 0 and 1 among numbers, or masked arrays, at any depth; by the types
+    of its entries, since a net may have a million."""
     kinds = set(map(type, value))
     if any(issubclass(kind, (bool, np.bool_)) or hasattr(kind, "mask") for kind in kinds):
         return True
@@ -126,7 +126,7 @@ def hides_others(value: list[Any] | tuple[Any, ...]) -> bool:
 
 
 def constant(array: Array) -> Array:
-    """A read-only contiguous float copy of `array`."""
+    """Return a read-only contiguous float copy of `array`."""
     copy = np.array(array, dtype=float, order="C")
     copy.setflags(write=False)
     return copy
@@ -135,7 +135,7 @@ def constant(array: Array) -> Array:
 # --- kinds ------------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Anything:
-    """A value that the call itself checks."""
+    """Kind of a value that the call itself checks."""
 
     def __call__(self, value: Any) -> Any:
         return value
@@ -143,7 +143,7 @@ class Anything:
 
 @dataclass(frozen=True)
 class Number:
-    """A finite real number, `> above`, `>= least`, `<= most`; its size is 0 or from 1e-60 to 1e60."""
+    """Kind of a finite real number, `> above`, `>= least`, `<= most`; its size is 0 or from 1e-60 to 1e60."""
 
     above: float | None = None
     least: float | None = None
@@ -168,7 +168,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Count:
-    """A whole number from `least` to `most`."""
+    """Kind of a whole number from `least` to `most`."""
 
     least: int = 1
     most: int = 10**15
@@ -184,7 +184,7 @@ class Count:
 
 @dataclass(frozen=True)
 class Flag:
-    """True or False, or one of a few words beside them."""
+    """Kind of True or False, or one of a few words beside them."""
 
     words: tuple[str, ...] = ()
 
@@ -199,7 +199,7 @@ class Flag:
 
 @dataclass(frozen=True)
 class Word:
-    """One of a few words; without a list any text."""
+    """Kind of one of a few words; without a list any text."""
 
     options: tuple[str, ...] = ()
 
@@ -213,14 +213,14 @@ class Word:
 
 
 def _either(words: tuple[str, ...]) -> str:
-    """'a', 'b' or 'c'."""
+    """Return "'a', 'b' or 'c'" for words a, b, c."""
     listed = [repr(word) for word in words]
     return " or ".join([", ".join(listed[:-1]), listed[-1]]) if len(listed) > 1 else "".join(listed)
 
 
 @dataclass(frozen=True)
 class Name:
-    """A text that is not empty."""
+    """Kind of a text that is not empty."""
 
     otherwise: str = "the name comes first"
 
@@ -233,7 +233,7 @@ class Name:
 
 @dataclass(frozen=True)
 class FilePath:
-    """A text or path; what is there is looked at by whoever opens it."""
+    """Kind of a text or path; the code that opens the file checks it."""
 
     def __call__(self, value: Any) -> Path:
         try:
@@ -247,7 +247,7 @@ class FilePath:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of `arguments`, such as 't'."""
+    """Kind of a function of `arguments`, such as 't'."""
 
     arguments: str
     returns: str = ""
@@ -272,7 +272,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Instance:
-    """An object of one of some classes."""
+    """Kind of an object of one of some classes."""
 
     classes: type | tuple[type, ...]
     need: str
@@ -286,7 +286,7 @@ class Instance:
 
 @dataclass(frozen=True)
 class Numbers:
-    """A read-only array of finite real numbers; None in its shape: any size."""
+    """Kind of a read-only array of finite real numbers; None in its shape: any size."""
 
     shape: tuple[int | None, ...]
     need: str
@@ -304,7 +304,7 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Maybe:
-    """A kind or None, where None is not the default."""
+    """Kind of another kind or None, where None is not the default."""
 
     kind: Callable[[Any], Any]
 
@@ -317,7 +317,7 @@ Vector = Numbers((3,), "3 finite numbers")
 
 @dataclass(frozen=True)
 class Listing:
-    """Several values of one kind, as a tuple; a text is none."""
+    """Kind of several values of one kind, as a tuple; a text is none."""
 
     of: Any
     need: str
@@ -337,7 +337,7 @@ class Listing:
 
 @dataclass(frozen=True)
 class Names:
-    """A mapping from names to values that the call itself checks, as a dict."""
+    """Kind of a mapping from names to values that the call itself checks, as a dict."""
 
     need: str
 
@@ -384,7 +384,7 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
 
     @cache
     def known() -> tuple[list[str], list[str]]:
-        """Arguments to name in messages, and which of them are needed: also those that go on to another call."""
+        """Return arguments to name in messages, and which of them are needed: also those that go on to another call."""
         if not more:
             return visible, required
         full = [p for p in signature(call).parameters.values() if p.kind is not Parameter.VAR_KEYWORD][bound:]
@@ -429,7 +429,8 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
 
 
 def spell_out(function: Any, of: Any) -> None:
-    """Let the signature of a function that hands on `**more` to a constructor name what stands for it, for help and editors."""
+    """Write into the signature of a function that hands on `**more` to a constructor the arguments that it stands for, for help
+    and editors."""
     own = [p for p in signature(function).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
     have = {p.name for p in own}
     more = [p for p in signature(of).parameters.values() if p.kind is Parameter.KEYWORD_ONLY and p.name not in have]
@@ -437,7 +438,7 @@ def spell_out(function: Any, of: Any) -> None:
 
 
 def _subject(function: Any, own: tuple[Any, ...], given: dict[str, Any]) -> str:
-    """What a message is about: a noun by its kind and name, else the function."""
+    """Return the subject of a message: a part by its kind and name, else the function."""
     if not own:
         return function.__name__
     kind, name = getattr(own[0], "kind", type(own[0]).__name__), given.get("name", (function.__kwdefaults__ or {}).get("name"))
@@ -452,7 +453,7 @@ def _subject(function: Any, own: tuple[Any, ...], given: dict[str, Any]) -> str:
 
 # --- single checks of code that is no public call ---------------------------------------------------------------------------
 def take(kind: Callable[[Any], Any], subject: str, value: Any) -> Any:
-    """`value` as a kind, or a SceneError that begins with `subject`."""
+    """Return `value` as a kind; raise a SceneError that begins with `subject` if it is not."""
     try:
         return kind(value)
     except Refusal as refusal:
@@ -460,7 +461,7 @@ def take(kind: Callable[[Any], Any], subject: str, value: Any) -> Any:
 
 
 def number(name: str, value: Any) -> float:
-    """A finite number as a float.
+    """Return a finite number as a float.
 
     Raises
     ------
@@ -471,7 +472,7 @@ def number(name: str, value: Any) -> float:
 
 
 def count(name: str, value: Any, least: int = 1) -> int:
-    """A whole number >= `least`.
+    """Return a whole number >= `least`.
 
     Raises
     ------

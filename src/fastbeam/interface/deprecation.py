@@ -17,7 +17,7 @@ KEPT = 2
 
 
 class Renamed(NamedTuple):
-    """What a public name is called now, and the minor version, as "0.2", that renamed it."""
+    """New name of a public name, and the minor version, as "0.2", that renamed it."""
 
     new: str
     since: str
@@ -30,7 +30,7 @@ MODULES = ("adjoint", "critical_slopes", "errors", "mode_shapes", "responses", "
 
 
 def gone(since: str) -> str:
-    """The minor version that no longer knows what `since` renamed: gone("0.2") is "0.4".
+    """Return the minor version that no longer knows an old name that `since` replaced: gone("0.2") is "0.4".
 
     Raises
     ------
@@ -44,7 +44,7 @@ def gone(since: str) -> str:
 
 
 def new_name(old: str) -> str | None:
-    """What a public name of earlier versions is called now, with a FutureWarning; None of a name that never was."""
+    """Return the present name of a public name of earlier versions, with a FutureWarning; None for a name that never was."""
     found = RENAMED.get(old)
     if found is None:
         return None
@@ -53,11 +53,11 @@ def new_name(old: str) -> str | None:
 
 
 class OldModules:
-    """Finds and loads `MODULES`, whose names are those of the package, with a FutureWarning."""
+    """Finder and loader of `MODULES`, whose names are those of the package, with a FutureWarning."""
 
     @staticmethod
     def find_spec(name: str, path: Any = None, target: Any = None) -> Any:
-        """The spec of one of `MODULES`; None of others."""
+        """Return the spec of one of `MODULES`; None for others."""
         package, _, module = name.partition(".")
         if package != "fastbeam" or module not in MODULES:
             return None
@@ -81,8 +81,8 @@ class OldModules:
 
 
 def deprecated(since: str, /, *, instead: str = "", **renamed: str) -> Callable[[T], T]:
-    """Decorator of a function or class: arguments `old="new"` are taken by their old names, too; without any, the call itself is
-    going, and `instead` says what to write. It stands above `@checked`.
+    """Accept arguments of the decorated function or class, `old="new"`, by their old names, too; without any, the call itself is
+    deprecated, and `instead` says what to write. It stands above `@checked`.
 
     Parameters
     ----------

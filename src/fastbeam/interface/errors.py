@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
 
 class SceneError(ValueError):
-    """A scene or an argument is not usable; raised before anything runs, but for functions of the user that fail on the way.
+    """Error of a scene or an argument that is not usable; raised before anything runs, except by user functions that fail on the
+    way.
 
     Attributes
     ----------
@@ -25,7 +26,7 @@ class SceneError(ValueError):
 
 
 class ConvergenceError(RuntimeError):
-    """A step or load step did not converge.
+    """Error of a step or load step that did not converge.
 
     Attributes
     ----------
@@ -51,7 +52,7 @@ class ConvergenceError(RuntimeError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run was interrupted (Ctrl-C) and ended as it does at its end: rows complete, files closed, the checkpoint renewed.
+    """Interrupt (Ctrl-C) of a run, which ended as usual: rows complete, files closed, the checkpoint renewed.
 
     Attributes
     ----------
@@ -70,11 +71,11 @@ class Interrupted(KeyboardInterrupt):
 
 
 class BackendError(ImportError):
-    """An optional library is missing; the message says what to install."""
+    """Error of a missing optional library; the message says what to install."""
 
 
 class ResultFileError(ValueError):
-    """A file is not a fastbeam result or checkpoint, is damaged, or cannot be written.
+    """Error of a file that is not a fastbeam result or checkpoint, is damaged, or cannot be written.
 
     Attributes
     ----------
@@ -87,7 +88,8 @@ class ResultFileError(ValueError):
 
 
 class ResultWarning(UserWarning):
-    """A result has events that say where its numbers are not to be trusted: a mesh that is too coarse, a step that is too long.
+    """Warning about a result whose numbers are not to be trusted by its events: a mesh that is too coarse, a step that is too
+    long.
 
     It comes once for a result, when that is complete. `warnings.simplefilter("error", fb.ResultWarning)` makes it an exception.
 
@@ -103,7 +105,7 @@ class ResultWarning(UserWarning):
 
 
 def carry(error: BaseException, result: Callable[[], Any]) -> None:
-    """Let an exception on its way out of a run bring what was computed, as `.result`, where that can be had."""
+    """Attach the numbers computed so far to an exception on its way out of a run, as `.result`, if possible."""
     with suppress(Exception):
         setattr(error, "result", result())
         error.add_note("fastbeam: everything computed until then is in .result of this exception")

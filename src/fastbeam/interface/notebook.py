@@ -1,4 +1,4 @@
-"""What notebooks show: objects as tables, progress as a line that moves. Texts of names are escaped: files may bring any."""
+"""Output in notebooks: objects as tables, progress as a line that moves. Texts of names are escaped: files may bring any."""
 from __future__ import annotations
 
 import sys
@@ -11,7 +11,7 @@ MOST_ROWS = 50
 
 
 def table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]], notes: Iterable[str] = ()) -> str:
-    """A title, a table and lines below it as HTML; the first 50 rows."""
+    """Return a title, a table and lines below it as HTML; the first 50 rows."""
     cells = "".join(f"<th style='text-align:left'>{escape(str(x))}</th>" for x in header)
     lines = [f"<tr>{cells}</tr>"] if header else []
     for row in rows[:MOST_ROWS]:
@@ -22,12 +22,12 @@ def table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]], note
 
 
 def text(title: str, lines: str) -> str:
-    """A title and lines of text that keep their columns as HTML."""
+    """Return a title and lines of text that keep their columns as HTML."""
     return f"<div><b>{escape(title)}</b><pre style='line-height:1.2'>{escape(lines)}</pre></div>"
 
 
 class Parts:
-    """A scene, which notebooks show as a table of its parts."""
+    """Base of a scene, which notebooks show as a table of its parts."""
 
     name: str
     parts: list[Any]
@@ -39,25 +39,25 @@ class Parts:
 
 
 def is_notebook() -> bool:
-    """Whether this process is the kernel of a notebook."""
+    """Return whether this process is the kernel of a notebook."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None and hasattr(ipython, "get_ipython") else None
     return type(shell).__name__ == "ZMQInteractiveShell"
 
 
 class Line:
-    """A bar of progress in the output of a notebook's cell."""
+    """Bar of progress in the output of a notebook's cell."""
 
     def __init__(self) -> None:
         from IPython.display import display
         self._handle = display(self._html(0.0, ""), display_id=True)
 
     def show(self, share: float, words: str) -> None:
-        """A share from 0 to 1, and words beside it."""
+        """Show a share from 0 to 1, and words beside it."""
         self._handle.update(self._html(share, words))
 
     def clear(self) -> None:
-        """Leave nothing behind."""
+        """Remove the bar."""
         from IPython.display import HTML
         self._handle.update(HTML(""))
 

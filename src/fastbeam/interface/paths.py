@@ -1,4 +1,4 @@
-"""Places on disk: what stands where a file is to be read or written."""
+"""Checks of paths on disk before a file is read or written."""
 from __future__ import annotations
 
 import os
@@ -9,7 +9,7 @@ from fastbeam.interface.errors import ResultFileError
 
 
 def check_regular(noun: str, path: Path, named: Path) -> None:
-    """Refuse what is no file: a folder, or a device, pipe or socket, which must be neither replaced nor waited for.
+    """Check that a path is a file and no folder, or a device, pipe or socket, which must be neither replaced nor waited for.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from fastbeam.interface.errors import ResultWarning
 
 T = TypeVar("T", bound=Callable[..., Any])
-# kinds of events that say so; the others tell what happened, or what was done at the start
+# kinds of events that make numbers untrustworthy; the others report what happened, or was done at the start
 KINDS = ("coarse", "contact", "reversed", "unresolved", "drift", "massless", "order", "extrapolation", "leap", "lagging load",
          "shock")
 # events that a text shows
@@ -18,7 +18,7 @@ MOST = 6
 
 
 class Doubts:
-    """A result with events: the lines that `table()`, `repr` and notebooks end with."""
+    """Base of a result with events: the lines that `table()`, `repr` and notebooks end with."""
 
     events: Sequence[Mapping[str, Any]] = ()
 
@@ -27,14 +27,14 @@ class Doubts:
 
 
 def doubts(events: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A line for every event that says that numbers are not to be trusted, of which the first few are shown."""
+    """Return a line for every event that makes numbers untrustworthy; the first few are shown."""
     found = [f"{event['kind']}: {event.get('text', '')}" for event in events if event.get("kind") in KINDS]
     more = [f"and {len(found) - MOST} more like these in .events"] if len(found) > MOST else []
     return [f"not to be trusted, {line}" for line in found[:MOST]] + more
 
 
 def warns(function: T) -> T:
-    """Decorator of an analysis, above `@checked`: a ResultWarning where its result has such events, once that is complete.
+    """Decorate an analysis, above `@checked`: issue a ResultWarning if its result has such events, once that is complete.
 
     It names the line of the program that called; where fastbeam itself did, there is none.
     """

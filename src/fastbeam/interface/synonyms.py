@@ -1,11 +1,10 @@
-"""What arguments are called elsewhere, and what to write here instead: the end of the message about an argument that a call does
-not have."""
+"""Synonyms of arguments: names from elsewhere, and advice in the message about an argument that a call does not have."""
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-# argument: what people call it. Where a call has several of these arguments the first one is suggested; a list of arguments is
-# where it has them all. Capitals and underscores do not count, unless the words differ by them alone
+# argument: its names elsewhere. If a call has several of these arguments, the first one is suggested; a list of arguments is
+# suggested if the call has all of them. Capitals and underscores do not count, unless the words differ by them alone
 WORDS = {
     # when, how long, how finely
     "step": "dt h time_step timestep step_size stepsize load_step "
@@ -34,7 +33,7 @@ WORDS = {
     "backend": "solver linear_solver",
     "mend_start": "fix_start repair mend",
     "keep_every": "every checkpoints keep",
-    # where a run starts, what comes out of it
+    # start and results of a run
     "start": "restart initial_state initial x0 state y0 warm_start seed from p1 x1 first begin min lower minimum low",
     "state": "start equilibrium at about",
     "observe": "outputs record variables quantities",
@@ -221,7 +220,7 @@ WORDS = {
     "owner": "beam body part",
     "name": "title label id point joint",
 }
-# words that mean something else than the argument, and what the argument is
+# words that differ in meaning from the argument, and the meaning of the argument
 CONVERTED = {
     "radius": {"diameter d outer_diameter D": "half of the diameter"},
     "thickness": {"inner_radius ri": "the radius less the inner radius", "inner_diameter": "the radius less half of it"},
@@ -251,14 +250,14 @@ CONVERTED = {
     "speed": {"slow_motion slowdown": "less than 1 for slow motion"},
     "progress": {"quiet": "the opposite"},
 }
-# what is not there at all: docs/limits.md
+# words of features that do not exist: docs/limits.md
 ABSENT = ("spring", "motor", "contact", "plasticity", "gpu", "dofs")
-# only what is all but the same word is taken for a slip of the pen
+# least similarity of a word that is taken for a misspelt argument
 CLOSE = 0.78
 
 
 def instead(unknown: str, names: list[str]) -> str:
-    """What to write instead of an argument that does not exist, of those of the call."""
+    """Return the advice for an argument that does not exist, from those of the call."""
     if unknown in ("radius", "height", "width", "thickness", "E") and "EA" in names:
         return "; Section.circle, Section.tube and Section.rectangle take sizes and material"
     meant = _meant(unknown, names)
@@ -272,7 +271,7 @@ def instead(unknown: str, names: list[str]) -> str:
 
 
 def nearest(unknown: object, names: Iterable[str], close: float = 0.6) -> str:
-    """The name that is most like one that does not exist; '' where none is like it. Small letters and capitals do not count."""
+    """Return the name nearest to one that does not exist; '' if none is like it. Small letters and capitals do not count."""
     from difflib import get_close_matches
     of = {name.lower(): name for name in names}
     found = get_close_matches(str(unknown).lower(), of, 1, close)
@@ -280,7 +279,7 @@ def nearest(unknown: object, names: Iterable[str], close: float = 0.6) -> str:
 
 
 def known(names: Iterable[str], unknown: object = "", none: str = "none") -> str:
-    """Names that exist, for a message: the nearest to one that does not, and the first of all."""
+    """Return names that exist, for a message: the nearest to one that does not, and the first of all."""
     names = list(names)
     close = nearest(unknown, names) if len(names) > 1 else ""
     first = ", ".join(repr(name) for name in names[:12]) + ", ..." * (len(names) > 12)
@@ -288,12 +287,12 @@ def known(names: Iterable[str], unknown: object = "", none: str = "none") -> str
 
 
 def its_sliders(names: list[str], unknown: str) -> str:
-    """Those of a scene, which has none of this name, for a message."""
+    """Return the sliders of a scene, which has none of this name, for a message."""
     return f"its sliders are {known(names, unknown)}" if names else "it has no sliders"
 
 
 def _meant(unknown: str, names: list[str]) -> str:
-    """The first argument, or all of some, that people call like that; '' where there is none."""
+    """Return the first argument, or all of some, that people call like that; '' if there is none."""
     for any_case in (False, True):
         word = unknown.lower().replace("_", "") if any_case else unknown
         for argument, words in WORDS.items():
@@ -304,7 +303,7 @@ def _meant(unknown: str, names: list[str]) -> str:
 
 
 def _is_among(word: str, words: str) -> bool:
-    """Whether a word is one of some; capitals and underscores do not count."""
+    """Return whether a word is one of some; capitals and underscores do not count."""
     return word.lower().replace("_", "") in words.lower().replace("_", "").split()
 
 
@@ -315,5 +314,5 @@ def _has(argument: str, names: list[str]) -> bool:
 
 
 def listed(names: list[str], tail: str = "") -> str:
-    """Names in a row, the first ten of them."""
+    """Return names in a row, the first ten of them."""
     return ", ".join(f"{name}{tail}" for name in names[:10]) + (", ..." if len(names) > 10 else "") or "nothing"

@@ -1,4 +1,4 @@
-"""Tables of calls: how the terms of a model, and the record of what they share, are handed to loops that are compiled once
+"""Call tables: pass the terms of a model, and the record that they share, to loops that are compiled once
 (kernels/jit/calls.py)."""
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from fastbeam.kernels.terms import (NoTies, Shared, System, WithContact, WithMet
     begin_step, clear, first_guess, put_loads, scale_residual, scale_solutions, spread_nodes, within_limits)
 
 Array = np.ndarray
-# (code, term) for each entry of a question; where lists begin and how long they are stand before
+# words ahead of the entries (code, term): for each question the begin and the length of its list
 HEAD = 1 + 2 * len(Question.all)
-# what is read of the system, from least to most
+# parts of the system that terms read, from least to most
 VIEWS = WithMethod, WithContact, System
-# the first argument of what is asked of the scene as a whole, and what its entries read at least
+# first argument of a question to the scene as a whole, and the least part of the system that its entries read
 OF_SCENE: dict[str, Any] = {"dofs": WithMethod, "method": WithMethod, "contact": WithContact, "solver": System}
 SCENE = [x for x in Question.all if x.names[0] in OF_SCENE]
 TERMS = [x for x in Question.all if x.names[0] not in OF_SCENE and x.of is not put_loads]
@@ -31,7 +31,7 @@ def _numbers(*asked: Any) -> frozenset[int]:
     return frozenset(x.question.number for x in asked)
 
 
-# what is asked of terms that add to equations, where equations are assembled, of a shape at rest, in an iteration, and in steps
+# questions to terms that add to equations, to all terms in an assembly, for a shape at rest, in an iteration, and in steps
 ADDED = _numbers(assemble)
 ASSEMBLY = _numbers(spread_nodes, clear, assemble, scale_residual, scale_solutions)
 AT_REST = ASSEMBLY | _numbers(begin_step, begin_contact, first_guess)
@@ -40,7 +40,7 @@ EVERYTHING = frozenset(x.number for x in Question.all)
 ITERATION = EVERYTHING - _numbers(account, accept, within_limits)
 # (question, type of the term, type of the system) -> address
 _ENTRIES: dict[tuple[int, Any, Any], int] = {}
-# type of the system, what is asked -> words of a table
+# (type of the system, questions) -> words of a table
 _SCENES: dict[Any, Array] = {}
 # types of terms and system -> (words of a table, places of addresses of terms in it, their numbers)
 _PLANS: dict[Any, tuple[Array, Array, Array]] = {}
@@ -48,17 +48,17 @@ _PLANS: dict[Any, tuple[Array, Array, Array]] = {}
 
 @cache
 def _does_nothing(function: Any) -> bool:
-    """Whether an implementation is empty."""
+    """Return whether an implementation is empty."""
     steps = [x for x in dis.get_instructions(function.py_func) if x.opname not in ("RESUME", "NOP")]
     return len(steps) < 3 and all(x.argval is None for x in steps)
 
 
-# the type of what all scenes have in common, once there is one
+# type of the record that all scenes have in common, once there is one
 _OF_ALL: list[RecordType] = []
 
 
 class SystemRecord(Record):
-    """A record of what all terms share, for loops that know nothing of the scene.
+    """Record of the data that all terms share, for loops that are independent of the scene.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class SystemRecord(Record):
 
 
 def _plan_of_scene(of: System, views: dict[Any, RecordType], only: frozenset[int]) -> Array:
-    """Words of the table of what is asked of a scene."""
+    """Return the words of the table of questions to a scene as a whole."""
     wanted = []
     for question in (x for x in SCENE if x.number in only):
         function = question.of.implementation(*(getattr(of, x, None) for x in question.names[:2]))
@@ -100,7 +100,7 @@ def _plan_of_scene(of: System, views: dict[Any, RecordType], only: frozenset[int
 
 
 def _words(numbers: list[int], codes: list[int]) -> Array:
-    """A table of entries in the order of their questions, without addresses of terms."""
+    """Return a table of entries in the order of their questions, without addresses of terms."""
     words = np.zeros(HEAD + 2 * len(codes), np.int64)
     words[HEAD::2] = codes
     for number in dict.fromkeys(numbers):
@@ -109,12 +109,12 @@ def _words(numbers: list[int], codes: list[int]) -> Array:
 
 
 def system_record(of: System, last: SystemRecord | None, only: frozenset[int] = EVERYTHING) -> SystemRecord:
-    """A record of a system: the last one where it holds the same arrays and numbers."""
+    """Return a record of a system: the last one if it holds the same arrays and numbers."""
     return last if last is not None and same_record(of, last.of) else SystemRecord(of, only)
 
 
 class Typed:
-    """The memory of a record as one of another type."""
+    """Memory of a record seen as a record of another type."""
 
     __slots__ = "of", "address", "_numba_type_", "_record"
 
@@ -123,7 +123,7 @@ class Typed:
 
 
 class Calls:
-    """Terms of a model for loops that know nothing of the scene.
+    """Terms of a model for loops that are independent of the scene.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ class Calls:
         self._table: Table | None = None
 
     def on(self, system: SystemRecord) -> tuple[Table, SystemRecord]:
-        """The arguments of a loop: a table, made anew where the system is another one, and the system."""
+        """Return the arguments of a loop: a table, made anew if the system is another one, and the system."""
         if self._table is None or self._table.system is not system:
             self._table = Table(system, self._records, *self._plan(system))
         return self._table, system
@@ -165,7 +165,7 @@ class Calls:
 
 
 class Table:
-    """One table."""
+    """Table of one model and one system."""
 
     _numba_type_ = CALLS
 
@@ -179,7 +179,7 @@ class Table:
         self._given: tuple[Any, ...] = ()
 
     def give(self, given: tuple[Any, ...]) -> None:
-        """What has loads in the next call of a loop (`put_loads`)."""
+        """Register the terms with loads in the next call of a loop (`put_loads`)."""
         records = [Record(x) for x in given]
         question = put_loads.question
         codes = _addresses([(question, x._numba_type_, self.system.views[WithMethod], False) for x in records])
@@ -189,12 +189,13 @@ class Table:
 
 
 def _reads(term: Any) -> Any:
-    """What a term reads of the system, at most; one from another package may read all."""
+    """Return the class of the largest part of the system that a term reads; a term from another package may read all."""
     return getattr(term, "reads", System if is_term(type(term)) else WithMethod)
 
 
 def _addresses(wanted: list[tuple[Question, Any, Any, bool]]) -> list[int]:
-    """Machine code of entries for types of a term and of the system, 0 of those that do nothing, the last of four."""
+    """Return addresses of machine code of entries for types of a term and of the system; 0 if the last of the four says that the
+    entry does nothing."""
     keys = [(question.number, kind, view) for question, kind, view, _ in wanted]
     missing = {key: (question.entry, (kind, view, *question.given.values())) for key, (question, kind, view, nothing)
                in zip(keys, wanted) if not nothing and key not in _ENTRIES}
@@ -210,7 +211,7 @@ _VIEWS: dict[Any, tuple[dict[Any, RecordType], RecordType]] = {}
 
 
 def _views(kind: RecordType, of: System) -> tuple[dict[Any, RecordType], RecordType]:
-    """Types of a system for what reads only so much of it, and for loops."""
+    """Return types of a system for code that reads part of it, and for loops."""
     if kind not in _VIEWS:
         increment = of.work.increment._replace(off=NoTies())
         least = RecordType(type_of(Shared(*of[:6], of.work._replace(increment=increment))))

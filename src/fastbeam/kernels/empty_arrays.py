@@ -17,17 +17,17 @@ FILL = float(os.environ.get("FASTBEAM_FILL", "0"))
 
 
 def empty(shape: Any) -> Array:
-    """An array of this shape, float64."""
+    """Return an array of this shape, float64."""
     return filled(np.zeros(shape))
 
 
 def aligned_empty(n: int) -> Array:
-    """n numbers that begin on a cache line, see `kernels.work.aligned`."""
+    """Return n numbers that begin on a cache line, see `kernels.work.aligned`."""
     return filled(work.aligned(n))
 
 
 def filled(x: Array) -> Array:
-    """An array of zeros with what such arrays begin with."""
+    """Fill an array of zeros with FILL, the initial value of such arrays."""
     if FILL != 0.0:
         x.fill(FILL)
     return x

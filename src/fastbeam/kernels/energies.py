@@ -15,7 +15,7 @@ from fastbeam.kernels.layout import CONSTANTS, LIST, NODE_TABLE, NODES, POINTS, 
 
 @kernel
 def element_momenta(tables, n_rows, v, p_out):
-    """p += M v of all beam elements; v, p [12 N]."""
+    """Add M v of all beam elements to p; v, p [12 N]."""
     meta = tables.meta
     tab = tables.tab
     for k in range(meta.shape[0]):
@@ -39,7 +39,7 @@ def element_momenta(tables, n_rows, v, p_out):
 
 @kernel
 def body_momenta(bodies, v, p_out):
-    """p += M v of point masses and rigid bodies."""
+    """Add M v of point masses and rigid bodies to p."""
     for k in range(bodies.node.shape[0]):
         o = 12 * bodies.node[k]
         for a in range(4):
@@ -49,8 +49,8 @@ def body_momenta(bodies, v, p_out):
 
 @kernel
 def motion(q, v, p, out):
-    """Kinetic energy, linear and angular momentum from p = M v into out[0], out[1:4], out[4:7]; theory.md (4.3).
-    out[7], out[8]: sums of the sizes of the contributions to both momenta, the scale of their round-off."""
+    """Form kinetic energy, linear and angular momentum from p = M v in out[0], out[1:4], out[4:7]; theory.md (4.3). out[7],
+    out[8]: sums of the sizes of the contributions to both momenta, the scale of their round-off."""
     for i in range(9):
         out[i] = 0.0
     for i in range(q.shape[0] // 12):
@@ -67,7 +67,7 @@ def motion(q, v, p, out):
 
 @kernel
 def shape_at_point(tables, no, lane, to, nn, q):
-    """phi', the directors and their derivatives at a point of one element."""
+    """Return phi', the directors and their derivatives at a point of one element."""
     tab = tables.tab
     f = zero3(); d1 = zero3(); d2 = zero3(); d3 = zero3(); k1 = zero3(); k2 = zero3(); k3 = zero3()
     for a in range(nn):
@@ -82,7 +82,7 @@ def shape_at_point(tables, no, lane, to, nn, q):
 
 @kernel
 def energy_at_point(tab, co, e0, e):
-    """(E - E0) C (E - E0) and the axial force for strains e, from which E0 is subtracted in place."""
+    """Return (E - E0) C (E - E0) and the axial force for strains e, from which E0 is subtracted in place."""
     for i in range(6):
         e[i] -= tab[e0 + 8 * i]
     energy = 0.0
@@ -99,8 +99,8 @@ def energy_at_point(tab, co, e0, e):
 
 @kernel
 def strain_energy(tables, n_rows, q, strains, work, of_elements):
-    """1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers. of_elements: empty, or [groups, 8, 3] flat, for the mean
-    axial force of every element, the smallest square of the length of its directors, and the smallest phi'.d1; see
+    """Return 1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers. of_elements: empty, or [groups, 8, 3] flat, for the
+    mean axial force of every element, the smallest square of the length of its directors, and the smallest phi'.d1; see
     `resolution`."""
     meta = tables.meta
     tab = tables.tab
@@ -136,7 +136,7 @@ def strain_energy(tables, n_rows, q, strains, work, of_elements):
 
 @kernel
 def slider_points(curves, sliders, contact, q, s, gap_out):
-    """Distance of every sliding point from its curve at s."""
+    """Form the distance of every sliding point from its curve at s."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         e = find_element.call(curves, c, s[k], contact.element[k])
@@ -146,7 +146,7 @@ def slider_points(curves, sliders, contact, q, s, gap_out):
 
 @kernel
 def slider_motion(curves, sliders, contact, q, v, s, tangent_out, rate_out):
-    """Derivative by s of the curve under every slider, tangent_out [3 S], and ds/dt, rate_out [S] (theory.md 5.4)."""
+    """Form the derivative by s of the curve under every slider, tangent_out [3 S], and ds/dt, rate_out [S] (theory.md 5.4)."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         e = find_element.call(curves, c, s[k], contact.element[k])

@@ -31,12 +31,12 @@ NODE_TABLE = 24
 STRESSES = 10 * 8
 POINT_MATRIX = STRESSES
 SHAPES_AT = POINT_MATRIX + 9 * 8
-# a shape is what derivatives of the strains (2.2) need: two shears, 1 / stretch, the forms of twist and curvatures, the factor c;
+# a shape has the data for derivatives of the strains (2.2): two shears, 1 / stretch, forms of twist and curvatures, the factor c;
 # there is one of the means and one of the end of the step, and behind them the stretch at the end
 SHAPE = 7 * 8
 SHAPES = 2 * SHAPE + 8
 POINT_NODES = SHAPES_AT + SHAPES
-# of a node at a point: six rows b_i of the middle of the step, the products D b_i with the rows of the end, theory.md (4.8), and
+# scratch of a node at a point: six rows b_i of the middle of the step, the products D b_i with the rows of the end, (4.8), and
 # the 3 x 3 matrices rotation-position and position-rotation
 ROWS, PRODUCTS, ROTATION_POSITION, POSITION_ROTATION, POINT_NODE = 0, 18 * 8, 36 * 8, 45 * 8, 54 * 8
 
@@ -69,16 +69,16 @@ class Layout(NamedTuple):
     point: int               # weight, then (phi_s, dir, dir_s) of every node
     point_size: int          # distance of points
     inertia: int             # rhoA, rhoI2, rhoI3, in a plane rhoA, rhoI
-    masses: int              # of positions nn x nn
-    director_masses: int     # of directors nn x nn
+    masses: int              # masses of positions, nn x nn
+    director_masses: int     # masses of directors, nn x nn
     table_size: int
     # scratch: coordinates in the middle and at the end of the step, node by node, stand first
     node: int                # distance of nodes there
     rates: int               # second rates u of the coordinates, theory.md 4
-    forces: int              # on the coordinates
+    forces: int              # forces on the coordinates
     rows: int                # residual
     blocks: int              # tangent: nn x nn blocks
-    points: int              # what pairs of nodes share of the stiffness of a point
+    points: int              # stiffness of points, for pairs of nodes
     point_stride: int        # distance of points there
     spin_rates: int          # derivatives of second rates by spins, in space
     increment: int           # coordinates before the last increment, and that increment
@@ -97,7 +97,7 @@ SHEAR_2, SHEAR_3, TWIST, CURVATURE_2, CURVATURE_3, LENGTHS = 0, 8, 16, 48, 56, 6
 
 @inlined
 def layout(dofs, nn, nq):
-    """The layout for nodes in space or in a plane."""
+    """Return the layout for nodes in space or in a plane."""
     n = len(dofs)
     node = 96 if n == 6 else 32
     strains = 6 if n == 6 else 3
@@ -123,6 +123,6 @@ def layout(dofs, nn, nq):
 
 
 def layout_of(dofs: tuple[int, ...], nn: int, nq: int) -> Layout:
-    """The same for callers in Python, without compiled code."""
+    """Return `layout` for callers in Python, without compiled code."""
     found: Layout = layout.py_func(dofs, nn, nq)
     return found

@@ -27,13 +27,13 @@ from fastbeam.kernels.terms import (AtRest, Equilibrium, Loads, NoContact, Solve
     take_unknowns, within_limits)
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
-# increments below these may be round-off: where they do not shrink; where they are far longer than foretold
+# increments below these may be round-off: if they do not shrink; if they are far longer than expected
 SMALL_INCREMENT, SMALLEST_INCREMENT = 1e-9, 1e-11
-# an increment of so many sizes of the scene is divergence of a step in time
+# increment, in sizes of the scene, that counts as divergence of a step in time
 LARGEST_IN_TIME = 1e6
 
 
-# --- what methods have in common, and statics ---------------------------------------------------------------------------
+# --- defaults of methods, and statics -----------------------------------------------------------------------------------
 @begin_step.register(object)
 @kernel
 def begin_in_time(method, terms, system, h):
@@ -102,7 +102,7 @@ def whole_increment(method):
 @inner_share.register(Equilibrium)
 @kernel
 def half_increment(method):
-    """Half the tangent is formed."""
+    """Return -1/2, because half the tangent is formed."""
     return -0.5
 
 
@@ -119,7 +119,7 @@ def clear_static_increments(method, system):
 @take_increments.register(Equilibrium)
 @kernel
 def take_static_increments(method, system):
-    """Positions move, triads are updated by a rotation."""
+    """Move positions, and rotate triads."""
     work = system.work
     advance_nodes.call(system.dofs, method, system.state, work, 0.0, 0, system.row_of.shape[0], work.scratch)
 
@@ -133,7 +133,7 @@ def put_mean_loads(loads, system, k):
 # --- the system of equations --------------------------------------------------------------------------------------------
 @kernel
 def assemble_step(terms, system, h):
-    """Residual and tangent of one Newton iteration at the present dphi, theta, s_end, force."""
+    """Assemble residual and tangent of one Newton iteration at the present dphi, theta, s_end, force."""
     method = system.method
     clear_equations(system.work)
     spread_nodes.call(system.dofs, method, system.state, system.work, h, 0, system.row_of.shape[0])
@@ -172,7 +172,7 @@ def begin_pardiso(solver):
 
 @kernel
 def eliminate(plan, work, sides, dofs):
-    """By block elimination."""
+    """Solve by block elimination; return False if a pivot is too small."""
     # NaN fails the comparison too
     good = factor(plan, work.blocks, work.pivots, sides, dofs) > 1e-14
     if good:
@@ -234,7 +234,7 @@ def close_bordered(contact, terms, system):
 
 @kernel
 def update_step(terms, system):
-    """Add the increments of the solved panel. Returns their size relative to that of the scene; -1 - k: slider k makes the border
+    """Add the increments of the solved panel. Return their size relative to that of the scene; -1 - k: slider k makes the border
     singular."""
     clear_increments.call(system.method, system)
     singular, slide = close.call(system.contact, terms, system)
@@ -250,8 +250,8 @@ def update_step(terms, system):
 # --- Newton's method ----------------------------------------------------------------------------------------------------
 @kernel
 def next_increment(size, before):
-    """What Newton's method leaves for the next iteration, which squares the increment: about size (size/before)^2; as much again
-    where it did not shrink, anything after the first."""
+    """Return the expected size of the next increment of Newton's method, which squares it: about size (size/before)^2; `size`
+    itself if it did not shrink, infinity after the first."""
     if not before < np.inf:
         return np.inf
     return size * (size / before)**2 if size < before else size
@@ -259,8 +259,8 @@ def next_increment(size, before):
 
 @kernel
 def has_converged(size, before, expected):
-    """Round-off level reached, or certain to be reached. The next increment has to lie below 1e-20 and not 1e-16, because
-    residual forces are increments times stiffness and the energy keeps their work.
+    """Return whether the round-off level is reached, or certain to be reached. The next increment has to lie below 1e-20 and not
+    1e-16, because residual forces are increments times stiffness and the energy keeps their work.
 
     expected: `next_increment` of the iteration before. A very small increment that is far longer is round-off, and so would the
     next be, whatever Newton's method leaves."""
@@ -269,15 +269,16 @@ def has_converged(size, before, expected):
     left = min(size, 100.0 * expected) if size <= SMALLEST_INCREMENT else size
     if next_increment(left, before) <= 1e-20:
         return True
-    # where increments shrink by the same share time and again they are no round-off; those that grew the time before are
+    # increments that shrink by the same share time and again are not round-off; increments that grew the time before are
     stays = size > 0.1 * before and (size > 100.0 * expected or size > 0.5 * before or before <= expected < np.inf)
     return size <= SMALL_INCREMENT and stays
 
 
 @kernel
 def newton(terms, system, h, max_iterations, largest, sizes_out):
-    """Newton iteration from the first guess: (status, iterations). An increment beyond `largest`, relative to the scene, ends it.
-    There may be MORE_ITERATIONS times as many where signs of friction go in circles (friction_fallback.py).
+    """Iterate by Newton's method from the first guess; return (status, iterations). An increment beyond `largest`, relative to
+    the scene, ends it. MORE_ITERATIONS times as many iterations are allowed if slip directions cycle (friction_fallback.py).
+
     sizes_out [MORE_ITERATIONS max_iterations]: sizes of the increments; -1 - k: slider k makes the border singular."""
     begin_solver.call(system.solver)
     before = expected = np.inf
@@ -306,14 +307,14 @@ def newton(terms, system, h, max_iterations, largest, sizes_out):
 # --- steps --------------------------------------------------------------------------------------------------------------
 @kernel
 def keep_state(system):
-    """Remember the state before a step."""
+    """Save the state before a step."""
     save.call(system.method)
     keep_arrays(system.state, system.work)
 
 
 @kernel
 def restore_state(system):
-    """Go back to it."""
+    """Restore the state that `keep_state` saved."""
     restore.call(system.method)
     restore_arrays(system.state, system.work)
 
@@ -332,7 +333,7 @@ def finish_step(terms, system, h):
 
 @kernel
 def external_forces(vectors, factors, f_ext_out):
-    """Sum of load vectors [K, n] times their mean factors over the step [K]."""
+    """Sum load vectors [K, n] times their mean factors over the step [K]."""
     for i in range(f_ext_out.shape[0]):
         x = 0.0
         for k in range(factors.shape[0]):
@@ -342,11 +343,11 @@ def external_forces(vectors, factors, f_ext_out):
 
 @kernel
 def run(terms, system, weights, h, n_steps, max_iterations, counts_out, sizes_out, mean_force_out):
-    """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
-    iteration.
+    """Run `n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a
+    Newton iteration.
 
     mean_force_out [2, F]: mean forces of all constraints in the first and the last step. counts_out: status, steps done, Newton
-    iterations, slider of an event, where asked for iterations before the last step. On a failure the state is the last good one.
+    iterations, slider of an event, iterations before the last step if it has room. On a failure the state is the last good one.
     """
     counts_out[0] = OK
     counts_out[1] = 0
@@ -385,7 +386,7 @@ def run(terms, system, weights, h, n_steps, max_iterations, counts_out, sizes_ou
 
 @kernel
 def solve_equilibrium(terms, system, max_iterations, largest, sizes_out):
-    """Newton iteration to an equilibrium under the loads in work.f_ext: (status, iterations)."""
+    """Iterate by Newton's method to an equilibrium under the loads in work.f_ext; return (status, iterations)."""
     begin_step.call(system.method, terms, system, 0.0)
     return newton(terms, system, 0.0, max_iterations, largest, sizes_out)
 
@@ -413,7 +414,7 @@ def assemble_all(terms, system, h):
 
 @kernel
 def assemble_some(terms, system, h):
-    """What these terms add to residual and tangent."""
+    """Add residual and tangent of these terms."""
     assemble.each(terms, system.method, system, h)
 
 

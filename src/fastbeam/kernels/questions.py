@@ -1,5 +1,5 @@
-"""Entries of tables of calls (jit/calls.py): for every question that a step asks one kernel, compiled for the types of a term and
-of what it reads of the system.
+"""Entries of tables of calls (jit/calls.py): one kernel for every question of a step, compiled for the types of a term and of the
+part of the system that it reads.
 """
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fastbeam.kernels.terms import (NoContact, accept, account, advance_nodes, a
     is_settled, move_nodes, push_increments, put_loads, recover, restore, save, scale_residual, scale_solutions, solve,
     spread_nodes, take_increments, take_unknowns, within_limits)
 
-# what `fill` and `close` ask terms, by the class of the contact; other contacts are not asked that
+# questions of `fill` and `close` to terms, by the class of the contact; for other contacts they ask none
 OF_NODES = push_increments, recover
 BY_CONTACT = {NoContact: OF_NODES, ContactAtRest: OF_NODES, ContactOfCarriers: OF_NODES,
               Contact: (carry_columns, complete_columns, push_increments, take_unknowns),

@@ -1,4 +1,4 @@
-"""The arrays of a run: its state, and everything a step writes.
+"""Arrays of a run: its state, and everything that a step writes.
 
 Arrays: of any length: x, y_out [*].
 """
@@ -12,26 +12,26 @@ from fastbeam.kernels.jit.decorators import kernel, separate
 
 # `LastIncrement.control` before the first increment of a step: the line is at its start
 FROM_START = 2.0
-# place there: 1 where a step may take so many times as many iterations, as signs of friction go in circles (friction_fallback.py)
+# index in `control`: 1 if slip directions cycle (friction_fallback.py); the step may then take this many times the iterations
 IN_DOUBT, MORE_ITERATIONS = 3, 4
-# place there: 1 where friction began to stick, to slip or to rest in this iteration, so that its increment is more than round-off
+# index in `control`: 1 if friction began to stick or to slip in this iteration, so that its increment is more than round-off
 CHANGED = 4
 
 
 class LastIncrement(NamedTuple):
-    """The last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
+    """Last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
 
     control: np.ndarray   # float64 [5]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that of
     #                       the scene, up to which it does not; size of the first increment of the step, -1 before there is one;
     #                       IN_DOUBT, CHANGED
     theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`, padded:
     #                       rows of three are read as rows of four
-    x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
+    x: np.ndarray         # float64 [8 (rows + 1)]: increment of all rows
     off: Any              # float64 [3 N]: positions of tied nodes less those to which x alone leads; terms.NoTies without ties
 
 
 class Work(NamedTuple):
-    """Everything a step writes besides the state; sizes are those in space."""
+    """Arrays that a step writes besides the state; sizes are those in space."""
 
     dphi: np.ndarray      # float64 [3 N]: increments of the positions, padded as theta
     theta: np.ndarray     # float64 [3 N]: Cayley vectors, d_n+1 = cay(theta) d_n
@@ -64,18 +64,18 @@ class Work(NamedTuple):
 
 
 class State(NamedTuple):
-    """What a step changes; `force` is the contact force of the last step, also the first guess of the next."""
+    """Variables that a step changes; `force` is the contact force of the last step, also the first guess of the next."""
 
     q: np.ndarray         # float64 [12 N]
     v: np.ndarray         # float64 [12 N]
     s: np.ndarray         # float64 [S]
     force: np.ndarray     # float64 [3 S]
-    history: np.ndarray = np.zeros(0)  # float64 [*]: what terms remember of the steps before, as work done
+    history: np.ndarray = np.zeros(0)  # float64 [*]: internal variables of terms, as work done
 
 
 def aligned(n: int) -> np.ndarray:
-    """n zeros on a cache line, for arrays that kernels take 8 numbers at a time from: one that begins elsewhere touches two cache
-    lines with every load."""
+    """Return n zeros on a cache line, for arrays from which kernels load 8 numbers at a time: unaligned loads touch two cache
+    lines each."""
     raw = np.zeros(n + 8)
     shift = (-raw.ctypes.data // 8) % 8
     return raw[shift:shift + n]
@@ -89,23 +89,23 @@ def copy(x, y_out):
 
 @kernel
 def keep(x, y_out):
-    """Copy as many numbers as y_out has: none where it is empty."""
+    """Copy as many numbers as y_out has: none if it is empty."""
     for i in range(y_out.shape[0]):
         y_out[i] = x[i]
 
 
 @kernel
 def halve(x):
-    """Half of everything."""
+    """Halve all numbers."""
     for i in range(x.shape[0]):
         x[i] *= 0.5
 
 
 @kernel
 def start_increment(work):
-    """Before the first increment of a step the tangent takes the stresses of the first guess if that of the step before was good,
-    else those at the start of the step. From here on dphi and theta are increments of this step, no longer mean rates of the
-    last one: past[3] = 0."""
+    """Prepare the first increment of a step: the tangent takes the stresses of the first guess if that of the step before was
+    good, else those at the start of the step. From here on dphi and theta are increments of this step, no longer mean rates of
+    the last one: past[3] = 0."""
     work.past[3] = 0.0
     first = work.past[work.past.shape[0] - 1]
     follow_increment(work.increment, first if work.past[0] > 0.0 else np.inf)
@@ -139,7 +139,7 @@ def clear_equations(work):
 
 @separate
 def keep_arrays(state, work):
-    """Remember the state before a step, and what first guesses are made from."""
+    """Save the state before a step, and the data of first guesses."""
     keep(state.q, work.keep_q)
     keep(state.v, work.keep_v)
     keep(state.s, work.keep_s)
@@ -152,7 +152,7 @@ def keep_arrays(state, work):
 
 @separate
 def restore_arrays(state, work):
-    """Go back to it."""
+    """Restore the arrays that `keep_arrays` saved."""
     copy(work.keep_q, state.q)
     copy(work.keep_v, state.v)
     copy(work.keep_s, state.s)

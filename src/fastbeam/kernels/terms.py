@@ -1,17 +1,16 @@
-"""What a compiled scene is made of, and what a step asks of it.
+"""Terms of a compiled scene, and the questions that a step asks them.
 
 A scene is a tuple of terms, named tuples of arrays: beams of each strain set, the nodes eliminated inside elements, bodies, tied
-nodes, held unknowns, sliders, loads that change. What a scene lacks is not in its tuple, and no code of it is compiled. The step
-(loop.py) calls the generic functions below for all terms, through a table of addresses (questions.py); each file of physics
-registers implementations of those that concern it. `System` holds what all terms share; a class that reads more of it than
-`WithMethod` has says so by its attribute `reads`.
+nodes, held unknowns, sliders, loads that change. Features that a scene lacks are not in its tuple, and their code is not
+compiled. The step (loop.py) calls the generic functions below for all terms, through a table of addresses (questions.py); each
+file of physics registers implementations of those that concern it. `System` holds data that all terms share; a class that reads
+more of it than `WithMethod` has says so by its attribute `reads`.
 
-Order of the tuple: sliders, which act on nodes inside elements, elements, bodies; then what gathers the equations of nodes, ties
-and held unknowns.
+Order of the tuple: sliders, which act on nodes inside elements, elements, bodies; then terms that gather the equations of nodes,
+ties and held unknowns.
 
 Arrays: q, q_mid, q_end [12 N], in a plane [4 N]; dphi, theta, off_out [3 N], in a plane dphi, off_out [2 N], theta [N]; row_of,
-spinless [N]; r [8 (rows + 1)]; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; scratch [*]; counts_out [4 or 5]; out
-[1].
+spinless [N]; r [8 (rows + 1)]; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; scratch [*]; counts_out [4 or 5]; out [1].
 """
 from __future__ import annotations
 
@@ -27,24 +26,24 @@ from fastbeam.kernels.state import State, Work
 
 
 class NoTies(NamedTuple):
-    """Of a scene without tied nodes."""
+    """Placeholder for a scene without tied nodes."""
 
 
 class NoContact(NamedTuple):
-    """Of a scene without constraints: the unknowns are those of nodes."""
+    """Placeholder for a scene without constraints: all unknowns are those of nodes."""
 
 
 class SolverOutside(NamedTuple):
-    """Nodes are solved for by a library that is called from Python."""
+    """Marker of a system that a library called from Python solves."""
 
 
-# --- methods: what the equations of an iteration are --------------------------------------------------------------------
+# --- methods: equations of an iteration ---------------------------------------------------------------------------------
 class Conserving(NamedTuple):
-    """The energy-momentum conserving step, theory.md 4."""
+    """Energy-momentum conserving step, theory.md 4."""
 
 
 class Midpoint(NamedTuple):
-    """The implicit midpoint rule, theory.md 7."""
+    """Implicit midpoint rule, theory.md 7."""
 
 
 class Equilibrium(NamedTuple):
@@ -56,9 +55,9 @@ class AtRest(NamedTuple):
 
 
 class System(NamedTuple):
-    """What all terms share."""
+    """Data that all terms share: tables of nodes, state, work arrays, method and solver."""
 
-    calls: Unknown        # the table of what is asked of the scene as a whole (jit/calls.py)
+    calls: Unknown        # table of the questions to the scene as a whole (jit/calls.py)
     row_of: np.ndarray    # int64 [N]: row of every node
     spinless: np.ndarray  # int8 [N]: 1 where a triad does not turn
     state: State
@@ -92,48 +91,47 @@ class Loads(NamedTuple):
 # --- asked of every term ------------------------------------------------------------------------------------------------
 @generic
 def put_loads(term, system, k):
-    """Loads of substep k into work.f_ext."""
+    """Store the loads of substep k in work.f_ext."""
 
 
 @generic
 def first_guess(term, system, h, c):
-    """First guess of a step of size h, after that of the nodes; c as in `nodes.extrapolation`."""
+    """Predict the unknowns of the term for a step of size h, after the nodes; c as in `nodes.extrapolation`."""
 
 
 @generic
 def clear(term, method, system):
-    """Before residual and tangent are assembled, when coordinates in the middle and at the end of the step are known."""
+    """Prepare the assembly of residual and tangent, when coordinates in the middle and at the end of the step are known."""
 
 
 @generic
 def assemble(term, method, system, h):
-    """Add residual and tangent."""
+    """Add residual and tangent of the term."""
 
 
 @generic
 def scale_solutions(term, method, system):
-    """After assembly: halve solutions that the term has stored, where the method halves its equations."""
+    """Halve solutions that the term has stored, after assembly, if the method halves its equations."""
 
 
 @generic
 def carry_columns(term, system):
-    """Carry the border columns of sliders from eliminated and tied nodes to the nodes that the solver sees, as the residual
-    was."""
+    """Carry the border columns of sliders from eliminated and tied nodes to the nodes that the solver sees, like the residual."""
 
 
 @generic
 def complete_columns(term, system):
-    """Solutions of all columns for eliminated and tied nodes; last term first."""
+    """Complete the solutions of all columns for eliminated and tied nodes; last term first."""
 
 
 @generic
 def push_increments(term, system):
-    """Rows of increments of tied nodes, from those of the nodes that they follow."""
+    """Set the rows of increments of tied nodes from those of their master nodes."""
 
 
 @generic
 def recover(term, system, share):
-    """Rows of increments of eliminated nodes, `share` times their solution; last term first."""
+    """Set the rows of increments of eliminated nodes, `share` times their solution; last term first."""
 
 
 @generic
@@ -143,32 +141,32 @@ def take_unknowns(term, system):
 
 @generic
 def follow_nodes(term, system):
-    """After the increments of the nodes."""
+    """Update the term after the increments of the nodes."""
 
 
 @generic
 def account(term, system, h):
-    """A step of size h has converged, the state is still the one before: add work to `State.history`."""
+    """Add work to `State.history`: a step of size h has converged, the state is still the one before."""
 
 
 @generic
 def accept(term, method, system):
-    """A step has converged."""
+    """Accept a converged step."""
 
 
 @generic
 def is_regular(term, system):
-    """Whether eliminations before the solver went well."""
+    """Return whether the solver may run: False after a singular elimination, or with an impossible length of rope."""
 
 
 @generic
 def is_settled(term, system):
-    """Whether the iteration may end when its increments are small: false while a constraint has a gap."""
+    """Return whether the iteration may end when its increments are small: False while a constraint has a gap."""
 
 
 @generic
 def within_limits(term, system, counts_out):
-    """Whether a next step can begin from the state after this one; counts_out[3]: the slider that has left its beam."""
+    """Return whether a next step can begin from the state after this one; counts_out[3]: the slider that has left its beam."""
 
 
 @generic
@@ -179,12 +177,12 @@ def potential_energy(term, q, dofs, out):
 # --- by the kind of nodes -----------------------------------------------------------------------------------------------
 @generic
 def predict_nodes(dofs, state, work, spinless, h, c, first, last):
-    """First guess of the nodes from `first` to before `last`."""
+    """Predict the nodes from `first` to before `last`."""
 
 
 @generic
 def spread_nodes(dofs, method, state, work, h, first, last):
-    """Coordinates of these nodes in the middle and at the end of the step, and second rates, for terms that need them."""
+    """Update coordinates of these nodes in the middle and at the end of the step, and second rates, for terms that need them."""
 
 
 @generic
@@ -194,7 +192,7 @@ def move_nodes(dofs, row_of, work, first, last, scratch):
 
 @generic
 def axes_of(dofs):
-    """Number of components of a position."""
+    """Return the number of components of a position."""
 
 
 @generic
@@ -205,8 +203,8 @@ def advance_nodes(dofs, method, state, work, h, first, last, scratch):
 # --- by the kind of tied nodes ------------------------------------------------------------------------------------------
 @generic
 def tie_increments(ties, q, theta, dphi, off_out):
-    """Increments of a step from q on, of the tied nodes from those of their targets, and how far they lie from where the rows of
-    increments led them."""
+    """Set the increments of a step from q on of the tied nodes from those of their masters; off_out: their distance from the
+    places to which the rows of increments led them."""
 
 
 @generic
@@ -217,28 +215,29 @@ def apply_ties(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
 
 @generic
 def pull_tied_columns(ties, q_mid, panel, width):
-    """Border columns on rows of tied nodes go to their targets."""
+    """Move border columns on rows of tied nodes to their masters."""
 
 
 @generic
 def push_tied_columns(ties, q_end, panel, pitch, width, columns):
-    """Solutions on rows of tied nodes from their targets, for so many columns: `pitch` doubles a row, `width` an unknown."""
+    """Set solutions on rows of tied nodes from their masters, for `columns` columns: `pitch` doubles a row, `width` an
+    unknown."""
 
 
 # --- by the method ------------------------------------------------------------------------------------------------------
 @generic
 def begin_step(method, terms, system, h):
-    """First guess of everything."""
+    """Predict all unknowns of a step."""
 
 
 @generic
 def save(method):
-    """Remember what the method carries besides the state, before a step."""
+    """Save the data that the method carries besides the state, before a step."""
 
 
 @generic
 def restore(method):
-    """Go back to what `save` remembered."""
+    """Restore the data that `save` kept."""
 
 
 @generic
@@ -248,52 +247,52 @@ def scale_residual(method, system):
 
 @generic
 def node_share(method):
-    """Increments per solution of the equations: -1, or -1/2 where half the tangent is formed."""
+    """Return the increments per solution of the equations: -1, or -1/2 where half the tangent is formed."""
 
 
 @generic
 def inner_share(method):
-    """Increments per stored solution of eliminated nodes, as `node_share`."""
+    """Return the increments per stored solution of eliminated nodes, as `node_share`."""
 
 
 @generic
 def clear_increments(method, system):
-    """Before increments are added."""
+    """Prepare the method before increments are added."""
 
 
 @generic
 def take_increments(method, system):
-    """After increments were added."""
+    """Update the method after increments were added."""
 
 
 # --- by contact and solver ----------------------------------------------------------------------------------------------
 @generic
 def begin_contact(contact):
-    """Before the first iteration of a step."""
+    """Prepare the constraints before the first iteration of a step."""
 
 
 @generic
 def fill(contact, terms, system):
-    """Right-hand sides of the panel."""
+    """Fill the right-hand sides of the panel."""
 
 
 @generic
 def close(contact, terms, system):
-    """Rows of increments from the solved panel. Returns (0, largest increment of s), or (-1 - k, 0) where slider k makes the
+    """Set the rows of increments from the solved panel. Return (0, largest increment of s), or (-1 - k, 0) if slider k makes the
     system singular."""
 
 
 @generic
 def begin_solver(solver):
-    """Before the first solution of a step."""
+    """Prepare the solver before the first solution of a step."""
 
 
 @generic
 def solve(solver, contact, system):
-    """Solve the panel; False where the matrix is singular."""
+    """Solve the panel; return False if the matrix is singular."""
 
 
 @inlined
 def known(work):
-    """The work of a law; 0 where it fails when a step is done, which ends the run."""
+    """Return the work of a law, or 0 if the law fails when a step is done, which ends the run."""
     return work if work == work else 0.0

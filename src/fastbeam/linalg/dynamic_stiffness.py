@@ -1,4 +1,6 @@
-"""Equations of motions x e^(r t) about a state of rest, K x + r C x + r^2 M x - B^T m = f, B x = g, as one complex sparse matrix.
+"""Dynamic stiffness, the equations of motions x e^(r t) about a state of rest as one complex sparse matrix:
+
+    K x + r C x + r^2 M x - B^T m = f,   B x = g
 
 One structure serves all rates r; without an imaginary part the matrix is a real one.
 """
@@ -17,8 +19,8 @@ PUSHED = 1e-9
 
 
 def with_still(pencil: Pencil, forces: Array) -> Pencil:
-    """The pencil with a stiffness against the motions that cost nothing, `Pencil.still`, those that these forces [k] do not push:
-    the others are orthogonal to them in the masses and do not see it."""
+    """Return the pencil with a stiffness against those zero-energy motions, `Pencil.still`, that these forces [k] do not push:
+    all other motions are orthogonal to them in the masses and do not see it."""
     from scipy import sparse
     still = pencil.still
     if not still.shape[1]:
@@ -33,7 +35,7 @@ def with_still(pencil: Pencil, forces: Array) -> Pencil:
 
 
 class DynamicStiffness:
-    """K + r C + r^2 M with the constraints of a pencil, factored at one rate r after the other.
+    """Matrix K + r C + r^2 M with the constraints of a pencil, factored at one rate r after the other.
 
     Parameters
     ----------
@@ -61,7 +63,7 @@ class DynamicStiffness:
         skew = abs(scaled - scaled.T)
         self._symmetric = pencil.is_symmetric and not (skew.nnz and skew.max() > 1e-12 * abs(scaled).max())
         self.multiplier = np.append(pencil.multiplier, np.zeros(self._modes, bool))
-        # sensitivity to the frequency: the derivative by r
+        # derivative by r: the sensitivity to the frequency
         self.damping, self.mass = parts[1].tocsr(), parts[2].tocsr()
         diagonal = np.arange(size) * (size + 1)
         entries = []
@@ -90,29 +92,30 @@ class DynamicStiffness:
 
     @property
     def name(self) -> str:
-        """What was used, for a result."""
+        """Names of the solvers that were used, for a result."""
         return " and ".join(sorted(self.names))
 
     def matrix(self, rate: complex) -> Any:
-        """At a rate, sparse complex [n + m, n + m]; behind the others a row for every mode with a damping ratio."""
+        """Return the matrix at a rate, sparse complex [n + m, n + m]; behind the others a row for every mode with a damping
+        ratio."""
         from scipy import sparse
         data = self._data[0] + complex(rate) * self._data[1] + rate * rate * self._data[2]
         if self._has_loss:
             data = data + 1j * self._data[3]
         if self._modes:
-            # x gets M z r 2 zeta w (z . M x) in all, nothing at rest
+            # the force M z r 2 zeta w (z . M x) acts on x; it vanishes for r = 0
             own = self._diagonal[self._size - self._modes:]
             data = data + (rate != 0.0) * self._data[-1]
             data[own] -= 1.0 / (rate * 2.0 * self._ratios * self._frequencies) if rate else 1.0
         return sparse.csr_matrix((data, self._indices, self._indptr), shape=(self._size, self._size))
 
     def factored(self, rate: complex, round_off: float = LIMITS.round_off) -> Solver:
-        """Ready to solve at a rate.
+        """Return the factors at a rate, ready to solve.
 
         Parameters
         ----------
         round_off : float
-            What residuals may be next to the largest of their terms where they are not small: more for inverse iteration, next to
+            Accepted ratio of residuals to the largest of their terms: more for inverse iteration, next to
             an eigenvalue.
 
         Raises
@@ -124,7 +127,7 @@ class DynamicStiffness:
 
 
 class Solver:
-    """Factors at one rate.
+    """Factors of the dynamic stiffness at one rate.
 
     Raises
     ------
@@ -146,21 +149,21 @@ class Solver:
 
     @property
     def residual(self) -> float:
-        """Of the last solution, relative to its right-hand side, in scaled rows."""
+        """Residual of the last solution, relative to its right-hand side, in scaled rows."""
         return self._factors.residual
 
     def noise(self, x: Array) -> float:
-        """Estimate of what round-off of the matrix makes of a solution [n], next to its size, in scaled unknowns."""
+        """Estimate the relative error of a solution [n] due to round-off of the matrix, in scaled unknowns."""
         scaled = self._factors.scaled
         whole = np.zeros(scaled.shape[0], complex)
         whole[:x.size] = x / self.scale[:x.size]
-        # without a pattern that elements could have
+        # signs without a pattern that elements could have
         signs = 1.0 - 2.0 * (np.arange(whole.size) * 2654435761 >> 16 & 1)
         change = self._factors.solve_roughly(NOISE * signs * (abs(scaled) @ np.abs(whole)) + 0j)
         return float(np.linalg.norm(change) / (np.linalg.norm(whole) or 1.0))
 
     def solve(self, right: Array) -> Array:
-        """Of right-hand side [n], complex; without the rows of modes."""
+        """Return the solution for a right-hand side [n], complex; without the rows of modes."""
         n = self._of.pencil.multiplier.size
         whole = np.zeros(self.scale.size, complex)
         whole[:n] = right

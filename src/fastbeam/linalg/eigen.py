@@ -1,9 +1,9 @@
-"""The lowest eigenvalues of K x - B^T m = w M x, B x = 0: stiffness, constraints and masses as sparse matrices.
+"""Lowest eigenvalues of K x - B^T m = w M x, B x = 0: stiffness, constraints and masses as sparse matrices.
 
 Krylov vectors of (K - shift M)^-1 M, in blocks, so that double and triple eigenvalues come together, orthonormal in the masses
-and all of them kept (block Lanczos with full orthogonalisation; block Arnoldi where K is not symmetric). What has no mass
-(sliding coordinates, multipliers, triads without inertia) never enters: it follows from one more solution. Pivots of
-K - shift M tell how many eigenvalues lie below a shift (Sylvester), so that none is missed.
+and all of them kept (block Lanczos with full orthogonalisation; block Arnoldi where K is not symmetric). Unknowns without mass
+(sliding coordinates, multipliers, triads without inertia) never enter: they follow from one more solution. Pivots of K - shift M
+tell how many eigenvalues lie below a shift (Sylvester), so that none is missed.
 """
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from fastbeam.linalg.scaling import counted, entry_scales, equilibrated, parity,
 Array = np.ndarray
 # right-hand sides of a solution
 BLOCK = 4
-# residual of a Ritz pair next to its value, up to which it counts
+# residual of a Ritz pair next to its value, up to which it counts as converged
 CONVERGED = 1e-9
-# of solutions
+# limits of solutions
 LIMITS = Limits(1e-13, 1e-6, np.inf, 1e-12, 3, 19, last_bits=2.0 * np.finfo(float).eps)
 # share of the largest entry of a column from which on SuperLU takes the one on the diagonal: without exchanges pivots are counted
 FEW = 0.01
@@ -29,11 +29,11 @@ FEW = 0.01
 GIVEN_WAY = 1e-3
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
 LEAST_SHIFT = 1e-13
-# eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
+# largest ratio of the lowest nonzero eigenvalue and the shift if there are zero eigenvalues; beyond, the shift is moved
 CLOSE = 1e3
 MOVES = 3
-# on the diagonal of the scaled matrix that is factored: of multipliers, so that constraints which say the same twice share the
-# force, and of what has neither mass nor stiffness, where it is singular. Refinement with the matrix itself takes both out again
+# added to the diagonal of the scaled matrix that is factored: for multipliers, so that dependent constraints share the
+# force, and for unknowns with neither mass nor stiffness, if it is singular. Refinement with the matrix itself removes both again
 GIVE, IDLE = 1e-13, 1e-10
 # gap of constraints next to the largest component, scaled
 OPEN = 1e-6
@@ -42,19 +42,19 @@ NOISE = 8.0 * np.finfo(float).eps
 # neighbours differ by more than this share where eigenvalues are counted; gaps and places in them where that is tried; unknowns
 # up to which it is done by all eigenvalues of a dense matrix where pivots are not certain
 DISTINCT, GAPS, SHARES, DENSE = 1e-6, 3, (0.5, 0.3), 1500
-# growth of the number of Krylov vectors between two looks at what they give
+# growth of the number of Krylov vectors between two solutions of the projected problem
 GROWTH = 1.04
 
 
 class Pencil(NamedTuple):
-    """Of n coordinates, of which the first have mass, and multipliers."""
+    """Matrix pencil of n coordinates, of which the first have mass, and multipliers."""
 
     stiffness: Any        # sparse by rows [n, n]
     mass: Any             # sparse by rows [k, k], k <= n, positive semidefinite
     multiplier: Array     # bool [n]
     is_symmetric: bool
-    still: Any            # sparse [k, j]: vectors with disjoint supports that cost nothing, left out
-    turns: Array          # bool [n]: which coordinates are rotations
+    still: Any            # sparse [k, j]: zero-energy vectors with disjoint supports, left out
+    turns: Array          # bool [n]: True for coordinates that are rotations
 
 
 class Eigen(NamedTuple):
@@ -62,13 +62,13 @@ class Eigen(NamedTuple):
 
     values: Array         # [m], complex where the matrix is not symmetric
     vectors: Array        # [n, m]: all coordinates and multipliers; of unit mass; of complex pairs the real and imaginary part
-    noise: Array          # [m]: what round-off of the stiffness may make of a zero
-    is_complete: bool     # whether there are no more, or the number of pivots confirms that none below the last is missing
+    noise: Array          # [m]: size of a zero eigenvalue by round-off of the stiffness
+    is_complete: bool     # True if there are no more, or the number of pivots confirms that none below the last is missing
     factors: Shifted
 
 
 class SingularError(ArithmeticError):
-    """No solution was found that can be accepted."""
+    """Error of a matrix for which no acceptable solution was found."""
 
 
 class Shifted:
@@ -102,7 +102,7 @@ class Shifted:
         self.below = negative - int(pencil.multiplier.sum()) if pencil.is_symmetric and negative is not None else None
 
     def solve(self, right: Array) -> Array:
-        """Of K - shift M for right-hand sides [n, m]."""
+        """Solve with K - shift M for right-hand sides [n, m]."""
         x = self._factors.solve(np.ascontiguousarray(right.T))
         if x is None:
             raise SingularError
@@ -111,7 +111,7 @@ class Shifted:
 
 def given_way(matrix: Any, by: Factoriser | None, limits: Limits, scales: tuple[Array, Array], multiplier: Array, idle: Array,
               draw: Array, most: float = np.inf) -> Factors:
-    """Factor a matrix whose constraints may say the same twice, and with coordinates, bool `idle` [n], without stiffness.
+    """Factor a matrix whose constraints may be dependent, and with coordinates, bool `idle` [n], without stiffness.
 
     Solutions are tried for the first half of what is drawn [2 m, n], in scaled rows; in those of constraints and idle coordinates
     for products of the matrix with the second half, so that they can be met. most: share of these that GIVE may take up.
@@ -133,7 +133,7 @@ def given_way(matrix: Any, by: Factoriser | None, limits: Limits, scales: tuple[
 
 
 def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
-    """The n lowest eigenvalues, fewer where there are no more.
+    """Find the n lowest eigenvalues, fewer if there are no more.
 
     Raises
     ------
@@ -153,16 +153,16 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
 
 
 def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, float | None]:
-    """Eigenvalues next to the shift with vectors [k, m], or a better shift."""
+    """Find eigenvalues next to the shift with vectors [k, m], or a better shift."""
 
     def anything() -> Array:
-        """To begin with [k, BLOCK]."""
+        """Return random start vectors [k, BLOCK]."""
         return applied(mass @ (draw.standard_normal((k, BLOCK)) / root[:, None]))
 
     pencil, k = factors.pencil, factors.pencil.mass.shape[0]
     size = pencil.multiplier.size
     draw = np.random.default_rng(0)
-    # of such masses roots have the same bits in other units
+    # roots of masses times `by` have the same bits in other units
     heavy = pencil.mass.diagonal() > 0.0
     by = parity(pencil.mass.diagonal()[np.argmax(heavy)])
     mass = by * pencil.mass
@@ -170,7 +170,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
     weights = np.asarray((mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
 
     def applied(right: Array) -> Array:
-        """(K - shift M)^-1 on right [k, m], what has mass."""
+        """Return the part with mass of (K - shift M)^-1 times right [k, m]."""
         whole = np.zeros((size, right.shape[1]))
         whole[:k] = right / by
         x = factors.solve(whole)[:k]
@@ -198,7 +198,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             h[m:m + len(rest), m - b:m] = rest
         if m < look and m < most and block.shape[1]:
             continue
-        # all of a small matrix each time would take longer than what it is for
+        # to solve a small projected matrix in every iteration would take longer than the iteration
         look = int(GROWTH * m)
         values, y = _ritz(h[:m, :m], pencil.is_symmetric)
         error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
@@ -209,7 +209,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         if done or m >= most:
             break
         if not block.shape[1]:
-            # closed under the operator: what is left, if anything, has equal eigenvalues
+            # the space is closed under the operator: remaining vectors, if any, have equal eigenvalues
             block, weighed, _, _ = orthonormal(anything(), known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None
@@ -219,7 +219,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
 
 
 def _ritz(h: Array, symmetric: bool) -> tuple[Array, Array]:
-    """Values and vectors of the projected operator."""
+    """Return values and vectors of the projected operator."""
     if symmetric:
         return np.linalg.eigh(0.5 * (h + h.T))
     values, y = np.linalg.eig(h)
@@ -227,7 +227,7 @@ def _ritz(h: Array, symmetric: bool) -> tuple[Array, Array]:
 
 
 def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array, bool, float | None]:
-    """Which Ritz values are the lowest eigenvalues, whether they are n, and a shift that suits them better."""
+    """Return the Ritz values that are the lowest eigenvalues, whether there are n of them, and a shift that suits them better."""
     with np.errstate(divide="ignore"):
         real = factors.shift + np.real(1.0 / np.where(values == 0.0, TINY, values))
     live = np.abs(values) > 1e-14 * np.max(np.abs(values), initial=0.0)
@@ -235,7 +235,7 @@ def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array
     low = order[np.real(values[order]) < 0.0]
     above = order[np.real(values[order]) >= 0.0]
     if factors.below is not None:
-        # below the shift so many, those next to it come first
+        # as many as lie below the shift, those next to it first
         low = low[np.argsort(-np.abs(values[low]))][:factors.below]
         low = low[np.argsort(real[low])]
     else:
@@ -255,7 +255,7 @@ def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array
 
 
 def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array) -> Eigen:
-    """Whole vectors, of unit mass, and round-off of the values; zeros where that is all there is."""
+    """Return whole vectors, of unit mass, and round-off of the values; values within round-off are set to zero."""
     k, n = pencil.mass.shape[0], pencil.multiplier.size
     if not pencil.is_symmetric:
         values, vectors = _in_pairs(values, vectors)
@@ -282,7 +282,7 @@ def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array)
 
 def _is_eigenvector(pencil: Pencil, factors: Shifted, whole: Array, kept: Array) -> Array:
     """Sieve vectors [n, m], bool [m]: GIVE makes eigenvalues of its own behind all others, whose vectors do not satisfy the
-    constraints, or are round-off once a refined solution has taken it out. kept: what that leaves of their size, [m]."""
+    constraints, or are round-off once a refined solution has taken GIVE out. kept: remaining share of their size, [m]."""
     is_kept = kept > 0.5 if pencil.is_symmetric else np.ones(kept.size, bool)
     if not pencil.multiplier.any():
         return is_kept
@@ -292,8 +292,8 @@ def _is_eigenvector(pencil: Pencil, factors: Shifted, whole: Array, kept: Array)
 
 
 def _in_pairs(values: Array, vectors: Array) -> tuple[Array, Array]:
-    """Real vectors: of a complex pair x, y with K (x + i y) = w M (x + i y), where w has a positive imaginary part and comes
-    first."""
+    """Return real vectors: x, y of a complex pair with K (x + i y) = w M (x + i y), where w has a positive imaginary part and
+    comes first."""
     order = np.lexsort((-np.imag(values), np.abs(np.imag(values)), np.round(np.real(values), 12)))
     values, vectors = values[order], vectors[:, order]
     alone = np.flatnonzero(np.imag(values) != 0.0)
@@ -304,13 +304,13 @@ def _in_pairs(values: Array, vectors: Array) -> tuple[Array, Array]:
 
 
 def _others(values: Array) -> Array:
-    """Of complex pairs the second ones."""
+    """Return the indices of the second values of complex pairs."""
     return np.flatnonzero(np.imag(values) < 0.0)
 
 
 def _confirmed(found: Eigen, n: int, backend: str) -> Eigen:
-    """The same with the number of eigenvalues below a shift in a gap, behind the last ones, compared with that of those that were
-    found; where some are missing they are looked for from there, as many as there are."""
+    """Compare the number of eigenvalues below a shift in a gap, behind the last ones, with that of the found ones, and mark the
+    result as complete; if some are missing, search from that shift for as many as there are."""
     pencil = found.factors.pencil
     if not pencil.is_symmetric or found.values.size < 2:
         return found
@@ -338,7 +338,7 @@ def _confirmed(found: Eigen, n: int, backend: str) -> Eigen:
 
 
 def _gaps(found: Eigen) -> list[tuple[int, float]]:
-    """Places of shifts between the last eigenvalues, those of clear gaps, and the numbers of the eigenvalues before them."""
+    """Return shifts between the last eigenvalues, in clear gaps, and the numbers of the eigenvalues before them."""
     values = np.real(found.values)
     size = np.maximum(np.abs(values), np.maximum(found.noise, abs(found.factors.shift)))
     gaps = np.flatnonzero(np.diff(values) > DISTINCT * size[1:] + 2.0 * found.noise[1:])[::-1][:GAPS]
@@ -346,7 +346,7 @@ def _gaps(found: Eigen) -> list[tuple[int, float]]:
 
 
 def _below(pencil: Pencil, shift: float) -> int | None:
-    """The number of eigenvalues below a shift where PARDISO cannot count its pivots; None where this cannot either."""
+    """Count the eigenvalues below a shift if PARDISO cannot count its pivots; None if this count is not certain either."""
     n = pencil.multiplier.size
     matrix = (pencil.stiffness - shift * grown(pencil.mass, n)).tocsr()
     once, scale = scales(matrix, True, pencil)
@@ -362,7 +362,7 @@ def _below(pencil: Pencil, shift: float) -> int | None:
 
 
 def stiffest(pencil: Pencil) -> float:
-    """Largest stiffness over mass of a coordinate; 1 where there is none."""
+    """Return the largest stiffness over mass of a coordinate; 1 if there is none."""
     mass = pencil.mass.diagonal()
     stiffness = np.abs(pencil.stiffness.diagonal()[:mass.size])
     turns = pencil.turns[:mass.size]
@@ -372,20 +372,20 @@ def stiffest(pencil: Pencil) -> float:
 
 
 def grown(matrix: Any, n: int) -> Any:
-    """With rows and columns of zeros behind the others, [n, n]."""
+    """Return a matrix with rows and columns of zeros behind the others, [n, n]."""
     grown = matrix.copy()
     grown.resize((n, n))
     return grown
 
 
 def scales(matrix: Any, bordered: bool, pencil: Pencil) -> tuple[float, Array]:
-    """Factors of a matrix, that of a pencil and perhaps rows behind it, and of its rows and columns, powers of two: products
-    with them are exact, and the same in units that differ by such powers."""
+    """Return factors of a matrix, that of a pencil and perhaps rows behind it, and of its rows and columns, powers of two:
+    products with them are exact, and the same in units that differ by such powers."""
     if bordered:
         more = np.zeros(matrix.shape[0] - pencil.multiplier.size)
         stiff = np.abs(pencil.stiffness.diagonal())
         if pencil.mass.shape[0]:
-            # that of sliders may be round-off
+            # the stiffness of sliders may be round-off
             stiff[pencil.mass.shape[0]:] = 0.0
         whole = abs(matrix).tocsr()
         once, *begin = typical_factors(whole, np.append(pencil.multiplier, more == 0.0), np.append(pencil.turns, more > 0.0),

@@ -21,7 +21,7 @@ from fastbeam.linalg.scaling import entry_scales, equilibrated, rows_of, structu
 Array = np.ndarray
 # a smaller pivot next to the largest tells a singular matrix
 LEAST_PIVOT = 1e-15
-# of the scaled matrix: a smallest singular value that is round-off, and one above which there are no null vectors for certain
+# smallest singular value of the scaled matrix that is round-off, and one above which there are no null vectors for certain
 # (fine meshes of slender beams have some of 1e-14)
 SINGULAR, CLEARLY_REGULAR = 10.0 * np.finfo(float).eps, 3e-14
 # size of the largest entry of a scaled row, or its reciprocal, up to which factors of an earlier matrix serve
@@ -35,19 +35,19 @@ SYMMETRIC_MODE: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "options": {"Sy
 
 
 class Limits(NamedTuple):
-    """Residuals of solutions, relative to the right-hand side where nothing else is said."""
+    """Limits of residuals of solutions, relative to the right-hand side unless stated."""
 
-    good: float             # is not refined any more
-    accepted: float         # is accepted
-    fair: float             # is accepted where it is round-off:
-    round_off: float        # so much next to the largest term of the equations
-    enough: int             # refinements after which what can be accepted is not refined any more
+    good: float             # up to which a solution is not refined any more
+    accepted: float         # up to which a solution is accepted
+    fair: float             # up to which a solution is accepted if its residual is round-off:
+    round_off: float        # at most this share of the largest term of the equations
+    enough: int             # refinements after which an acceptable solution is not refined any more
     most: int               # refinements at most
-    is_strict: bool = False  # perturbed pivots, and what is only fair, count where no singular value is near round-off
+    is_strict: bool = False  # accept perturbed pivots, and fair solutions, only if no singular value is near round-off
     last_bits: float = 0.0  # residual next to the solution, scaled, that is round-off of the product and not refined any more
 
 
-# of equilibria, where a singular matrix has to be noticed; of a step, whose iteration goes on anyway
+# limits for equilibria, where a singular matrix has to be noticed; for a step, whose iteration goes on anyway
 EXACT = Limits(1e-14, 1e-12, 1e-2, 1e-12, 2, 2, True)
 OF_STEP = Limits(1e-13, 1e-8, 1e-2, 1e-12, 2, 2)
 
@@ -81,7 +81,7 @@ class Factoriser:
     def __init__(self, mkl: Any, symmetric: bool = False, matching: bool = True, threads: int | None = None,
                  order: Array | None = None) -> None:
         self._mkl, self._symmetric, self._threads, self._order = mkl, symmetric, threads, order
-        # matching finds an order for the values in hand; else it is given, or kept
+        # matching finds an order for the present values; otherwise the order is given, or kept
         self._settings = {10: 1, 12: 1} if matching else {4: 2 if order is None else 1}
         self._memory: PardisoMemory | None = None
         self._indices = self._indptr = np.zeros(0, np.int32)
@@ -93,7 +93,7 @@ class Factoriser:
         self.scales: tuple[tuple[Array, Array], Array] | None = None
 
     def knows(self, matrix: Any) -> bool:
-        """Whether a matrix by rows has the structure that was analysed last."""
+        """Return whether a matrix by rows has the structure that was analysed last."""
         if self._memory is None or self._indices.size != matrix.indices.size:
             return False
         return self._indices is matrix.indices or (
@@ -106,7 +106,7 @@ class Factoriser:
         kind = ((kernels.UNSYMMETRIC, kernels.SYMMETRIC), (COMPLEX, COMPLEX_SYMMETRIC))[is_complex][self._symmetric]
         self.is_fresh = again or kind != self._kind or not self.knows(matrix)
         if self.is_fresh:
-            # the memory of another structure goes before
+            # free the memory of another structure first
             self._memory = None
             self._indices, self._indptr, self._kind = matrix.indices, matrix.indptr, kind
             indptr = matrix.indptr
@@ -131,7 +131,7 @@ class Factoriser:
 
     @property
     def order(self) -> Array | None:
-        """Of elimination, int32 [n], for another factoriser; None with matching."""
+        """Order of elimination, int32 [n], for another factoriser; None with matching."""
         return self._memory.tables.perm if self._memory is not None and 4 in self._settings else None
 
     @property
@@ -146,7 +146,8 @@ class Factoriser:
         return int(self._memory.tables.iparm[22]) if self._memory is not None and counts else None
 
     def solve(self, right: Array, transposed: bool = False) -> Array:
-        """Of the last matrix, or its transpose, for right-hand side [n], or rows of several [m, n]; NaN where PARDISO fails."""
+        """Solve with the last matrix, or its transpose, for right-hand side [n], or rows of several [m, n]; NaN if PARDISO
+        fails."""
         memory = self._memory
         assert memory is not None
         memory.tables.iparm[11] = 2 * (transposed and not self._symmetric)
@@ -177,7 +178,7 @@ class LU:
         self.raw = raw
 
     def solve(self, right: Array, transposed: bool = False) -> Array:
-        """Of the matrix, or its transpose, for right-hand side [n], or rows of several [m, n]."""
+        """Solve with the matrix, or its transpose, for right-hand side [n], or rows of several [m, n]."""
         x = self.raw.solve(np.ascontiguousarray(right.T), "T" if transposed else "N")
         return np.ascontiguousarray(x.T)
 
@@ -228,7 +229,7 @@ class Factors:
     matrix : sparse [n, n]
         Real or complex.
     factoriser : Factoriser, optional
-        Asked before SuperLU.
+        Used before SuperLU.
     limits : Limits
     scales : (float64 [n], float64 [n]), optional
         Factors of rows and columns; the same for both where the factoriser is a symmetric one. Default: those that bring them to
@@ -242,11 +243,11 @@ class Factors:
     Attributes
     ----------
     residual : float
-        Of the last solution, relative to the right-hand side, in scaled rows.
+        Residual of the last solution, relative to the right-hand side, in scaled rows.
     factorisations : int
-        Until now.
+        Number until now.
     by : Factoriser or LU, or None
-        Whose solutions were accepted.
+        Solver whose solutions were accepted.
     """
 
     def __init__(self, matrix: Any, factoriser: Factoriser | None = None, limits: Limits = EXACT,
@@ -257,7 +258,7 @@ class Factors:
             self.scales = scales
         self._give = give
         self.residual, self.factorisations = 0.0, 0
-        # how it is factored, one after the other: by PARDISO, with the known analysis or another one, by SuperLU with options
+        # factorisations to try in turn: by PARDISO, with the known analysis or another one, by SuperLU with options
         self._ways: list[bool | dict[str, Any]] = [] if factoriser is None else [False, True]
         self._ways += [SYMMETRIC_MODE | {"diag_pivot_thresh": exchange}, {}]
         self.by: Factoriser | LU | None = None
@@ -271,7 +272,7 @@ class Factors:
         if not self.is_finite:
             return (np.ones(self.matrix.shape[0]),) * 2
         if known is not None and known.scales is not None and known.knows(self.matrix):
-            # those of a matrix before serve as long as no row has grown or shrunk much
+            # factors of an earlier matrix are used as long as no row has grown or shrunk much
             data = self.matrix.data * known.scales[1]
             sizes = np.maximum.reduceat(np.abs(data), self.matrix.indptr[:-1])
             if 1.0 / FAR <= np.minimum.reduce(sizes) and np.maximum.reduce(sizes) <= FAR:
@@ -300,12 +301,12 @@ class Factors:
 
     @cached_property
     def _data(self) -> Array:
-        """Its entries, where `scales` has not left them."""
+        """Entries of `scaled`, unless `scales` has kept them."""
         return np.asarray(self.matrix.data * entry_scales(self.matrix, *self.scales))
 
     @cached_property
     def _held(self) -> Array:
-        """Entries of what is factored."""
+        """Entries of the matrix that is factored."""
         if self._give is None:
             return self._data
         data = self._data.copy()
@@ -313,7 +314,7 @@ class Factors:
         return data
 
     def solve(self, right: Array, transposed: bool = False) -> Array | None:
-        """x with matrix x = right, or with its transpose, for right-hand side [n], or rows of several [m, n]. None where no
+        """Return x with matrix x = right, or with its transpose, for right-hand side [n], or rows of several [m, n]; None if no
         solution is accepted."""
         if not (self.is_finite and np.logical_and.reduce(np.isfinite(right), axis=None)):
             return None
@@ -322,7 +323,7 @@ class Factors:
         return None if x is None else np.asarray(out * x)
 
     def solve_scaled(self, b: Array, transposed: bool = False, most_given: float = np.inf) -> Array | None:
-        """The same in scaled rows and unknowns; most_given: share of the right-hand sides that `give` may take up at
+        """Run `solve` in scaled rows and unknowns; most_given: share of the right-hand sides that `give` may take up at
         multipliers, where it is negative."""
         fair: tuple[Factoriser | LU, Array, float] | None = None
         if not self.factorisations:
@@ -353,11 +354,12 @@ class Factors:
 
     @property
     def is_singular(self) -> bool:
-        """Whether the matrix is singular to round-off, after a solution with it."""
+        """True if the matrix is singular to round-off, after a solution with it."""
         return self.by is None or self._least_singular_value() <= SINGULAR
 
     def _otherwise(self, b: Array, transposed: bool, fair: tuple[Factoriser | LU, Array, float] | None) -> Array | None:
-        """Where no solution was accepted; fair: solver, solution and residual where it was round-off of large terms."""
+        """Return a solution if none was accepted, or None; fair: solver, solution and residual that was round-off of large
+        terms."""
         return None
 
     def _advance(self) -> None:
@@ -380,7 +382,7 @@ class Factors:
                     self._ways.pop(0)
 
     def _rest_of(self, b: Array, transposed: bool) -> Callable[[Array], Array]:
-        """What the scaled matrix leaves of right-hand sides, by solution."""
+        """Return the function from solutions to residuals b - A x of the scaled matrix."""
         if b.ndim > 1 or transposed or "c" in (b.dtype.kind, self.matrix.dtype.kind):
             matrix = self.scaled.T if transposed else self.scaled
             return lambda x: np.asarray(b - (matrix @ x.T).T)
@@ -401,7 +403,7 @@ class Factors:
         return self._is_fair(x, b, transposed) and not (of.is_strict and self._least_singular_value() <= CLEARLY_REGULAR)
 
     def _is_fair(self, x: Array, b: Array, transposed: bool) -> bool:
-        """Whether the residual is small, or what round-off leaves of large terms."""
+        """Return whether the residual is small, or round-off of large terms."""
         if not self.residual <= self.limits.fair or not np.isfinite(x).all():
             return False
         matrix = abs(self.scaled.T if transposed else self.scaled)
@@ -409,11 +411,11 @@ class Factors:
         return float(np.max(np.abs(self._rest_of(b, transposed)(x)))) <= self.limits.round_off * terms
 
     def _given(self, x: Array) -> float:
-        """What `give` takes up at multipliers."""
+        """Return the part of the right-hand sides that `give` takes up at multipliers."""
         return 0.0 if self._give is None else float(np.max(np.abs(np.minimum(self._give, 0.0) * x)))
 
     def _least_singular_value(self) -> float:
-        """The smallest one of the scaled matrix, from above, by inverse iteration; 0 where that fails."""
+        """Return the smallest singular value of the scaled matrix, from above, by inverse iteration; 0 if that fails."""
         if self._least < 0.0:
             v, self._least = np.random.default_rng(0).standard_normal(self.matrix.shape[0]), 0.0
             for _ in range(2):
@@ -429,7 +431,7 @@ class Factors:
 def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array], Array], right: Array,
             limits: Limits) -> tuple[Array, float]:
     """Refine solutions of equations for a right-hand side [n], or rows of several [m, n], as long as that helps; return the best
-    and the largest residual next to its right-hand side. solve: by factors; rest_of: what a solution leaves."""
+    and the largest residual next to its right-hand side. solve: by factors; rest_of: residual of a solution."""
     size = _norms(right)
     size += size == 0.0
     x = best = solve(right)
@@ -450,5 +452,5 @@ def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array], Array], 
 
 
 def _norms(x: Array) -> Array:
-    """Of rows; without BLAS, which begins threads for it."""
+    """Return norms of rows; without BLAS, which starts threads for it."""
     return np.asarray(np.sqrt(np.add.reduce((x * x.conj()).real, axis=-1)))

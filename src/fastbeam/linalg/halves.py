@@ -1,7 +1,7 @@
-"""The matrix of a large net cut in two: each half has a PARDISO on a thread of its own, the nodes between them a dense matrix.
+"""Two halves of the matrix of a large net: each half has a PARDISO on a thread of its own, the nodes between them a dense matrix.
 
-One cut of nested dissection (A. George, SIAM J. Numer. Anal. 10 (1973) 345-363). PARDISO's own threads, where they are to give
-the same bits on any number of them, do not make its solutions faster; two halves are two tasks, and the same two on one thread.
+One cut of nested dissection (A. George, SIAM J. Numer. Anal. 10 (1973) 345-363). PARDISO's own threads, if they are to give the
+same bits on any number of them, do not make its solutions faster; two halves are two tasks, and the same two on one thread.
 """
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from fastbeam.linalg.mkl import OnThreads, PardisoMemory, pardiso_tables
 
 Array = np.ndarray
 Each = Callable[[Callable[[int, Any], Any], Sequence[Any]], Any]
-# nodes between the halves, at most: so many, and such a share of all
+# most nodes between the halves: a number, and a share of all
 MOST_BETWEEN, SHARE_BETWEEN = 1000, 0.125
 
 
 def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
-    """Nodes of two halves of a symmetric structure that no block couples, and those between them; None where these are many.
+    """Return nodes of two halves of a symmetric structure that no block couples, and those between them; None if these are many.
 
     Levels of the breadth-first search behind the Cuthill-McKee order are narrow, whatever the geometry of the net."""
     from scipy import sparse
@@ -34,7 +34,7 @@ def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
     place[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
     rows = np.repeat(np.arange(n), np.diff(indptr))
     across = (place[rows] < n // 2) & (place[indices] >= n // 2)
-    # the first half keeps its nodes, the other loses those next to it; at least one, where the net falls apart
+    # the first half keeps its nodes, the other loses its neighbours of the first; at least one, if the net is not connected
     between = np.unique(indices[across]) if across.any() else np.flatnonzero(place == n // 2)
     if between.size > min(MOST_BETWEEN, SHARE_BETWEEN * n):
         return None
@@ -44,7 +44,7 @@ def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
 
 
 def unknowns(nodes: Array, size: int) -> Array:
-    """Of nodes with `size` each, in turn."""
+    """Return the unknowns of nodes with `size` each, in turn."""
     return (size * nodes[:, None] + np.arange(size)).reshape(-1)
 
 
@@ -75,7 +75,7 @@ class Half:
         block = np.flatnonzero((place[rows] >= 0) & (place[indices] >= 0))
         block = block[np.lexsort((place[indices[block]], place[rows[block]]))]
         row, column = place[rows[block]], place[indices[block]]
-        # PARDISO takes no blocks where it leaves a Schur complement; all rows of a block have its columns
+        # PARDISO takes no blocks with a Schur complement; all rows of a block have its columns
         number = size * np.bincount(row, minlength=mine.size)
         first, number = np.repeat(np.cumsum(number) - number, size), np.repeat(number, size)
         start = np.concatenate(([0], np.cumsum(number))).astype(np.int32)
@@ -83,7 +83,7 @@ class Half:
         self.rows, self.between = unknowns(nodes, size), unknowns(between, size)
         tables = pardiso_tables(start, unknowns(column, size)[entry], kernels.UNSYMMETRIC, {35: 2}, columns)
         self.tables = tables._replace(block=block, mirror=block)
-        # the Schur complement is of these rows
+        # rows of the Schur complement
         self.tables.perm[self.own:] = 1
         self.schur = empty((size * between.size,) * 2)
         self._memory = PardisoMemory(mkl, self.tables, 1)
@@ -94,18 +94,18 @@ class Half:
         return self._memory.call(phase, self.tables.b, out)
 
     def factor(self, data: Array, size: Any) -> int:
-        """Factors and Schur complement from the blocks of the whole matrix; PARDISO's error code."""
+        """Form factors and Schur complement from the blocks of the whole matrix; return PARDISO's error code."""
         kernels.take_half(self.tables, data, self.own, size)
         return self._call(kernels.FACTOR, self.schur)
 
     def forward(self, r: Array) -> int:
-        """Forward substitution for right-hand sides of the whole matrix; of those between the halves, too, a half."""
+        """Substitute forward for right-hand sides of the whole matrix; those between the halves count half."""
         self.tables.b[:, :self.own] = r[:, self.rows]
         self.tables.b[:, self.own:] = 0.5 * r[:, self.between]
         return self._call(kernels.FORWARD, self.tables.x)
 
     def backward(self, z: Array, y: Array) -> int:
-        """The solution, from that between the halves, to its rows of y."""
+        """Substitute backward from the solution between the halves, into its rows of y."""
         self.tables.b[:] = self.tables.x
         self.tables.b[:, self.own:] = z
         code = self._call(kernels.BACKWARD, self.tables.x)
@@ -114,7 +114,7 @@ class Half:
 
 
 class Halves:
-    """One structure cut in two, analysed once.
+    """Matrix structure cut in two, analysed once.
 
     Parameters
     ----------
@@ -143,16 +143,16 @@ class Halves:
 
     @property
     def factor_bytes(self) -> int:
-        """Of the factors, those of the dense matrix among them."""
+        """Size of the factors in bytes, with those of the dense matrix."""
         return self._dense.nbytes + 1024 * sum(int(half.tables.iparm[16]) for half in self.halves)
 
     @property
     def arrays(self) -> list[Array]:
-        """What the halves keep besides."""
+        """Arrays that the halves keep besides."""
         return [*(x for half in self.halves for x in (*half.tables, half.rows)), self.halves[1].schur]
 
     def solve(self, blocks: Array, panel: Array, width: int, size: Any, each: Each) -> bool:
-        """Like `kernels.sparse.solve_sparse`, the halves by `each` (as `condensed.Team.each`)."""
+        """Solve like `kernels.sparse.solve_sparse`, the halves by `each` (as `condensed.Team.each`)."""
         t = self.tables
         phase = kernels.load_system(t, blocks, panel, width, size)
         while phase > kernels.DONE:
@@ -172,7 +172,7 @@ class Halves:
         return int(self._lapack[2])
 
     def _correct(self, each: Each) -> int:
-        """y = K^-1 r."""
+        """Solve y = K^-1 r."""
         r, y = self.tables.r, self.tables.y
         codes = each(lambda _, half: half.forward(r), self.halves)
         first, second = (half.tables.x[:, half.own:] for half in self.halves)

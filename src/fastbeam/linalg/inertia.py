@@ -1,8 +1,8 @@
-"""Signs of the eigenvalues of sparse matrices: how many directions of an equilibrium are unstable, and how many free.
+"""Signs of the eigenvalues of sparse matrices: numbers of unstable and of free directions of an equilibrium.
 
 They are the signs of the pivots of a symmetric matrix (Sylvester's law of inertia), and the sign of the determinant where a
-matrix is not symmetric. Matrices of a small bandwidth are factored as bands, others by SuperLU. Free motions that are known
-(`free_motions`) are held before, because round-off makes the signs of their pivots arbitrary.
+matrix is not symmetric. Matrices of a small bandwidth are factored as bands, others by SuperLU. Known free motions
+(`free_motions`) are fixed before, because round-off makes the signs of their pivots arbitrary.
 """
 from __future__ import annotations
 
@@ -16,47 +16,47 @@ from fastbeam.kernels.linalg import band
 from fastbeam.linalg.factors import LU, SYMMETRIC_MODE, lu
 
 Array = np.ndarray
-# of a matrix scaled to a diagonal of 1, in which round-off moves eigenvalues by 1e-16 to 1e-15: where none is nearer to zero than
-# this, pivots count them; else those within one of these widths are computed, the first that has no more than so many
+# for a matrix scaled to a diagonal of 1, in which round-off moves eigenvalues by 1e-16 to 1e-15: if none is nearer to zero than
+# CERTAIN, pivots count them; else those within the first of these widths that has no more than MOST_NEAR are computed
 CERTAIN, WIDTHS, MOST_NEAR = 1e-14, (1e-12, 1e-13, 1e-14), 60
 # inverse iteration for these: shift as a share of the width, vectors more than are wanted, and steps
 SHIFT, MORE, SWEEPS = 0.01, 8, 6
-# an eigenvalue is zero up to so many times the round-off of its terms
+# an eigenvalue is zero up to this multiple of the round-off of its terms
 NOISE = 8.0
 # sums of a row next to its terms, and skew parts of a block next to its diagonal, that are round-off; entries at once
 LAST_BITS, SKEW_BLOCK, CHUNK = 3.0 * np.finfo(float).eps, 1e-14, 100_000
-# where all pivots lie above this share of their diagonal entries no eigenvalue is zero
+# if all pivots lie above this share of their diagonal entries, no eigenvalue is zero
 CLEAR_PIVOT = 1e-6
 # a negative pivot above this share is no round-off of a free motion, which in long beams grows to 1e-9
 NEGATIVE_PIVOT = 1e-8
-# of a matrix that is factored as a band: entries beside its diagonal, and operations
+# limits for a matrix that is factored as a band: entries beside its diagonal, and operations
 WIDEST, MOST_IN_BAND = 128, 2e7
 # skew parts up to this share of the diagonal are round-off
 SKEW = 1e-8
 
 
 class Nodes(NamedTuple):
-    """Which unknowns are those of nodes: the first ones."""
+    """Unknowns that belong to nodes: the first ones of a matrix."""
 
     total: int    # unknowns of all nodes
-    size: int     # those of one
-    dim: int      # the first so many of them are positions
+    size: int     # unknowns of one node
+    dim: int      # number of positions, the first unknowns of a node
 
     def turns(self, n: int) -> Array:
-        """Which of n unknowns are rotations of nodes, bool [n]."""
+        """Return which of n unknowns are rotations of nodes, bool [n]."""
         k = np.arange(n)
         return (k < self.total) & (k % self.size >= self.dim)
 
 
 class Blocks:
-    """A matrix of square blocks.
+    """Matrix of square blocks.
 
     Parameters
     ----------
     n : int
         Rows.
     rows, columns : array [m] of int
-        Of blocks; no block twice.
+        Rows and columns of blocks; no block twice.
     blocks : array [m, size, 8]
     size : int
     """
@@ -66,16 +66,16 @@ class Blocks:
         self.width = size * (int(np.max(np.abs(rows - columns), initial=0)) + 1) - 1
 
     def add_half(self, upper: Array) -> None:
-        """Its symmetric part, as `kernels.band` keeps it."""
+        """Add the symmetric part to a band, as `kernels.band` keeps it."""
         band.add_blocks(self._rows, self._columns, self._blocks, self._size, upper)
 
     def put(self, whole: Array) -> None:
-        """All of it, as `kernels.band` keeps it."""
+        """Store the whole matrix in a band, as `kernels.band` keeps it."""
         band.put_blocks(self._rows, self._columns, self._blocks, self._size, self.width, whole)
 
     @cached_property
     def by_rows(self) -> Any:
-        """In scipy's format csr."""
+        """Matrix in scipy's format csr."""
         from scipy import sparse
         data = np.ascontiguousarray(self._blocks[:, :, :self._size])
         indptr = np.searchsorted(self._rows, np.arange(self.n // self._size + 1))
@@ -83,12 +83,12 @@ class Blocks:
 
     @cached_property
     def matrix(self) -> Any:
-        """By columns."""
+        """Matrix by columns."""
         return self.by_rows.tocsc()
 
 
 class Entries:
-    """A matrix by rows.
+    """Matrix by rows.
 
     Parameters
     ----------
@@ -103,21 +103,21 @@ class Entries:
         self.width = int(np.max(np.abs(matrix.indices - rows), initial=0))
 
     def add_half(self, upper: Array) -> None:
-        """Its symmetric part, as `kernels.band` keeps it."""
+        """Add the symmetric part to a band, as `kernels.band` keeps it."""
         band.add_entries(self.by_rows.indptr, self.by_rows.indices, self.by_rows.data, upper)
 
     def put(self, whole: Array) -> None:
-        """All of it, as `kernels.band` keeps it."""
+        """Store the whole matrix in a band, as `kernels.band` keeps it."""
         band.put_entries(self.by_rows.indptr, self.by_rows.indices, self.by_rows.data, self.width, whole)
 
     @cached_property
     def matrix(self) -> Any:
-        """By columns."""
+        """Matrix by columns."""
         return self.by_rows.tocsc()
 
 
 class Terms:
-    """A symmetric matrix as a sum of entries, of which several may stand at one place.
+    """Symmetric matrix as a sum of entries, of which several may stand at one place.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class Terms:
 
     @property
     def matrix(self) -> Any:
-        """Form the sparse matrix by columns."""
+        """Sparse matrix by columns."""
         from scipy import sparse
         return sparse.csc_matrix((self._value, (self._row, self._column)), shape=(self.n, self.n))
 
@@ -160,11 +160,11 @@ class Signs:
         self.is_narrow = of.width <= WIDEST and of.n * of.width**2 <= MOST_IN_BAND
 
     def count(self, symmetric: bool) -> tuple[int, int] | None:
-        """Numbers of negative eigenvalues, if it is symmetric but for round-off, and of those that are zero to it.
+        """Return numbers of negative eigenvalues, if the matrix is symmetric but for round-off, and of those that are zero to it.
 
-        Of a matrix that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
-        (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
-        neither decides, or the eigenvalues cannot be counted."""
+        For a matrix that is not symmetric return (0, 0) if its symmetric part has them: then all its eigenvalues have a positive
+        real part (Bendixson). Return (1, 0) if its determinant is negative, which takes an odd number of negative eigenvalues,
+        and None if neither decides, or the eigenvalues cannot be counted."""
         free = self._free(lambda: self.of.by_rows) if self._free is not None else np.zeros(0, np.int64)
         if free.size:
             found = Signs(Entries(held(self.of.by_rows, free)), self._nodes).count(symmetric)
@@ -172,16 +172,16 @@ class Signs:
         clear = self.clear()
         if clear is not None and (symmetric or clear == (0, 0)):
             return clear
-        # stiffnesses differ by many powers of ten
+        # scaled, because stiffnesses differ by many powers of ten
         if not symmetric and self.skew(np.sqrt(1.0 / self._diagonal())) > SKEW:
-            # at first without the eigenvalues next to zero
+            # clearly negative pivots decide, before eigenvalues next to zero are computed
             is_positive = self.clear(NEGATIVE_PIVOT) in (None, (0, 0)) and self._of_symmetric_part() == (0, 0)
             return (0, 0) if is_positive else (1, 0) if self.determinant() < 0 else None
         return clear or self._of_symmetric_part()
 
     def clear(self, least: float = CLEAR_PIVOT) -> tuple[int, int] | None:
-        """Of the symmetric part, from pivots in the order of the rows; None where the band is wide, or a pivot is not above the
-        least share of its diagonal entry."""
+        """Return `count` of the symmetric part, from pivots in the order of the rows; None if the band is wide, or a pivot is not
+        above the least share of its diagonal entry."""
         if not self.is_narrow:
             return None
         upper = np.zeros((self.of.n, self.of.width + 2))
@@ -190,14 +190,14 @@ class Signs:
         return None if count < 0 else (count, 0)
 
     def skew(self, scale: Array) -> float:
-        """Largest entry of the difference to the transposed matrix, rows and columns multiplied by a scale [n]."""
+        """Return the largest entry of the difference to the transposed matrix, rows and columns multiplied by a scale [n]."""
         if self._whole is not None:
             return float(band.largest_skew(self._whole, self.of.width, scale))
         skew = (self.of.matrix - self.of.matrix.T).tocoo()
         return float(np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0))
 
     def determinant(self) -> int:
-        """Its sign: 1, -1, or 0 where the matrix is singular."""
+        """Return the sign of the determinant: 1, -1, or 0 if the matrix is singular."""
         if self._whole is not None:
             from scipy.linalg.lapack import dgbtrf
             width = self.of.width
@@ -216,7 +216,7 @@ class Signs:
 
     @cached_property
     def _whole(self) -> Array | None:
-        """The matrix as a band, None where it is wide."""
+        """Matrix as a band, None if it is wide."""
         if not self.is_narrow:
             return None
         whole = np.zeros((self.of.n, 3 * self.of.width + 1))
@@ -231,12 +231,12 @@ class Signs:
 
 
 def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
-    """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off (Sylvester). None where row
-    exchanges spoil the count of pivots.
+    """Return numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off (Sylvester). None if
+    row exchanges spoil the count of pivots.
 
-    Pivots of the matrix scaled to a diagonal of 1 and shifted by s and by -s count what lies below -s and s, beyond doubt where s
-    is far above round-off. What lies between is computed: its vectors by inverse iteration, its values from differences of
-    positions (`Form`), and a value is zero where it is round-off of the terms that it is the sum of."""
+    Pivots of the matrix scaled to a diagonal of 1 and shifted by s and by -s count eigenvalues below -s and s, beyond doubt where
+    s is far above round-off. Eigenvalues in between are computed: vectors by inverse iteration, values from differences of
+    positions (`Form`), and a value is zero if it is round-off of the terms of its sum."""
     from scipy import sparse
     count = negative_pivots(matrix)
     if count is not None:
@@ -263,7 +263,7 @@ def inertia(matrix: Any, nodes: Nodes | None = None) -> tuple[int, int] | None:
 
 
 def held(matrix: Any, unknowns: Array) -> Any:
-    """A matrix by rows with as much on the diagonal of some unknowns as the largest entry there is on it.
+    """Return a matrix by rows with its largest diagonal entry added to the diagonal of some unknowns.
 
     With z, K z = 0, z_i not 0, the matrix K + k e_i e_i^T has one zero eigenvalue less than K, and as many negative ones."""
     from scipy import sparse
@@ -273,12 +273,12 @@ def held(matrix: Any, unknowns: Array) -> Any:
 
 
 class Form:
-    """x . K y of a symmetric matrix K, from differences of positions.
+    """Quadratic form x . K y of a symmetric matrix K, from differences of positions.
 
-    Where all nodes shift alike nothing is strained, so that of the entries between positions, and of those between rotations and
-    positions, every row has the sum zero but for what holds the node in space. Positions may then be replaced by their
-    differences to the node of the row. Without that, round-off of a stiffness EA/h stands beside the energy of bending, and
-    hides it in fine meshes of slender beams.
+    A common shift of all nodes strains nothing. In every row the entries between positions, and those between rotations and
+    positions, therefore have the sum zero but for supports in space. Positions may then be replaced by their differences to the
+    node of the row. Without that, round-off of a stiffness EA/h stands beside the energy of bending, and hides it in fine meshes
+    of slender beams.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ class Form:
 
     def __init__(self, matrix: Any, nodes: Nodes | None) -> None:
         rows, columns, data = _entries(matrix)
-        # (values, numbers whose difference stands on the left, the same on the right)
+        # (values, two numbers whose difference is the left factor, and two for the right factor)
         self._parts: list[tuple[Array, tuple[Array, ...], tuple[Array, ...]]] = []
         if nodes is None:
             self._parts.append((data, (rows,), (columns,)))
@@ -315,7 +315,7 @@ class Form:
         self._parts.append((np.where(row % size < dim, 1.0, 2.0) * total, (row,), (place,)))
 
     def values(self, x: Array) -> tuple[Array, Array]:
-        """Eigenvalues of x^T K x, x [n, m], and of each what may be round-off."""
+        """Return eigenvalues of x^T K x, x [n, m], and the round-off that each may have."""
         product = np.zeros((x.shape[1],) * 2)
         for value, left, right in self._parts:
             for k in range(0, value.size, CHUNK):
@@ -331,8 +331,8 @@ class Form:
 
 
 def strained(matrix: Any, nodes: Nodes, x: Array) -> tuple[Array, Array]:
-    """K x of motions by columns [n, m], from differences of positions as in `Form`, and sums of the largest sizes that its terms
-    could have, those of entries sqrt(K_ii K_jj)."""
+    """Return K x of motions by columns [n, m], from differences of positions as in `Form`, and sums of the largest sizes that its
+    terms could have, those of entries sqrt(K_ii K_jj)."""
     rows, columns, data = _entries(matrix)
     count, size, dim = nodes
     place = (rows < count) & (columns < count) & (columns % size < dim)
@@ -349,17 +349,17 @@ def strained(matrix: Any, nodes: Nodes, x: Array) -> tuple[Array, Array]:
 
 
 def _entries(matrix: Any) -> tuple[Array, Array, Array]:
-    """Rows, columns and values."""
+    """Return rows, columns and values."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices.astype(np.int64), matrix.data
 
 
 def _component(row: Array, column: Array, size: int) -> Array:
-    """Of the nodes of rows the unknowns that are those of columns of theirs."""
+    """Return the unknowns of the nodes of `row` with the same component as `column`."""
     return row // size * size + column % size
 
 
 def _at(matrix: Any, rows: Array, columns: Array) -> Array:
-    """Entries of a sparse matrix."""
+    """Return entries of a sparse matrix."""
     return np.asarray(matrix[rows, columns]).reshape(-1)
 
 
@@ -368,14 +368,14 @@ def _difference(x: Array, of: list[Array]) -> Array:
 
 
 def _totals(rows: Array, columns: Array, data: Array, nodes: Nodes) -> tuple[Array, Array, Array]:
-    """Row, position of its node, and sum of the entries of the row that belong to this component of positions: what holds nodes
-    in space. Sums that are round-off are left out."""
+    """Return row, position of its node, and sum of the entries of the row that belong to this component of positions: the
+    stiffness of supports in space. Sums that are round-off are left out."""
     key = rows * nodes.dim + columns % nodes.size
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
     if not first.size:
         return rows[:0], columns[:0], data[:0]
-    # in more digits: the sum is smaller than its terms by as many as there are
+    # in extended precision: the sum may be smaller than its terms by all digits of a double
     total = np.add.reduceat(data[order].astype(np.longdouble), first).astype(float)
     real = np.abs(total) > LAST_BITS * np.add.reduceat(np.abs(data[order]), first)
     row, column = rows[order[first[real]]], columns[order[first[real]]]
@@ -383,7 +383,7 @@ def _totals(rows: Array, columns: Array, data: Array, nodes: Nodes) -> tuple[Arr
 
 
 def sizes_of(diagonal: Array) -> Array:
-    """Of its entries, 1 for those that vanish."""
+    """Return absolute values of a diagonal; zeros replaced by 1."""
     sizes = np.abs(diagonal)
     return np.where(sizes > 0.0, sizes, 1.0)
 
@@ -402,24 +402,24 @@ def negative_pivots(matrix: Any) -> int | None:
 
 
 def _pivots(matrix: Any) -> Array | None:
-    """Pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
+    """Return pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
     factors = _factored(matrix)
     return None if factors is None else factors.pivots
 
 
 def _below(matrix: Any, shift: float) -> int:
-    """Number of eigenvalues of a symmetric matrix below a shift; -1 where it is not found."""
+    """Count the eigenvalues of a symmetric matrix below a shift; -1 if the count is not found."""
     from scipy import sparse
     pivots = _pivots((matrix - shift * sparse.identity(matrix.shape[0], format="csc")).tocsc())
     return -1 if pivots is None else int(np.sum(pivots < 0.0))
 
 
 def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
-    """Orthonormal vectors [n, m] among which are those of the `count` eigenvalues nearest to zero of a symmetric matrix with a
-    diagonal of 1, which lie within this width."""
+    """Return orthonormal vectors [n, m] among which are those of the `count` eigenvalues nearest to zero of a symmetric matrix
+    with a diagonal of 1, which lie within this width."""
     from scipy import sparse
     n = matrix.shape[0]
-    # about a point beside zero, where the matrix is not singular
+    # shift a little off zero, where the matrix is not singular
     factors = _factored((matrix + SHIFT * width * sparse.identity(n, format="csc")).tocsc())
     if factors is None:
         return None
@@ -432,7 +432,7 @@ def _nearest_to_zero(matrix: Any, count: int, width: float) -> Array | None:
 
 
 def orthonormal_columns(v: Array) -> tuple[Array, Array]:
-    """Q, R of a few long columns, by Gram and Schmidt, each column twice: LAPACK takes a hundred times as long."""
+    """Return Q, R of a few long columns, by Gram and Schmidt, each column twice: LAPACK takes a hundred times as long."""
     q, r = v.copy(), np.zeros((v.shape[1], v.shape[1]))
     for j in range(v.shape[1]):
         for _ in range(2):
@@ -446,7 +446,7 @@ def orthonormal_columns(v: Array) -> tuple[Array, Array]:
 
 
 def _is_odd(order: Array) -> bool:
-    """Whether a permutation takes an odd number of exchanges: those of each of its cycles are one less than its length."""
+    """Return whether a permutation takes an odd number of exchanges: those of each of its cycles are one less than its length."""
     seen = np.zeros(order.size, bool)
     cycles = 0
     for k in range(order.size):

@@ -21,20 +21,20 @@ from fastbeam.linalg.pattern import MUCH, breadth_first, dissected, elimination_
 
 Array = np.ndarray
 FREE, OPEN, GROUND = 0, 1, 2
-# no order is looked for where rows are coupled with more others than that, where there are more rows, or more of them for a joint
+# no order is searched if rows are coupled with more others, there are more rows, or more rows for a joint than these
 MOST, LARGE, FEW = 200, 400_000, 100
 
 
 class Joint(NamedTuple):
-    """Constraints between the same nodes."""
+    """Constraints of one joint, all between the same nodes."""
 
     constraints: list[int]
-    rows: tuple[int, ...]   # of the nodes, without those that are held altogether
-    held: tuple[int, ...]   # of the latter
+    rows: tuple[int, ...]   # rows of the nodes, without those that are fixed altogether
+    held: tuple[int, ...]   # rows of fixed nodes
 
 
 def places_of(n: int, coupled: Array, joints: list[Joint], grounded: Array, by_rows: bool) -> Array | None:
-    """Place of every row in the elimination; None where that is cheaper which the kernels find.
+    """Return the place of every row in the elimination; None if the order that the kernels find is cheaper.
 
     Parameters
     ----------
@@ -81,21 +81,21 @@ def places_of(n: int, coupled: Array, joints: list[Joint], grounded: Array, by_r
 
 
 def least_degree(n: int, coupled: Array, joints: list[Joint], grounded: Array) -> list[int] | None:
-    """Nodes, and joints from n on, in the order of their elimination; arguments as of `places_of`. None where a row has very many
+    """Order nodes, and joints from n on, for their elimination; arguments as in `places_of`. None if a row has very many
     columns."""
     return _Search(n, coupled, joints, grounded).run()
 
 
 def by_dissection(n: int, low: Array, high: Array, joints: list[Joint], grounded: Array) -> list[int] | None:
-    """The same by nested dissection of the graph of nodes and joints, of edges between `low` and `high`; a joint that may not be
+    """Order nodes and joints by nested dissection of their graph, of edges between `low` and `high`; a joint that may not be
     eliminated yet comes as soon as it may. None without METIS."""
     rank = dissected(n + len(joints), low, high)
     return None if rank is None else _Search(n, np.zeros((0, 2), np.int64), joints, grounded, rank.tolist()).run()
 
 
 class _Search:
-    """Vertices are nodes, then joints. Components of eliminated nodes as trees of parents; what is said of them stands at the
-    root. Those that may be eliminated are in the order of `rank`, by default of their degree."""
+    """Search for an order of vertices: nodes, then joints. Components of eliminated nodes are trees of parents, with their data
+    at the root. Candidates are in the order of `rank`, by default of their degree."""
 
     def __init__(self, n: int, coupled: Array, joints: list[Joint], grounded: Array, rank: list[int] | None = None) -> None:
         self.n, self.joints, self.rank = n, joints, rank
@@ -118,7 +118,7 @@ class _Search:
         self.heap: list[tuple[int, int]] = []
 
     def run(self) -> list[int] | None:
-        """Vertices in their order."""
+        """Return the vertices in their order."""
         for v in range(self.n):
             self._push(v)
         order = []
@@ -158,7 +158,7 @@ class _Search:
         return a
 
     def _may_follow(self, k: int) -> bool:
-        """Whether joint k is independent of what was eliminated before."""
+        """Return whether joint k is independent of the joints eliminated before."""
         rows = self.joints[k - self.n].rows
         waits = [a for a in rows if not self.done[a]]
         roots = {self._root(a) for a in rows if self.done[a]}
@@ -171,7 +171,7 @@ class _Search:
         return len(roots) <= 1 or states.count(OPEN) + (GROUND in states) <= 1
 
     def _after_node(self, v: int) -> int:
-        """Joints that were open to the node are closed. Returns a node of the component that changed."""
+        """Close joints that were open to the node; return a node of the component that changed."""
         for k in self.touching[v]:
             if self.done[k]:
                 self.left[self._root(v)].discard(k)
@@ -183,7 +183,7 @@ class _Search:
         return v
 
     def _after_joint(self, k: int) -> int:
-        """The same after a joint, -1 where it has no node."""
+        """Update components after joint k; return a node of the component that changed, -1 if the joint has no node yet."""
         rows = self.joints[k - self.n].rows
         gone = [a for a in rows if self.done[a]]
         for a in gone:
@@ -200,7 +200,7 @@ class _Search:
         return gone[0]
 
     def _join(self, a: int, b: int) -> None:
-        """Make one component of two."""
+        """Join two components."""
         a, b = self._root(a), self._root(b)
         if a == b:
             return

@@ -10,13 +10,13 @@ from fastbeam.linalg.factors import Limits, lu, refined
 Array = np.ndarray
 # share of its inertia with which every unknown is held to its value in one solution (proximal point iteration)
 HOLD = 1e-8
-# such a share for multipliers, so small that constraints which are almost dependent still count as two
+# such a share for multipliers, so small that almost dependent constraints still count as two
 GIVE = 1e-14
-# and where rigid motions may not meet all of them: what they miss stays, as small as it may
+# such a share if rigid motions cannot meet all constraints: their error stays, as small as possible
 SHARED = 1e-8
-# share of what a constraint has of single nodes, below which a rigid motion leaves it as it is
+# share of the terms of single nodes in a constraint, below which a rigid motion does not change it
 UNMOVED = 1e-9
-# solutions, as many as help
+# limits of solutions: refined as long as that helps
 LIMITS = Limits(0.0, 0.0, 0.0, 0.0, 30, 30)
 # share of the kinetic energy that was given: rigid motions that leave less are no answer, supports stop the parts. A load
 # thrown along a rope whose far end stands keeps sin(x)^2 of it, x the angle between both: 6 degrees, as of directions from typed
@@ -25,20 +25,21 @@ STOPPED = 0.01
 
 
 def nearest(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> Array:
-    """As `nearest_by`, without the multipliers."""
+    """Return the x of `nearest_by`, without the multipliers."""
     return nearest_by(mass, matrix, right, given, spin)[0]
 
 
 def middles(places: Array, part: Array) -> tuple[Array, Array]:
-    """Means of the places [N, 3] of the nodes of every part [P, 3], and of every node the number of its part among these [N]."""
+    """Return means of the places [N, 3] of the nodes of every part [P, 3], and for every node the number of its part among these
+    [N]."""
     _, number = np.unique(part, return_inverse=True)
     count = np.bincount(number)
     return np.stack([np.bincount(number, x) / count for x in places.T], axis=1), number
 
 
 def rigid_motions(places: Array, part: Array) -> Any:
-    """Velocities at their middles and spins of parts -> (v, spin) of all nodes, sparse [6 N, 6 P]; places [N, 3], and of every
-    node the number of its part [N]."""
+    """Return the map from velocities at their middles and spins of parts to (v, spin) of all nodes, sparse [6 N, 6 P]; places [N,
+    3], and for every node the number of its part [N]."""
     from scipy import sparse
     n = len(part)
     middle, number = middles(places, part)
@@ -49,8 +50,8 @@ def rigid_motions(places: Array, part: Array) -> Any:
 
 
 def rigid_share(mass: Any, matrix: Any, right: Array, rigid: Any) -> Array:
-    """Of the x with matrix x = right that is nearest to zero the part that rigid motions of parts can do, [6 P]: shares of the
-    columns of `rigid`, the least in the norm of the mass matrix of those that miss least of these equations."""
+    """Return the part of the least x with matrix x = right that rigid motions of parts can do, [6 P]: factors of the columns of
+    `rigid`, the least in the norm of the mass matrix among those with the least error of these equations."""
     rows = (matrix @ rigid).tocsr()
     size = [np.sqrt(np.asarray(x.multiply(x).sum(axis=1)).reshape(-1)) for x in (rows, abs(matrix) @ abs(rigid))]
     moved = np.flatnonzero(size[0] > UNMOVED * size[1])
@@ -60,12 +61,12 @@ def rigid_share(mass: Any, matrix: Any, right: Array, rigid: Any) -> Array:
 
 
 def rigid_change(mass: Any, matrix: Any, right: Array, given: Array, rigid: Any) -> Array:
-    """Velocities and spins [6 N] by which rigid motions of the parts bring `given` as near as they can to matrix x = right, as of
-    `rigid_share`. None where that would stop what was given a velocity: a load on a rope whose other end is clamped goes on, and
-    the rope bends."""
+    """Return velocities and spins [6 N] by which rigid motions of the parts bring `given` as near as they can to matrix x =
+    right, as of `rigid_share`. They are zero in groups of unknowns that would lose almost all kinetic energy: a load on a rope
+    whose other end is clamped goes on, and the rope bends."""
     from scipy import sparse
     change = rigid @ rigid_share(mass, matrix, right - matrix @ given, rigid)
-    # all directions of a node belong together, however the scene lies in space
+    # all directions of a node belong to one group, however the scene lies in space
     _, piece = pieces(mass + sparse.kron(sparse.eye(given.size // 6), np.ones((6, 6))), matrix)
     was_given = abs(rigid) @ (abs(rigid).T @ (given != 0.0)) > 0.0
     left = np.where(was_given, given + change, 0.0)
@@ -74,7 +75,7 @@ def rigid_change(mass: Any, matrix: Any, right: Array, given: Array, rigid: Any)
 
 
 def pieces(mass: Any, matrix: Any) -> tuple[int, Array]:
-    """How many groups of unknowns there are that masses and constraints join, and the group of every unknown [n]."""
+    """Count the groups of unknowns that masses and constraints join; return the number and the group of every unknown [n]."""
     from scipy.sparse.csgraph import connected_components
     count, piece = connected_components(abs(mass) + abs(matrix).T @ abs(matrix), directed=False)
     return int(count), piece
@@ -82,15 +83,15 @@ def pieces(mass: Any, matrix: Any) -> tuple[int, Array]:
 
 def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, momentum: Array | None = None,
                hold: float = HOLD, give: float = GIVE) -> tuple[Array, Array]:
-    """The x with matrix x = right that is nearest to `given` in the norm of a singular mass matrix, and among these near to it in
-    its other components; with a momentum, nearest to what `given` is once that has been added to its own.
+    """Find the x with matrix x = right that is nearest to `given` in the norm of a singular mass matrix, and among these near to
+    it in its other components; with a momentum, nearest to `given` after that momentum has been added.
 
     spin: which unknowns are spins; hold, give: shares as of HOLD and GIVE in one solution.
 
-    Every unknown is measured by its own inertia, one without by that of what it hangs together with: parts that nothing joins do
-    not know of each other. The matrix of the multipliers is made regular by a small share of that, which repeated solutions take
-    out again (proximal point iteration), so that the result is exact, also where constraints say the same twice. Also returned
-    are the multipliers l of the constraints, with which mass (x - given) = momentum + matrix^T l.
+    Every unknown is measured by its own inertia, one without inertia by that of its group: unconnected parts do not influence
+    each other. The matrix of the multipliers is made regular by a small share of that, which repeated solutions take out again
+    (proximal point iteration), so that the result is exact, also for dependent constraints. Also returned are the multipliers l
+    of the constraints, with which mass (x - given) = momentum + matrix^T l.
     """
     from scipy import sparse
     n, m = given.size, right.size

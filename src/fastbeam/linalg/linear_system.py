@@ -17,7 +17,7 @@ from fastbeam.linalg.mkl import PardisoMemory, mkl_for, pardiso_tables, threads_
 from fastbeam.linalg.pattern import Pattern
 
 Array = np.ndarray
-# PARDISO cuts a matrix for so many threads and gets the same bits on any number; another number gives other bits
+# number of threads for which PARDISO cuts a matrix; the bits are the same on any number of threads, but depend on this number
 REPRODUCIBLE = 8
 BACKENDS = ("auto", "pardiso", "superlu")
 # unknowns from which on a matrix is cut in two, where results have to be the same bits on any number of threads
@@ -27,7 +27,7 @@ FEW = 1e-3
 
 
 def check_backend(backend: str) -> None:
-    """Refuse what is no name of a solver.
+    """Check the name of a solver.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def check_backend(backend: str) -> None:
 
 
 class Pardiso:
-    """One structure, analysed once: square blocks by rows (0-based BSR), real unsymmetric.
+    """PARDISO for one structure, analysed once: square blocks by rows (0-based BSR), real unsymmetric.
 
     Parameters
     ----------
@@ -47,11 +47,11 @@ class Pardiso:
     columns : int
         Right-hand sides of a solve.
     size : int
-        Of a block.
+        Unknowns of a block.
     threads : int, optional
         Default: as many as MKL likes.
     reproducible : bool
-        The same bits for any number of threads. Large matrices are then cut in two (`halves`), where that leaves little between.
+        The same bits for any number of threads. Large matrices are then cut in two (`halves`), if that leaves few nodes between.
     symmetric : bool
         Take the symmetric part of the matrix: half the operations and memory.
 
@@ -91,12 +91,12 @@ class Pardiso:
 
     @property
     def factor_bytes(self) -> int:
-        """Of the factors, by PARDISO's own account."""
+        """Size of the factors in bytes, by PARDISO's own account."""
         return 1024 * int(self.tables.iparm[16]) if self.halves is None else self.halves.factor_bytes
 
     @property
     def arrays(self) -> list[Array]:
-        """Whatever it keeps besides the factors."""
+        """All arrays that it keeps besides the factors."""
         return [*self.tables, *([] if self.halves is None else self.halves.arrays)]
 
     def solve(self, blocks: Array, panel: Array, width: int, size: Any, each: Each) -> bool:
@@ -108,16 +108,16 @@ class Pardiso:
 
 
 class SuperLU:
-    """The fallback: factorises anew every time, slower, with pivoting across blocks."""
+    """Fallback solver: factorises anew every time, slower, with pivoting across blocks."""
 
     def __init__(self, rows: Array, columns: Array, n: int, size: int) -> None:
         self.n, self.size = n, size
         self._rows, self._columns = np.ascontiguousarray(rows), np.ascontiguousarray(columns)
-        # what finds one unknown of every free motion of the matrix by rows, to be held
+        # function that finds one unknown of every free motion of the matrix by rows, to be fixed
         self.free: Callable[[Callable[[], Any]], Array] | None = None
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
-        """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
+        """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. Return None if no acceptable solution was found."""
         if not np.isfinite(blocks).all():
             return None
         matrix = self.by_rows(blocks)
@@ -128,16 +128,16 @@ class SuperLU:
 
     def signs(self, blocks: Array, symmetric: bool,
               free: Callable[[Callable[[], Any]], Array] | None = None) -> tuple[int, int] | None:
-        """As `inertia.Signs.count`, of the matrix of blocks [n_blocks, size, 8]."""
+        """Return `inertia.Signs.count` of the matrix of blocks [n_blocks, size, 8]."""
         of = self._of(blocks)
         return Signs(of, Nodes(of.n, self.size, 2 if self.size == 3 else 3), free).count(symmetric)
 
     def matrix(self, blocks: Array) -> Any:
-        """The matrix of blocks [n_blocks, size, 8] by columns."""
+        """Return the matrix of blocks [n_blocks, size, 8] by columns."""
         return self._of(blocks).matrix
 
     def by_rows(self, blocks: Array) -> Any:
-        """The same by rows."""
+        """Return the matrix of blocks [n_blocks, size, 8] by rows."""
         return self._of(blocks).by_rows
 
     def _of(self, blocks: Array) -> Blocks:
@@ -145,8 +145,8 @@ class SuperLU:
 
 
 class LinearSystem:
-    """Who solves for the nodes of a model: block elimination where the pattern has a plan, else PARDISO, both inside compiled
-    code; SuperLU where there is no MKL, and for a step in which the others failed.
+    """Solver for the nodes of a model: block elimination if the pattern has a plan, else PARDISO, both inside compiled code;
+    SuperLU without MKL, and for a step in which the others failed.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ class LinearSystem:
     size : int
         Unknowns a node.
     threads, reproducible, symmetric
-        Of PARDISO.
+        Options of PARDISO.
 
     Raises
     ------
@@ -171,7 +171,7 @@ class LinearSystem:
         self.pattern, self.size = pattern, size
         self.fallbacks = 0
         self.pardiso: Pardiso | None = None
-        # for the compiled loop
+        # arguments of the compiled loop
         self.tables: PardisoTables | None = None
         self._superlu: SuperLU | None = None
         self._why = ""
@@ -186,29 +186,29 @@ class LinearSystem:
         self.tables = self.pardiso.tables
 
     def threads(self) -> AbstractContextManager[None]:
-        """Where the compiled loop has to run."""
+        """Return the context in which the compiled loop has to run."""
         return nullcontext() if self.pardiso is None else self.pardiso.threads()
 
     def begin_step(self) -> None:
-        """Factors of earlier steps are not used again."""
+        """Discard factors of earlier steps."""
         if self.pardiso is not None:
             kernels.begin_step(self.pardiso.tables)
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the time loop runs in compiled code."""
+        """True if the time loop runs in compiled code."""
         return self.pattern.plan is not None or self.pardiso is not None
 
     @property
     def superlu(self) -> SuperLU:
-        """The fallback, made when first needed."""
+        """Fallback solver, made when first needed."""
         if self._superlu is None:
             self._superlu = SuperLU(self.pattern.rows, self.pattern.columns, self.pattern.n, self.size)
         return self._superlu
 
     @property
     def name(self) -> str:
-        """What was used and how often it fell back, for the result."""
+        """Name of the solver that was used and number of its fallbacks, for the result."""
         fell = f"{self.fallbacks} steps fell back to SuperLU"
         if self.pattern.plan is not None:
             return f"block elimination, {fell}"

@@ -1,5 +1,5 @@
-"""The MKL runtime: where it is found, how many threads it takes, how PARDISO is set, and the order in which METIS, which comes
-with it, eliminates the rows of a matrix."""
+"""MKL runtime: its library, number of threads, settings of PARDISO, and the order in which METIS, which comes with it, eliminates
+the rows of a matrix."""
 from __future__ import annotations
 
 import ctypes
@@ -25,12 +25,12 @@ SMALL = 5000
 
 
 def load_mkl() -> Any | None:
-    """The MKL runtime, or None where it is not installed."""
+    """Load the MKL runtime; return None if it is not installed."""
     return None if os.environ.get("FASTBEAM_NO_MKL") else _found_mkl()
 
 
 def mkl_for(backend: str) -> Any | None:
-    """Load the MKL runtime where a backend takes it; None with backend='superlu', and where there is none.
+    """Load the MKL runtime if a backend takes it; None with backend='superlu', and without MKL.
 
     Raises
     ------
@@ -44,26 +44,26 @@ def mkl_for(backend: str) -> Any | None:
 
 
 def threads_for(mkl: Any, n: int, threads: int | None = None) -> int:
-    """Number of threads for n unknowns; threads: at most, where they were chosen."""
+    """Return the number of threads for n unknowns; threads: at most, if they were chosen."""
     return 1 if n < SMALL else threads or int(mkl.MKL_Get_Max_Threads())
 
 
 @cache
 def _found_mkl() -> Any | None:
-    """The same, looked for once."""
+    """Find and load the MKL runtime, once."""
     names = ["libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll"]
     folders = [os.path.join(sys.prefix, "lib"), os.path.join(sys.prefix, "Library", "bin"), os.path.join(sys.base_prefix, "lib")]
     found = [path for folder in folders for name in names for path in sorted(glob.glob(os.path.join(folder, name)), key=len)]
     for path in found:
         if (library := _loaded(path)) is not None:
             return library
-    # asks compilers and linkers, which takes a tenth of a second
+    # find_library asks compilers and linkers, which takes a tenth of a second
     system = ctypes.util.find_library("mkl_rt")
     return _loaded(system) if system else None
 
 
 def _loaded(path: str) -> Any | None:
-    """A library, None where it cannot be loaded."""
+    """Load a library; return None if it cannot be loaded."""
     try:
         library = ctypes.CDLL(path)
     except OSError:
@@ -74,7 +74,7 @@ def _loaded(path: str) -> Any | None:
 
 
 class OnThreads:
-    """MKL on so many threads, the calling one among them, in a with statement."""
+    """Context of MKL on a number of threads, the calling one among them."""
 
     def __init__(self, mkl: Any, n: int) -> None:
         self._mkl, self._n, self._before = mkl, n, 0
@@ -88,7 +88,7 @@ class OnThreads:
 
 def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int], columns: int = 1, size: int = 1,
                    refined: bool = False) -> PardisoTables:
-    """What PARDISO takes, not yet analysed.
+    """Make the arguments of PARDISO, not yet analysed.
 
     Parameters
     ----------
@@ -116,14 +116,14 @@ def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int
 
 
 class PardisoMemory:
-    """What PARDISO keeps of one structure and its values, freed with this object.
+    """Memory of PARDISO for one structure and its values, freed with this object.
 
     Parameters
     ----------
     mkl : the MKL runtime
     tables : PardisoTables
     threads : int
-        Of all calls: PARDISO crashes with fewer than it was analysed on.
+        Threads of all calls: PARDISO crashes with fewer than it was analysed on.
     """
 
     def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
@@ -139,13 +139,13 @@ class PardisoMemory:
             self._on_threads(before)
 
     def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
-        # then compiled code may be gone before this, and the memory goes with the process
+        # at exit compiled code may be gone before this object, and the memory goes with the process
         if not python_ends() and self.tables.handle.any():
             self.call(kernels.RELEASE, self.tables.b, self.tables.x)
 
 
 def nested_dissection(matrix: Any) -> Array | None:
-    """Rows of a matrix of symmetric structure, its diagonal included, in the order in which METIS eliminates them.
+    """Return rows of a matrix of symmetric structure, its diagonal included, in the order in which METIS eliminates them.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def nested_dissection(matrix: Any) -> Array | None:
     Returns
     -------
     int32 [n], or None
-        None without MKL, or where its analysis fails.
+        None without MKL, or if its analysis fails.
     """
     mkl = load_mkl()
     if mkl is None:

@@ -1,4 +1,4 @@
-"""Blocks of vectors made orthonormal in a mass matrix, to known ones and to each other."""
+"""Orthonormalisation of blocks of vectors in a mass matrix, against known vectors and each other."""
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 Array = np.ndarray
-# shares of a vector that are left once others are taken out of it: round-off, and plenty, where a product with R^-1 keeps digits
+# remaining share of a vector after projection: below the first it is round-off, above the second a product with R^-1 keeps digits
 NOTHING, PLENTY = 1e-12, 0.1
 TINY = 1e-300
 
 
 class Block(NamedTuple):
-    """Of x = known P + Q R; without the columns of which nothing is left."""
+    """Factors of x = known P + Q R; without columns that vanish to round-off."""
 
     q: Array              # [k, j], j <= m
     weighed: Array        # [k, j]: M Q
@@ -21,7 +21,7 @@ class Block(NamedTuple):
 
 
 def orthonormal(x: Array, known: Array, mass: Any) -> Block:
-    """Columns of x [k, m] made orthonormal in the mass [k, k], sparse, known ones [k, n] are so already."""
+    """Make columns of x [k, m] orthonormal in the mass [k, k], sparse; the known vectors [k, n] are orthonormal already."""
     weighed = mass @ x
     sizes = norms(x, weighed)
     parts = np.zeros((known.shape[1], x.shape[1]))
@@ -43,12 +43,12 @@ def orthonormal(x: Array, known: Array, mass: Any) -> Block:
 
 
 def norms(x: Array, weighed: Array) -> Array:
-    """Of columns in the mass, with their products with it."""
+    """Return norms of columns in the mass, from their products with it."""
     return np.sqrt(np.maximum(np.sum(x * weighed, axis=0), 0.0))
 
 
 def _one_by_one(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array, Array]:
-    """Q and R where columns are nearly dependent; sizes: norms of the columns before known ones were taken out."""
+    """Return Q and R if columns are nearly dependent; sizes: norms of the columns before known ones were taken out."""
     m = x.shape[1]
     # column by column: products with some columns of an array by rows have crashed in OpenBLAS
     q = np.zeros(x.shape, order="F")
@@ -66,7 +66,7 @@ def _one_by_one(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array,
             size = float(norms(column, weighed))
             if size > 0.5 * last or not size > NOTHING * sizes[j]:
                 break
-            # what is left of a difference is orthogonal to no more than a few digits
+            # a small difference is orthogonal to no more than a few digits
             column -= known @ (known.T @ weighed)
             weighed = mass @ column
             last = size

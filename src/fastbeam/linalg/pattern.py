@@ -1,4 +1,4 @@
-"""Sparsity: the order of elimination, its fill, and where every block stands."""
+"""Sparsity pattern: the order of elimination, its fill, and places of all blocks."""
 from __future__ import annotations
 
 import heapq
@@ -44,7 +44,7 @@ class Pattern:
 
     @property
     def first_on_row(self) -> Array:
-        """Of every node the first one on its row, int64 [N]."""
+        """First node on the row of every node, int64 [N]."""
         _, first, of = np.unique(self.row_of, return_index=True, return_inverse=True)
         return np.asarray(first[of])
 
@@ -60,8 +60,9 @@ class Pattern:
 
     @cached_property
     def beats_breadth_first(self) -> bool:
-        """Whether the reverse of a breadth-first search, which begins in the middle, costs well more than the order of the rows.
-        On trees it costs nothing more, and it follows what sliders couple; between parts that many beams join it is expensive."""
+        """True if the reverse of a breadth-first search, which begins in the middle, costs well more than the order of the rows.
+        On trees it costs nothing more, and it follows couplings by sliders; between parts that many beams join it is
+        expensive."""
         if self.plan is None or self.n > LARGE:
             return False
         counts = np.diff(self.plan.start)
@@ -70,12 +71,13 @@ class Pattern:
         return _symbolic(self.n, rank[low], rank[high], int(1.5 * np.sum(counts + counts * counts))) is None
 
     def block(self, i: Array, j: Array) -> Array:
-        """Block of nodes i, j (arrays or numbers); both must be in the pattern."""
+        """Return the block of nodes i, j (arrays or numbers); both must be in the pattern."""
         return np.searchsorted(self.keys, self.row_of[i] * self.n + self.row_of[j])
 
 
 def ascending(keys: Array) -> Array:
-    """The different values among keys in ascending order; np.unique looks them up one by one, which takes ten times as long."""
+    """Return the different values among keys in ascending order; np.unique looks them up one by one, which takes ten times as
+    long."""
     keys = np.sort(keys)
     return keys[np.concatenate(([True], keys[1:] != keys[:-1]))] if keys.size else keys
 
@@ -127,7 +129,7 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
 
 
 def dissected(n: int, low: Array, high: Array) -> Array | None:
-    """Rank of every node in the order of METIS; None without it."""
+    """Return the rank of every node in the order of METIS; None without it."""
     from scipy import sparse
     own = np.arange(n)
     i, j = np.concatenate((low, high, own)), np.concatenate((high, low, own))
@@ -136,7 +138,8 @@ def dissected(n: int, low: Array, high: Array) -> Array | None:
 
 
 def breadth_first(n: int, coupled: Array) -> Array:
-    """Rank of n rows, coupled [m, 2], in the reverse of a breadth-first search from the middle: what the kernel `sweep` finds."""
+    """Return the rank of n rows, coupled [m, 2], in the reverse of a breadth-first search from the middle, as the kernel `sweep`
+    finds it."""
     from scipy import sparse
     from scipy.sparse import csgraph
     low, high = coupled.T
@@ -162,14 +165,14 @@ def breadth_first(n: int, coupled: Array) -> Array:
 
 
 def _from_both_ends(n: int) -> Array:
-    """Rank of every node where first and last nodes take turns."""
+    """Return the rank of every node if first and last nodes take turns."""
     k = np.arange(n)
     return np.minimum(2 * k, 2 * (n - 1 - k) + 1)
 
 
 def widen(pattern: Pattern, level: Array, row_root: Array) -> Pattern:
-    """The pattern of the nodes of level 0 (int [N]) with rows for all N nodes: the others follow, level by level, and nodes share
-    the row of row_root, int [N]."""
+    """Return the pattern of the nodes of level 0 (int [N]) with rows for all N nodes: the others follow, level by level, and
+    nodes share the row of row_root, int [N]."""
     own = row_root == np.arange(level.size)
     row_of = np.empty(level.size, np.int64)
     row_of[(level == 0) & own] = pattern.row_of
@@ -188,7 +191,8 @@ class _Fill:
 
 
 def _symbolic(n: int, a: Array, b: Array, limit: float, patient: bool = False) -> _Fill | None:
-    """Fill of the elimination of edges between rows a, b; None beyond the limit or, unless `patient`, where many rows have it."""
+    """Find the fill of the elimination of edges between rows a, b; None beyond the limit or, unless `patient`, if many rows have
+    it."""
     i, j = np.minimum(a, b), np.maximum(a, b)
     key = np.sort(i * n + j)
     i, j = key // n, key % n
@@ -225,13 +229,13 @@ def _symbolic(n: int, a: Array, b: Array, limit: float, patient: bool = False) -
 
 
 def elimination_cost(a: Array, b: Array, n: int, limit: float = np.inf) -> int | None:
-    """Updates of the elimination of n rows with edges between places a, b; None beyond the limit."""
+    """Count the updates of the elimination of n rows with edges between places a, b; None beyond the limit."""
     found = _symbolic(n, a, b, limit, patient=True)
     return None if found is None else found.cost
 
 
 def _minimum_degree(n: int, low: Array, high: Array, limit: int) -> Array | None:
-    """Rank of every node in a greedy minimum degree order, ties by number; None where its elimination costs more than the
+    """Return the rank of every node in a greedy minimum degree order, ties by number; None if its elimination costs more than the
     limit."""
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in zip(low.tolist(), high.tolist()):

@@ -1,11 +1,11 @@
-"""Equations with constraints as one matrix: solutions that leave its null vectors out, and its inertia.
+"""Saddle-point equations, with constraints, as one matrix: solutions without its null vectors, and its inertia.
 
     [ A   B^T ] [ x ]   [ b ]      x: coordinates (nodes in m and rad, sliding coordinates in m)
     [ B'   0  ] [ m ] = [ c ]      m: multipliers (forces), in any number and any units
 
-A may be singular and so may be its diagonal (a mass has no stiffness): only the whole is solved. Where the matrix is singular to
+A may be singular and so may be its diagonal (a mass has no stiffness): only the whole is solved. If the matrix is singular to
 round-off (a free motion, the same constraint twice) its null vectors are found by inverse iteration and left out of the solution;
-what the right-hand side asks for along them is kept apart.
+the components of the right-hand side along them are kept apart.
 """
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from fastbeam.linalg.inertia import (SKEW, Entries, Nodes, Signs, Terms, held, i
 from fastbeam.linalg.scaling import typical_factors, with_values
 
 Array = np.ndarray
-# of the scaled matrix: singular values that are round-off, what is added to the diagonal so that it can be factored, null vectors
-# that are looked for at most, and refinements without them
+# limits for the scaled matrix: singular values that are round-off, number added to the diagonal so that it can be factored, most
+# null vectors that are searched, and refinements without them
 NULL, SMALL, MOST_NULL, REFINEMENTS = 3e-15, 1e-13, 12, 6
 # share of B^T B that is added to A before its pivots are counted: any gives the same number; and multipliers up to which
 # the rest is counted by eigenvalues of a dense matrix
@@ -39,14 +39,14 @@ class Saddle(Factors):
     matrix : sparse float64 [n, n]
         All rows and columns, coordinates and multipliers in any order.
     multiplier : bool [n]
-        Which unknowns are multipliers.
+        True for unknowns that are multipliers.
     factoriser : Factoriser, optional
-        Asked before SuperLU.
+        Used before SuperLU.
 
     Attributes
     ----------
     drift : float64 [n]
-        Along null vectors, what the right-hand side of the last solution asks for, in no unit; zero where the matrix is regular.
+        Components of the last right-hand side along null vectors, in no unit; zero if the matrix is regular.
     unbalanced : float
         Its share in the right-hand side, in scaled rows.
     left : float64 [n, m]
@@ -56,18 +56,18 @@ class Saddle(Factors):
     def __init__(self, matrix: Any, multiplier: Array, factoriser: Factoriser | None = None) -> None:
         super().__init__(matrix, factoriser)
         self.multiplier = multiplier
-        # which unknowns are those of nodes, and what finds one unknown of every free motion: for signs
+        # for signs: unknowns of nodes, and the function that finds one unknown of every free motion
         self.nodes: Nodes | None = None
         self.free: Callable[[Callable[[], Any]], Array] | None = None
         self.unbalanced, self.drift, self.left = 0.0, np.zeros(multiplier.size), np.zeros((multiplier.size, 0))
 
     @property
     def is_singular(self) -> bool:
-        """Whether the last solution left null vectors out, or the matrix is singular to round-off."""
+        """True if the last solution left null vectors out, or the matrix is singular to round-off."""
         return bool(self.left.shape[1]) or super().is_singular
 
     def stiffened(self, by: float) -> Saddle:
-        """The same with this much on the diagonal of the coordinates, in scaled rows."""
+        """Return the matrix with this much more on the diagonal of the coordinates, in scaled rows."""
         from scipy import sparse
         more = np.where(self.multiplier, 0.0, by / (self.row * self.column))
         n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
@@ -79,7 +79,7 @@ class Saddle(Factors):
         return Saddle(with_values(self.matrix, data), self.multiplier, self._factoriser)
 
     def holding(self, unknowns: Array) -> Saddle:
-        """The same with some coordinates held by stiffnesses."""
+        """Return the matrix with some coordinates fixed by stiffnesses."""
         return Saddle(held(self.matrix, unknowns), self.multiplier, self._factoriser)
 
     def solve(self, right: Array, transposed: bool = False) -> Array | None:
@@ -88,7 +88,7 @@ class Saddle(Factors):
         return super().solve(right, transposed)
 
     def _otherwise(self, b: Array, transposed: bool, fair: tuple[Factoriser | LU, Array, float] | None) -> Array | None:
-        """Solve without null vectors; where there are none, what is fair is all that there is."""
+        """Solve without null vectors; if there are none, return the fair solution."""
         right, left = self._null_vectors[::-1] if transposed else self._null_vectors
         if right.shape[1]:
             by, asked = self._near, left.T @ b
@@ -107,7 +107,7 @@ class Saddle(Factors):
             if np.isfinite(x).all() and self.residual <= self.limits.fair:
                 into, out = self.scales[::-1] if transposed else self.scales
                 self.unbalanced, self.left = float(np.linalg.norm(asked)), into[:, None] * left
-                # null vectors of both sides belong to each other through the matrix beside it
+                # the nearby matrix maps null vectors of one side to those of the other
                 self.drift = out * (right @ (right.T @ (left @ asked)))
                 return x
         if fair is None:
@@ -118,7 +118,7 @@ class Saddle(Factors):
 
     @cached_property
     def _near(self) -> Any:
-        """Factors of the scaled matrix, or of one next to it; None where there are none."""
+        """Factors of the scaled matrix, or of one next to it; None if there are none."""
         from scipy import sparse
         if self._last is not None:
             return self._last
@@ -147,11 +147,11 @@ class Saddle(Factors):
         return v @ turn[sizes <= NULL].T
 
     def signs(self, symmetric: bool = True) -> tuple[int, int] | None:
-        """Numbers of negative and of zero directions of A among the motions that the constraints allow, B x = 0; as
-        `inertia.Signs.count` where the matrix is not symmetric. None where they are not found.
+        """Return numbers of negative and of zero directions of A among the motions that the constraints allow, B x = 0; as
+        `inertia.Signs.count` if the matrix is not symmetric. None if they are not found.
 
-        A + p B^T B has on these motions the signs of A, whatever p is. Its negative eigenvalues less those of
-        B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
+        A + p B^T B has on these motions the signs of A, whatever p is. Its negative eigenvalues less those of B (A + p B^T B)^-1
+        B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
         if not self.multiplier.any():
             return Signs(Entries(self.matrix), self.nodes, self.free).count(symmetric)
         free = np.zeros(0, np.int64) if self.free is None else self.free(lambda: self.matrix)
@@ -161,7 +161,7 @@ class Saddle(Factors):
         whole = (matrix + matrix.T).tocsr()
         whole.data *= 0.5
         factor = self.typical(whole)
-        # the same factor for a row and its column; of coordinates none, between which differences are taken
+        # one factor for a row and its column; none for coordinates, whose differences are taken
         used = np.where(self.multiplier, factor, 1.0)
         whole.data *= np.repeat(used, np.diff(whole.indptr)) * used[whole.indices]
         found = signs_between(whole, self.multiplier, self.nodes)
@@ -170,20 +170,20 @@ class Saddle(Factors):
         return None if found is None else (found[0], found[1] + free.size)
 
     def typical(self, matrix: Any) -> Array:
-        """Factors of rows and columns [n] that bring stiffnesses and constraints to a size of 1, in any units."""
+        """Return factors of rows and columns [n] that bring stiffnesses and constraints to a size of 1, in any units."""
         n = self.multiplier.size
         size, nodes = abs(matrix).tocsr(), self.nodes or Nodes(n, 1, 1)
-        # what rests on round-off, as sliders may, does not count
+        # stiffness that is round-off, as sliders may have, does not count
         stiff = np.where(np.arange(n) < nodes.total, size.diagonal(), 0.0)
         return typical_factors(size, self.multiplier, nodes.turns(n), stiff)[1]
 
     def determinant_sign(self) -> int:
-        """Of A among the motions that the constraints allow: 1, -1, or 0 where it is singular."""
+        """Return the sign of the determinant of A among the motions that the constraints allow: 1, -1, or 0 if it is singular."""
         return Signs(Entries(self.matrix)).determinant() * (-1)**int(np.sum(self.multiplier))
 
 
 def _signs(a: Any, b: Any, nodes: Nodes | None) -> tuple[int, int] | None:
-    """Negative and zero directions of a [n, n] where b x = 0, b [m, n]."""
+    """Return numbers of negative and zero directions of a [n, n] where b x = 0, b [m, n]."""
     from scipy import sparse
     found = None
     for penalty in PENALTIES:
@@ -234,8 +234,8 @@ def is_positive(matrix: Any, multiplier: Array) -> bool:
 
 
 def signs_between(matrix: Any, multiplier: Array, nodes: Nodes | None = None) -> tuple[int, int] | None:
-    """Numbers of negative and of zero directions of a symmetric matrix [n, n] among the motions that its constraints, the rows of
-    multipliers [n], allow; None where they are not found. nodes: which unknowns are theirs."""
+    """Return numbers of negative and of zero directions of a symmetric matrix [n, n] among the motions that its constraints, the
+    rows of multipliers [n], allow; None if they are not found. nodes: unknowns that belong to nodes."""
     if not multiplier.any():
         return inertia(matrix.tocsc(), nodes)
     return _signs(matrix[~multiplier][:, ~multiplier].tocsc(), matrix[multiplier][:, ~multiplier].tocsc(), nodes)

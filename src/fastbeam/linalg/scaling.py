@@ -1,4 +1,4 @@
-"""Factors of rows and columns that bring the entries of a sparse matrix to a size of 1, all of them powers of two."""
+"""Scaling factors of rows and columns that bring the entries of a sparse matrix to a size of 1, all of them powers of two."""
 from __future__ import annotations
 
 from typing import Any
@@ -8,9 +8,9 @@ import numpy as np
 from fastbeam.kernels.linalg.scaling import balance
 
 Array = np.ndarray
-# sweeps of the equilibration; each halves the exponent of what is missing
+# sweeps of the equilibration; each halves the exponent of the remaining factor
 SWEEPS = 12
-# a stiffness next to the largest of its kind that is round-off
+# share of the largest stiffness of a kind below which a stiffness is round-off
 ROUND_OFF = 1e-12
 
 
@@ -52,8 +52,8 @@ def with_diagonal(matrix: Any) -> Any:
 
 
 def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None) -> tuple[Array, Array]:
-    """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
-    same for both where the matrix is symmetric. 1 for those without entries. begin: factors to begin with; default: 1."""
+    """Return factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz,
+    2001); the same for both if the matrix is symmetric. 1 for those without entries. begin: factors to begin with; default: 1."""
     by_rows = matrix.tocsr()
     row, column = (np.ones(by_rows.shape[0]), np.ones(by_rows.shape[1])) if begin is None else (begin[0].copy(), begin[1].copy())
     balance(np.abs(by_rows.data), *structure_of(by_rows), SWEEPS, row, column, np.zeros(row.size), np.zeros(column.size))
@@ -61,17 +61,17 @@ def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None) -> tuple
 
 
 def parity(size: float) -> float:
-    """1 or 2, with which the power of two in a number becomes an even one: its root is a power of two as well."""
+    """Return 1 or 2, with which the power of two in a number becomes an even one: its root is a power of two as well."""
     return float(2.0**(np.frexp(size)[1] % 2))
 
 
 def counted(stiff: Array, kind: Array) -> Array:
-    """Which stiffnesses, bool [n], are more than round-off of the largest among those of one kind, bool [n]."""
+    """Return the stiffnesses, bool [n], that are more than round-off of the largest among those of one kind, bool [n]."""
     return stiff > ROUND_OFF * float(np.max(stiff[kind], initial=0.0))
 
 
 def _levers(size: Any, of: tuple[Array, Array], multiplier: Array, turns: Array) -> Array:
-    """Which entries, bool, are no round-off of a constraint: next to the largest by displacements, or by rotations."""
+    """Return the entries, bool, that are no round-off of a constraint: next to the largest by displacements, or by rotations."""
     joins = multiplier[of[0]] != multiplier[of[1]]
     of_turns = turns[np.where(multiplier[of[0]], of[1], of[0])]
     use = np.ones(size.data.size, bool)
@@ -81,11 +81,11 @@ def _levers(size: Any, of: tuple[Array, Array], multiplier: Array, turns: Array)
 
 
 def typical_factors(size: Any, multiplier: Array, turns: Array, stiff: Array) -> tuple[float, Array, Array]:
-    """Factors of a matrix, 1 or 2, of its rows, and of its columns, from typical stiffnesses against displacements and rotations,
-    not from units. size: of the entries, by rows; stiff: stiffnesses, 0 where they do not count."""
+    """Return factors of a matrix, 1 or 2, of its rows, and of its columns, from typical stiffnesses against displacements and
+    rotations, not from units. size: sizes of the entries, by rows; stiff: stiffnesses, 0 if they do not count."""
     n, diagonal = multiplier.size, size.diagonal()
     of = np.repeat(np.arange(n), np.diff(size.indptr)), size.indices
-    # rows of what is held have nothing beside the diagonal
+    # rows of fixed unknowns have only a diagonal entry
     joined = np.zeros(n, bool)
     joined[of[0][(of[0] != of[1]) & (size.data > 0.0)]] = True
     once, row = 0.0, np.zeros(n)
@@ -98,7 +98,7 @@ def typical_factors(size: Any, multiplier: Array, turns: Array, stiff: Array) ->
     once = once or 1.0
     column, free = row.copy(), ~multiplier & (row == 0.0)
     use = _levers(size, of, multiplier, turns)
-    # constraints, what has no stiffness by way of these, and constraints of nothing else
+    # constraints, then unknowns without stiffness by way of these, then constraints on such unknowns alone
     for kind in (multiplier & joined, free, multiplier & joined):
         most = np.zeros((2, n))
         for largest, at, factor in zip(most, (of, of[::-1]), (column, row)):

@@ -60,10 +60,10 @@ class AddedMass:
 
     @property
     def is_slender(self) -> bool:
-        """Whether coefficients are those of a length."""
+        """True if coefficients are per length."""
         return isinstance(self.on, (Beam, Net))
 
 
 def added_masses(scene: Any) -> list[AddedMass]:
-    """All added mass of a scene."""
+    """Return all added mass of a scene."""
     return [part for part in scene.parts if isinstance(part, AddedMass)]

@@ -1,5 +1,5 @@
-"""The common part of joints with axes between two of body, point of a body, beam node and ground: conditions on points and
-directions, and what they leave free."""
+"""Common part of joints with axes between two of body, point of a body, beam node and ground: conditions on points and
+directions, and free coordinates."""
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
@@ -22,7 +22,7 @@ JOINED = Name("a joint has two sides, write one for every pair")
 
 @dataclass(frozen=True)
 class Side:
-    """A node, a point of the ground, or the ground where the other side is."""
+    """Check of a side: a node, a point of the ground, or the ground at the place of the other side."""
 
     def __call__(self, value: Any) -> Any:
         return value if isinstance(value, Ground) else Node(fixed=True)(value)
@@ -35,14 +35,14 @@ ONE_AXIS, ONE_TRIAD = ((0, 1), (0, 2)), ((0, 1), (0, 2), (1, 2))
 
 
 class AxisJoint(Link):
-    """Common part of the joints with axes: what they hold and leave free, and where they lie at t = 0."""
+    """Common part of the joints with axes: their conditions, free coordinates, and places at t = 0."""
 
     kind: ClassVar[str] = "joint"
-    # whether both points stay together
+    # True: both points stay together
     is_pinned: ClassVar[bool] = False
     # sets of conditions, each held by forces of one unit
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = ()
-    # what it leaves free
+    # shapes of the free coordinates
     shapes: ClassVar[tuple[Shape, ...]] = ()
 
     def __post_init__(self) -> None:
@@ -61,7 +61,7 @@ class AxisJoint(Link):
 
     @property
     def label(self) -> str:
-        """The joint for messages; automatic names already say the kind."""
+        """Name of the joint for messages; automatic names already say the kind."""
         name = str(self.name)
         return name if name.startswith(f"{self.kind} of ") else checks.label(self.kind, name)
 
@@ -72,21 +72,21 @@ class AxisJoint(Link):
 
     @property
     def freedoms(self) -> tuple[Freedom, ...]:
-        """What it leaves free, and what acts on each."""
+        """Free coordinates, each with its drives, springs, friction and stops."""
         return freedoms_of(self, self.shapes, self._acting())
 
     def _acting(self) -> dict[str, tuple[Any, ...]]:
-        """For `freedoms_of`."""
+        """Return the arguments of `freedoms_of` for the coordinates."""
         return {}
 
     def _check_freedoms(self) -> None:
-        """Refuse what contradicts each other on a coordinate."""
+        """Check every coordinate for contradictions."""
         for freedom in self.freedoms:
             freedom.check()
 
 
 def _place(node: NodeRef) -> Array:
-    """Position of a node of a beam or point of a body at t = 0."""
+    """Return the position of a node of a beam or point of a body at t = 0."""
     owner = node.owner
     if isinstance(owner, Beam):
         return np.asarray(owner.reference(owner.node_s[node.index])[0][0])
@@ -96,7 +96,7 @@ def _place(node: NodeRef) -> Array:
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector)
 @noun
 class OneAxisJoint(AxisJoint):
-    """A joint with one axis, which both parts carry."""
+    """Joint with one axis, which both parts carry."""
 
     a: SideField
     b: SideField

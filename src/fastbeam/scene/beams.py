@@ -31,7 +31,7 @@ MOST_ELEMENTS = 10**7
 
 @dataclass(frozen=True)
 class Elements:
-    """A number of elements, or the arc lengths of their ends."""
+    """Check of a number of elements, or of the arc lengths of their ends."""
 
     def __call__(self, value: Any) -> int | Array:
         count = whole(value)
@@ -49,7 +49,7 @@ class Elements:
 
 @dataclass(frozen=True)
 class CurveOf:
-    """An object with `length` and `reference(s)`."""
+    """Check of an object with `length` and `reference(s)`."""
 
     def __call__(self, value: Any) -> Any:
         if isinstance(value, type) or not callable(getattr(value, "reference", None)) or not hasattr(value, "length"):
@@ -61,7 +61,7 @@ class CurveOf:
 
 @dataclass(frozen=True)
 class ArcLengths:
-    """One arc length or several, as an array [n]."""
+    """Check of one arc length or several, as an array [n]."""
 
     def __call__(self, value: Any) -> Array:
         s = numbers(value)
@@ -78,7 +78,7 @@ OWNERS = ("beam", "body", "point mass", "crossing", "point of rope", "drum", "gr
 
 
 class BeamOptions(TypedDict, total=False):
-    """What all ways to make a beam take, see `Beam`."""
+    """Arguments that all ways to make a beam share, see `Beam`."""
 
     section: Required[Section]
     elements: Required[int | Sequence[float] | Array]
@@ -131,7 +131,7 @@ class NodeRef:
 
     @property
     def is_center(self) -> bool:
-        """True when the point is the node itself (no offset)."""
+        """True if the point is the node itself (no offset)."""
         return not self.offset.any()
 
     @property
@@ -160,7 +160,7 @@ class NodeRef:
 
 
 def nearest_on(line: Any, point: Any) -> tuple[float, float]:
-    """As of `Beam.nearest`, on a beam or path: the best of a thousand places, and the zero of (x - point) . d1 beside it."""
+    """Return `Beam.nearest` on a beam or path: the best of a thousand places, and the zero of (x - point) . d1 beside it."""
     s = np.linspace(0.0, line.length, 1001)
     best = int(np.argmin(np.linalg.norm(line.reference(s)[0] - point, axis=1)))
     low, high = s[max(best - 1, 0)], s[min(best + 1, s.size - 1)]
@@ -201,7 +201,7 @@ class Beam:
     prestrain : float
         Axial strain in the reference (theory.md (2.8)): without stress the beam is 1 - prestrain times as long; > 0: taut.
     prestress : float
-        Instead of it the normal force in the reference, N; > 0: tension.
+        Normal force in the reference, N, instead of `prestrain`; > 0: tension.
 
     Raises
     ------
@@ -243,7 +243,7 @@ class Beam:
     @checked(name=Name(), start=Vector, end=Vector, d2=Vector, twist=Number(), **COMMON)
     def straight(cls, name: str, start: ArrayLike, end: ArrayLike, *, d2: ArrayLike | None = None, twist: float = 0.0,
                  **common: Unpack[BeamOptions]) -> Beam:
-        """Straight beam from `start` to `end` (3,), m.
+        """Make a straight beam from `start` to `end` (3,), m.
 
         d1 points along the beam. Without a hint d3 is as close to e_z as possible, d2 = e_z x d1 (for a beam along e_z:
         d2 = e_y). `d2` (3,) is a hint: its part orthogonal to d1 is taken. `twist` (rad) turns d2, d3 about d1 linearly.
@@ -276,7 +276,7 @@ class Beam:
              angle=Number(above=0.0, unit="rad"), **COMMON)
     def arc(cls, name: str, start: ArrayLike, tangent: ArrayLike, normal: ArrayLike, *, radius: float, angle: float,
             **common: Unpack[BeamOptions]) -> Beam:
-        """Circular arc from `start` along `tangent`, bent towards `normal`, the direction from start to the centre.
+        """Make a circular arc from `start` along `tangent`, bent towards `normal`, the direction from start to the centre.
 
         d1 is the tangent, d2 points to the centre, d3 = d1 x d2 is constant. `radius` in m, `angle` in rad, both > 0.
 
@@ -299,7 +299,7 @@ class Beam:
     def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: ArrayLike = (0.0, 0.0, 0.0),
               axis: ArrayLike = (0.0, 0.0, 1.0), start_direction: ArrayLike = (1.0, 0.0, 0.0),
               **common: Unpack[BeamOptions]) -> Beam:
-        """Helix about `axis` through `center`, starting from center + radius * start_direction (its part across the axis).
+        """Make a helix about `axis` through `center` from center + radius * start_direction (its part across the axis).
 
         `pitch` (m) is the rise per turn; negative gives a left-handed helix. Frenet frame: d1 tangent, d2 towards the axis.
 
@@ -320,7 +320,7 @@ class Beam:
     def from_curve(cls, name: str, curve: Callable[[float], ArrayLike], *,
                    frame: Callable[[float], ArrayLike] | None = None,
                    d2: ArrayLike | None = None, **common: Unpack[BeamOptions]) -> Beam:
-        """Beam along any curve t in [0, 1] -> position (3,), m; arc length is found numerically (1e-12 where smooth).
+        """Make a beam along any curve t in [0, 1] -> position (3,), m; arc length is found numerically (1e-12 where smooth).
 
         `frame`: t -> d2 (3,), or rows d1, d2, d3 (3, 3) with d1 the tangent. Without it the frame has no rotation about
         the tangent (rotation minimising) and starts from the hint `d2` or the rule of `straight`.
@@ -335,7 +335,7 @@ class Beam:
     @classmethod
     @checked(name=Name(), points=Numbers((None, 3), "finite numbers of shape [m, 3]"), d2=Vector, **COMMON)
     def through_points(cls, name: str, points: ArrayLike, *, d2: ArrayLike | None = None, **common: Unpack[BeamOptions]) -> Beam:
-        """Beam along the C2 cubic spline through points [m, 3], m >= 2 (chord-length parameter, open, not-a-knot ends).
+        """Make a beam along the C2 cubic spline through points [m, 3], m >= 2 (chord-length parameter, not-a-knot ends).
 
         The frame is rotation minimising and starts from the hint `d2` or the rule of `straight`.
 
@@ -359,7 +359,7 @@ class Beam:
 
     @checked(s=ArcLengths())
     def reference(self, s: ArrayLike) -> tuple[Array, Array]:
-        """Reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 the unit tangent) at arc lengths s[n].
+        """Return reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 the unit tangent) at arc lengths s[n].
 
         Raises
         ------
@@ -374,7 +374,7 @@ class Beam:
 
     @checked(point=Vector)
     def nearest(self, point: ArrayLike) -> tuple[float, float]:
-        """Arc length of the place on the reference curve that is nearest to `point` (3,), and its distance, both m.
+        """Return the arc length of the place on the reference curve nearest to `point` (3,), and its distance, both m.
 
         Raises
         ------
@@ -401,7 +401,7 @@ class Beam:
 
     @property
     def start_strain(self) -> Array:
-        """The six strains in the reference, without those of its own shape."""
+        """Six strains in the reference, without those of its own shape."""
         return strained(self.label, self.section, self.prestrain, self.prestress)
 
     @property
@@ -431,7 +431,7 @@ class Beam:
 
     @checked(index=Anything())
     def node(self, index: int) -> NodeRef:
-        """Node by number; negative numbers count from the end.
+        """Return a node by number; negative numbers count from the end.
 
         Raises
         ------
@@ -446,7 +446,7 @@ class Beam:
 
     @checked(s=Number(unit="m"))
     def at(self, s: float) -> NodeRef:
-        """The node at arc length s (m), which must be one of `node_s` within 1e-9 of the length.
+        """Return the node at arc length s (m), which must be one of `node_s` within 1e-9 of the length.
 
         Raises
         ------
@@ -471,7 +471,7 @@ for _way in ("straight", "arc", "helix", "from_curve", "through_points"):
 
 
 def strained(who: str, section: Section, prestrain: float, prestress: float) -> Array:
-    """The six strains that a prestrain, or the normal force prestress, is.
+    """Return the six strains of a prestrain, or of the normal force prestress.
 
     Raises
     ------
@@ -492,7 +492,7 @@ def strained(who: str, section: Section, prestrain: float, prestress: float) -> 
 
 
 def _element_ends(who: str, elements: Any, length: float) -> int | Array:
-    """The number of elements, or their checked ends [n + 1]; both outer ends are set exactly."""
+    """Return the number of elements, or their checked ends [n + 1]; both outer ends are set exactly."""
     if isinstance(elements, int):
         return elements
     ends = np.array(elements)

@@ -26,7 +26,7 @@ MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), Field(), Factor()
 
 @dataclass(frozen=True)
 class Node:
-    """A node from a NodeRef, RigidBody (its centre) or PointMass; with `fixed` also a point of the ground."""
+    """Check of a node from a NodeRef, RigidBody (its centre) or PointMass; with `fixed` also a point of the ground."""
 
     fixed: bool = False
 
@@ -62,7 +62,7 @@ class Steady:
 
 @dataclass(frozen=True)
 class Movable:
-    """One Beam, Net, RigidBody or PointMass or several, as a tuple."""
+    """Check of one Beam, Net, RigidBody or PointMass or several, as a tuple."""
 
     def __call__(self, value: Any) -> tuple[Any, ...]:
         one = isinstance(value, MOVABLE) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray))
@@ -161,7 +161,7 @@ class RigidBody:
 
     @checked(offset=Vector)
     def point(self, offset: ArrayLike) -> NodeRef:
-        """The point at `offset` (3,) m from the centre of mass, in the body triad.
+        """Return the point at `offset` (3,) m from the centre of mass, in the body triad.
 
         Raises
         ------
@@ -177,7 +177,7 @@ MOST_OBJECTS = 10**6
 
 
 def _inertia(who: str, value: Any) -> Array:
-    """Symmetric inertia tensor (3, 3) of a possible body from principal moments or a tensor."""
+    """Return the symmetric inertia tensor (3, 3) of a possible body from principal moments or a tensor."""
     found = checks.numbers(value)
     if found is not None and found.shape == (3,):
         value = np.diag(checks.array(who, "inertia", value, (3,), "3 finite numbers"))
@@ -217,7 +217,8 @@ class _Joint:
 
 
 class RigidConnection(_Joint):
-    """Keeps the relative position and rotation that two nodes have at t = 0; an offset between them is allowed.
+    """Rigid connection that keeps the relative position and rotation that two nodes have at t = 0; an offset between them is
+    allowed.
 
     Raises
     ------
@@ -229,7 +230,7 @@ class RigidConnection(_Joint):
 
 
 class BallJoint(_Joint):
-    """Keeps two coincident points together, rotations stay free. `Scene.check` tests that they coincide at t = 0.
+    """Ball joint that keeps two coincident points together, rotations stay free. `Scene.check` tests that they coincide at t = 0.
 
     Raises
     ------
@@ -315,12 +316,12 @@ class DistributedLoad:
 
     @checked(s=ArcLengths())
     def force_at(self, s: Array) -> Array:
-        """Force per length [n, 3] at the arc lengths s[n], without the time factor."""
+        """Return the force per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "force", _field_or_zero(self.force), s)
 
     @checked(s=ArcLengths())
     def moment_at(self, s: Array) -> Array:
-        """Moment per length [n, 3] at the arc lengths s[n], without the time factor."""
+        """Return the moment per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "moment", _field_or_zero(self.moment), s)
 
 
@@ -357,19 +358,19 @@ class InitialVelocity:
 
     @checked(s=ArcLengths())
     def velocity_at(self, s: Array) -> Array:
-        """Velocity [n, 3] at the arc lengths s[n]."""
+        """Return the velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "velocity", self.velocity, s)
 
     @checked(s=ArcLengths())
     def spin_at(self, s: Array) -> Array:
-        """Angular velocity [n, 3] at the arc lengths s[n]."""
+        """Return the angular velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "spin", self.spin, s)
 
 
 @checked(objects=Movable(), velocity=Vector, spin=Vector, about=Vector)
 @noun
 class RigidMotion:
-    """Adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
+    """Rigid motion that adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
 
     `objects`: one Beam, Net, RigidBody or PointMass, or several; kept as a tuple. Units m/s, rad/s, m. Contributions add up.
 

@@ -18,7 +18,7 @@ COUPLED = 1e-12
 
 @dataclass(frozen=True)
 class Matrix:
-    """Six numbers >= 0, or a symmetric matrix (6, 6) without negative eigenvalues; as a matrix."""
+    """Check of six numbers >= 0, or a symmetric matrix (6, 6) without negative eigenvalues; as a matrix."""
 
     what: str
 
@@ -105,10 +105,10 @@ class Bushing(Link):
 
     @property
     def label(self) -> str:
-        """The bushing for messages; automatic names already say the kind."""
+        """Name of the bushing for messages; automatic names already say the kind."""
         return label_of(self)
 
     @property
     def is_damped(self) -> bool:
-        """Whether it takes energy away."""
+        """True if it dissipates energy."""
         return bool(np.any(self.damping))

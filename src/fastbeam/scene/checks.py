@@ -1,4 +1,4 @@
-"""Validation shared by the nouns: every helper returns the clean value or raises a SceneError that names the object."""
+"""Validation shared by the scene classes: every helper returns the clean value or raises a SceneError that names the object."""
 from __future__ import annotations
 
 import math
@@ -26,8 +26,8 @@ Noun = TypeVar("Noun")
 
 
 class Takes(Generic[Given, Held]):
-    """A field that takes more than it holds, as type checkers see it: `Takes[given, held]`, a descriptor of the constructor's
-    argument and of the attribute. Nothing makes one; the decorator of the class cleans what is given."""
+    """Field that takes more types than it has, as type checkers see it: `Takes[given, held]`, a descriptor of the constructor's
+    argument and of the attribute. It is never instantiated; the decorator of the class cleans the argument."""
 
     if TYPE_CHECKING:
         def __get__(self, owner: object, kind: type | None = None) -> Held: ...
@@ -36,8 +36,8 @@ class Takes(Generic[Given, Held]):
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
 def noun(cls: type[Noun]) -> type[Noun]:
-    """A frozen dataclass that is compared by identity, as all parts of scenes. Type checkers see fields that are `Takes` as what
-    they are (of plain dataclasses mypy does so for fields with a default alone)."""
+    """Make a frozen dataclass that is compared by identity, as all parts of scenes. Type checkers see fields that are `Takes`
+    with both types (in dataclasses mypy does so only for fields with a default)."""
     made = dataclass(frozen=True, eq=False, repr=False)(cls)
     if made.__repr__ is object.__repr__:
         made.__repr__ = described  # type: ignore[method-assign]
@@ -45,28 +45,28 @@ def noun(cls: type[Noun]) -> type[Noun]:
 
 
 def described(part: Any) -> str:
-    """A part in one line: its kind, its name, and what is not as by default."""
+    """Describe a part in one line: its kind, its name, and arguments that are not the default."""
     name = getattr(part, "name", None)
     made_up = isinstance(name, str) and name.startswith(f"{part.kind} of ")
     head = name if made_up else label(part.kind, name) if name else part.kind
-    # what a slider runs on has two names, and automatic names say where a part is
+    # skip the second name of a slider's beam, and automatic names, which say where a part is
     skipped = {"name"} | ({"on"} if hasattr(part, "beam") else set()) | ({"a", "b", "at"} if made_up else set())
     return f"<{': '.join(filter(None, (head, ', '.join(_differing(part, skipped)))))}>"
 
 
 def called_with(value: Any) -> str:
-    """A small object as the call that makes it, without what is as by default."""
+    """Write a small object as the call that makes it, without default arguments."""
     return f"{type(value).__name__}({', '.join(_differing(value, set()))})"
 
 
 def _differing(part: Any, skipped: set[str]) -> list[str]:
-    """name=value of all fields that are not as by default."""
+    """Return name=value of all fields that are not the default."""
     out = []
     for x in fields(part):
         value = getattr(part, x.name)
         if not x.init or x.name in skipped or x.name.startswith("_") or np.array_equal(value, x.default):
             continue
-        # what None stands for
+        # the value that None stands for
         if x.default is None and (np.array_equal(value, np.eye(3)) or isinstance(value, np.ndarray) and not value.any()):
             continue
         out.append(f"{x.name}={_brief(value)}")
@@ -74,7 +74,7 @@ def _differing(part: Any, skipped: set[str]) -> list[str]:
 
 
 def _brief(value: Any) -> str:
-    """A value of a field, short."""
+    """Shorten the value of a field."""
     if isinstance(value, np.ndarray) and value.ndim == 2 and value.shape[0] == value.shape[1]:
         if np.array_equal(value, np.diag(np.diag(value))):
             return f"diagonal {shown(np.diag(value))}"
@@ -87,14 +87,14 @@ def _brief(value: Any) -> str:
     return named if isinstance(named, str) else shown(value)
 
 
-# what arguments may be: a function of t, in the place of numbers along a beam s[n] -> [n, 3], of (t, state), of (t, s, rate)
+# types of arguments: a function of t, a field along a beam s[n] -> [n, 3], a function of (t, state), of (t, s, rate)
 TimeFactor = Callable[[float], Union[float, Array]]
 OfTimeLike = Union[float, TimeFactor]
 FieldLike = Union["ArrayLike", Callable[[Array], "ArrayLike"]]
 Condition = Callable[[float, float, float], Union[float, np.bool_]]
 UntilLike = Union[float, Callable[[float, "State"], Union[float, np.bool_]]]
 WhenLike = Union[float, str, Condition]
-# a node, or what has one; a place to observe
+# a node, or a part that has one; a place to observe
 NodeLike = Union["NodeRef", "RigidBody", "PointMass"]
 Place = Union["NodeRef", "RigidBody", "PointMass", tuple["Beam", float]]
 # numbers of any kind that become arrays, nodes, bodies and masses that become nodes
@@ -114,27 +114,27 @@ def fill(obj: Any, **values: Any) -> None:
 
 
 def label(kind: str, name: str) -> str:
-    """`kind 'name'`."""
+    """Return `kind 'name'`."""
     return f"{kind} {name!r}"
 
 
 def number(who: str, what: str, value: Any, **bounds: Any) -> float:
-    """A finite float, optionally `above=`, `least=`, `most=`, with a `unit=`."""
+    """Return a finite float, optionally `above=`, `least=`, `most=`, with a `unit=`."""
     return take(Number(**bounds), f"{who}: {what}", value)
 
 
 def array(who: str, what: str, value: Any, shape: tuple[int | None, ...], need: str) -> Array:
-    """A read-only array of finite floats of the given shape (None: any size)."""
+    """Return a read-only array of finite floats of the given shape (None: any size)."""
     return take(Numbers(shape, need), f"{who}: {what}", value)
 
 
 def vector(who: str, what: str, value: Any) -> Array:
-    """Three finite numbers as a read-only array."""
+    """Return three finite numbers as a read-only array."""
     return take(Vector, f"{who}: {what}", value)
 
 
 def direction(who: str, what: str, value: Any) -> Array:
-    """A vector of any non-zero length, returned with length 1."""
+    """Return a vector of any non-zero length with length 1."""
     clean = vector(who, what, value)
     largest = float(np.max(np.abs(clean)))
     if largest == 0.0:
@@ -144,7 +144,7 @@ def direction(who: str, what: str, value: Any) -> Array:
 
 
 def refuse_jumps(value: Any) -> Any:
-    """The value; a table that jumps is refused."""
+    """Return the value; raise Refusal for a table that jumps."""
     jumps = getattr(value, "_jumps", ())
     if len(jumps):
         raise Refusal(f"must not jump, this Signal does at t = {jumps[0]:.6g} s; give the change some time")
@@ -153,7 +153,7 @@ def refuse_jumps(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Factor:
-    """A function t -> factor; it is tried at t = 0."""
+    """Check of a function t -> factor; it is tried at t = 0."""
 
     def __call__(self, value: Any) -> TimeFactor:
         if not callable(value) or isinstance(value, type):
@@ -166,7 +166,7 @@ class Factor:
 
 
 def tried(function: Callable[[Any], Any], at: Any, where: str) -> Any:
-    """What a function of the user returns; where it raises something, a Refusal that says so."""
+    """Call a user function; if it raises an error, raise a Refusal that says so."""
     try:
         return function(at)
     except Exception as error:
@@ -175,12 +175,12 @@ def tried(function: Callable[[Any], Any], at: Any, where: str) -> Any:
 
 
 def called(who: str, what: str, function: Callable[[float], Any], t: float) -> Any:
-    """What a function of the user returns at t.
+    """Call a user function at t.
 
     Raises
     ------
     SceneError
-        It raised something.
+        The function raised an error.
     """
     try:
         return tried(function, t, f"at {t:.6g}")
@@ -190,7 +190,7 @@ def called(who: str, what: str, function: Callable[[float], Any], t: float) -> A
 
 @dataclass(frozen=True)
 class Field:
-    """Three numbers, or a function s[n] -> [n, 3]."""
+    """Check of three numbers, or a function s[n] -> [n, 3]."""
 
     def __call__(self, value: Any) -> Any:
         if not callable(value):
@@ -207,7 +207,7 @@ def try_field(who: str, what: str, value: Any, length: float) -> None:
 
 
 def field_values(who: str, what: str, value: FieldLike, s: Array) -> Array:
-    """Values [n, 3] of a field at the arc lengths s[n]."""
+    """Return values [n, 3] of a field at the arc lengths s[n]."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     if not callable(value):
         return np.tile(value, (s.size, 1))
@@ -219,7 +219,7 @@ def field_values(who: str, what: str, value: FieldLike, s: Array) -> Array:
 
 
 def triad_from(who: str, d1: Array, d2_hint: Array) -> Array:
-    """Orthonormal right-handed rows d1, d2, d3: d1 kept, d2 the part of the hint orthogonal to d1."""
+    """Return orthonormal right-handed rows d1, d2, d3: d1 kept, d2 the part of the hint orthogonal to d1."""
     hint = direction(who, "d2", d2_hint)
     d2 = hint - (hint @ d1) * d1
     size = math.sqrt(float(d2 @ d2))
@@ -232,7 +232,7 @@ def triad_from(who: str, d1: Array, d2_hint: Array) -> Array:
 
 
 def default_triad(who: str, d1: Array, d2_hint: Any = None) -> Array:
-    """Triad on the unit tangent d1: d3 as close to e_z as possible; d2 near e_y where d1 is parallel to e_z."""
+    """Return a triad on the unit tangent d1: d3 as close to e_z as possible; d2 near e_y where d1 is parallel to e_z."""
     if d2_hint is not None:
         return triad_from(who, d1, vector(who, "d2", d2_hint))
     across = np.array([-d1[1], d1[0], 0.0])          # e_z x d1
@@ -243,7 +243,7 @@ def default_triad(who: str, d1: Array, d2_hint: Any = None) -> Array:
 
 @dataclass(frozen=True)
 class Rotation:
-    """Orthonormal right-handed rows (3, 3); input may deviate by 1e-6 and is cleaned (nearest rotation)."""
+    """Check of orthonormal right-handed rows (3, 3); input may deviate by 1e-6 and is cleaned (nearest rotation)."""
 
     def __call__(self, value: Any) -> Array:
         rows = Numbers((3, 3), "3 x 3 finite numbers (rows d1, d2, d3)")(value)
@@ -258,5 +258,5 @@ class Rotation:
 
 
 def rotation(who: str, what: str, value: Any) -> Array:
-    """Three finite orthonormal rows."""
+    """Return three finite orthonormal rows."""
     return take(Rotation(), f"{who}: {what}", value)

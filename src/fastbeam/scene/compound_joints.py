@@ -25,7 +25,7 @@ NONE2, NONE3 = (None, None), (None, None, None)
 
 
 def _sums(count: int, what: str) -> dict[str, Any]:
-    """Kinds of arguments of what acts on each of some coordinates."""
+    """Return checks of the arguments for drives and forces on each of some coordinates."""
     return {"stiffness": ForEach(count, what, 0.0), "damping": ForEach(count, what, 0.0), "rest": ForEach(count, what),
             "friction": ForEach(count, what, 0.0), "drive": drives_of(count, what), "stops": stops_of(count, what)}
 
@@ -34,26 +34,27 @@ def _sums(count: int, what: str) -> dict[str, Any]:
          distance=OfTime("m"), speed=times_of(2, TURN_AND_WAY, "rad/s or m/s"), **_sums(2, TURN_AND_WAY))
 @noun
 class CylindricalJoint(OneAxisJoint):
-    """Part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to `axis`.
+    """Cylindrical joint: part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to
+    `axis`.
 
     `result.joint(name)` has the angle and the distance along the axis from a to b, both zero at t = 0.
 
     Parameters
     ----------
     a, b, name, axis
-        As of `RevoluteJoint`; the points need not coincide.
+        See `RevoluteJoint`; the points need not coincide.
     stiffness, damping, rest, friction : (float, float)
-        As of `RevoluteJoint` and of `PrismaticJoint`: N m/rad and N/m, N m s/rad and N s/m, rad and m, N m and N. Friction of the
-        angle does not know that of the distance.
+        See `RevoluteJoint` and `PrismaticJoint`: N m/rad and N/m, N m s/rad and N s/m, rad and m, N m and N. Friction of the
+        angle is independent of that of the distance.
     torque, force, angle, distance : float or callable, optional
-        As of these joints.
+        See these joints.
     speed, drive, stops : (of the angle, of the distance), optional
-        As of these joints; either may be None.
+        See these joints; either may be None.
 
     Raises
     ------
     SceneError
-        As of `RevoluteJoint`.
+        See `RevoluteJoint`.
     """
 
     kind: ClassVar[str] = "cylindrical joint"
@@ -86,7 +87,7 @@ class CylindricalJoint(OneAxisJoint):
          speed=times_of(3, IN_PLANE, "m/s or rad/s"), **_sums(3, IN_PLANE))
 @noun
 class PlanarJoint(AxisJoint):
-    """The point of b stays in a plane of a, and b turns about the normal of the plane alone.
+    """Planar joint: the point of b stays in a plane of a, and b turns about the normal of the plane alone.
 
     `result.joint(name)` has the distances [n, 2] that the point of b has gone along two directions of the plane, which a carries,
     `along` and normal x along, and the angle by which b has turned about the normal.
@@ -94,26 +95,26 @@ class PlanarJoint(AxisJoint):
     Parameters
     ----------
     a, b, name
-        As of `RevoluteJoint`; the points need not coincide.
+        See `RevoluteJoint`; the points need not coincide.
     normal : array_like (3,)
-        Of the plane, in space at t = 0; both parts carry it along.
+        Normal of the plane, in space at t = 0; both parts carry it along.
     along : array_like (3,), optional
         Direction of the first distance, in space at t = 0, at a right angle to the normal. Default: a director of a or b, or an
         axis of space, that lies in the plane.
     stiffness, damping, rest, friction : (float, float, float)
-        As of `PrismaticJoint` for both distances, and of `RevoluteJoint` for the angle: N/m and N m/rad, N s/m and N m s/rad, m
-        and rad, N and N m. Friction along one direction does not know that along the other.
+        See `PrismaticJoint` for both distances, and `RevoluteJoint` for the angle: N/m and N m/rad, N s/m and N m s/rad, m
+        and rad, N and N m. Friction along one direction is independent of that along the other.
     force, distance : (float or callable or None,) x 2, optional
         Along both directions, N and m.
     torque, angle : float or callable, optional
         About the normal, N m and rad.
     speed, drive, stops : of both distances and the angle, optional
-        As of these joints; each may be None.
+        See these joints; each may be None.
 
     Raises
     ------
     SceneError
-        As of `RevoluteJoint`; `along` does not lie in the plane.
+        See `RevoluteJoint`; `along` does not lie in the plane.
     """
 
     kind: ClassVar[str] = "planar joint"
@@ -151,12 +152,12 @@ class PlanarJoint(AxisJoint):
 
     @property
     def axes(self) -> tuple[Array, Array]:
-        """As of `OneAxisJoint`."""
+        """Directions of both sides, see `OneAxisJoint`."""
         return self.normal, self.normal
 
     @property
     def across(self) -> Array | None:
-        """As of `AxisJoint`."""
+        """Direction of the first distance, see `AxisJoint`."""
         return self.along
 
     def _acting(self) -> dict[str, tuple[Any, ...]]:
@@ -167,7 +168,7 @@ class PlanarJoint(AxisJoint):
          angle=times_of(2, CROSS, "rad"), speed=times_of(2, CROSS, "rad/s"), **_sums(2, CROSS))
 @noun
 class UniversalJoint(AxisJoint):
-    """A Cardan joint: two points stay together, and an axis of a stays at a right angle to one of b, the arms of its cross.
+    """Cardan joint: two points stay together, and an axis of a stays at a right angle to one of b, the arms of its cross.
 
     `result.joint(name)` has the angles [n, 2]: that by which the cross has turned against a about `axis_a`, and that of b against
     the cross about `axis_b`, both zero at t = 0.
@@ -175,18 +176,18 @@ class UniversalJoint(AxisJoint):
     Parameters
     ----------
     a, b, name
-        As of `RevoluteJoint`.
+        See `RevoluteJoint`.
     axis_a, axis_b : array_like (3,)
         Arms of the cross in a and in b, directions in space at t = 0 at a right angle to each other.
     stiffness, damping, rest, friction : (float, float)
-        As of `RevoluteJoint`, for both angles: N m/rad, N m s/rad, rad, N m.
+        See `RevoluteJoint`, for both angles: N m/rad, N m s/rad, rad, N m.
     torque, angle, speed, drive, stops : (about axis_a, about axis_b), optional
-        As of `RevoluteJoint`; either may be None.
+        See `RevoluteJoint`; either may be None.
 
     Raises
     ------
     SceneError
-        As of `RevoluteJoint`, or the arms are not at a right angle.
+        See `RevoluteJoint`, or the arms are not at a right angle.
     """
 
     kind: ClassVar[str] = "universal joint"
@@ -223,7 +224,7 @@ class UniversalJoint(AxisJoint):
 
     @property
     def axes(self) -> tuple[Array, Array]:
-        """As of `OneAxisJoint`."""
+        """Directions of both sides, see `OneAxisJoint`."""
         return self.axis_a, self.axis_b
 
     def _acting(self) -> dict[str, tuple[Any, ...]]:
@@ -235,7 +236,7 @@ class UniversalJoint(AxisJoint):
          twist=OfTime("rad"), speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), drive=ADrive(), stops=SomeStops())
 @noun
 class SphericalJoint(OneAxisJoint):
-    """A ball in a socket: two points stay together, as of `BallJoint`, and an axis that both parts carry tells how they turn.
+    """Ball in a socket: two points stay together, as with `BallJoint`, and an axis that both parts carry defines swing and twist.
 
     `result.joint(name)` has the swing, the angle from the axis of a to that of b, 0 to pi, and the twist of b about the axis: the
     rotation of b against a is the twist, followed by the swing about a direction across. Both are zero at t = 0.
@@ -243,20 +244,20 @@ class SphericalJoint(OneAxisJoint):
     Parameters
     ----------
     a, b, name, axis
-        As of `RevoluteJoint`.
+        See `RevoluteJoint`.
     stiffness : (float, float)
-        Of springs towards no swing and no twist, N m/rad: energies k swing^2/2 and k twist^2/2.
+        Stiffness of springs towards zero swing and zero twist, N m/rad: energies k swing^2/2 and k twist^2/2.
     damping : (float, float)
         N m s/rad: torques against the rate at which the axis of b turns against a, and against the rate of the twist.
     cone : Stops, optional
-        Of the swing: `fb.Stops(end=0.6, stiffness=500.0)`, elastic, or rigid with `restitution=`.
+        Stop of the swing: `fb.Stops(end=0.6, stiffness=500.0)`, elastic, or rigid with `restitution=`.
     torque, twist, speed, friction, drive, stops
-        On the twist, as of `RevoluteJoint` on its angle; twist and speed give it as a function of time.
+        Arguments of the twist, see the angle of `RevoluteJoint`; twist and speed prescribe it as a function of time.
 
     Raises
     ------
     SceneError
-        As of `RevoluteJoint`; a cone that does not begin with a swing > 0.
+        See `RevoluteJoint`; a cone that does not begin with a swing > 0.
     """
 
     kind: ClassVar[str] = "spherical joint"
@@ -283,7 +284,7 @@ class SphericalJoint(OneAxisJoint):
 
     @property
     def freedoms(self) -> tuple[Freedom, ...]:
-        """As of `AxisJoint`; without damping of the swing nothing asks for what that acts on."""
+        """Free coordinates, see `AxisJoint`; without damping of the swing its cosines are left out."""
         every = super().freedoms
         return every if self.damping[0] > 0.0 else every[:2]
 
@@ -298,5 +299,5 @@ class SphericalJoint(OneAxisJoint):
 
 
 def _same(joint: Any) -> dict[str, tuple[Any, ...]]:
-    """What stands in the arguments of a joint for each coordinate."""
+    """Return the arguments of a joint that have one value for each coordinate."""
     return {name: getattr(joint, name) for name in ("stiffness", "damping", "rest", "speed", "friction", "drive", "stops")}

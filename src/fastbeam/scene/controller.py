@@ -1,4 +1,4 @@
-"""Controllers: functions of the user's own that read the state at given times and hold a value until the next."""
+"""Controllers: user functions that read the state at given times and hold a value until the next."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
@@ -22,7 +22,7 @@ SIGNATURE = "(now, memory)"
          memory=Numbers((None,), "a list of numbers"), points=Names("must map names to nodes, as in points={'tip': beam.end}"))
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """A digital controller: it reads the state every `period` seconds and holds what its law returns until the next time.
+    """Digital controller: it reads the state every `period` seconds and holds the value of its law until the next time.
 
     It is a function of time for everything that takes one: `Load(time=)`, `Drive(force=)`, `RevoluteJoint(torque=)`,
     `PrismaticJoint(force=)`, `Winch(tension=)`. Between its times nothing changes, so a run keeps its order where the period is a
@@ -41,9 +41,9 @@ class Controller:
     period : float
         s; the first time is the start of the run.
     start : float
-        What statics take, and what laws of others see before the first time.
+        Value in statics, and value that other laws read before the first time.
     memory : array_like [n]
-        At the start.
+        Memory at the start.
     points : mapping, optional
         Names of nodes that the law reads.
 
@@ -84,9 +84,9 @@ class Controller:
 
     @property
     def size(self) -> int:
-        """Numbers that a state keeps of it: its value, how often it has been asked, its memory."""
+        """Number of values that a state keeps of it: its value, how often it has been called, its memory."""
         return 2 + len(self.memory)  # type: ignore[arg-type]
 
     def __call__(self, t: float) -> float:
-        """What it holds."""
+        """Return the value that it holds."""
         return float(self.held[0])  # type: ignore[attr-defined]

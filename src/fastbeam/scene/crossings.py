@@ -22,7 +22,7 @@ Frictions = tuple[Friction | None, Friction | None]
 
 
 class Knot(PointMass):
-    """The point without mass where the beams of a `Crossing` touch."""
+    """Point without mass where the beams of a `Crossing` touch."""
 
     kind: ClassVar[str] = "crossing"
 
@@ -32,7 +32,7 @@ class Knot(PointMass):
 
 @dataclass(frozen=True)
 class TwoFrictions:
-    """A coefficient or a Friction for both sides, or a pair of them."""
+    """Check of a coefficient or a Friction for both sides, or a pair of them."""
 
     def __call__(self, value: Any) -> tuple[Friction | None, Friction | None]:
         both = tuple(value) if isinstance(value, (tuple, list)) else (value, value)
@@ -48,8 +48,8 @@ class TwoFrictions:
 class Crossing:
     """Two beams that touch at one point and slide on each other there: crossing cables (theory.md 5.10).
 
-    The point is one of both curves; where it is on each of them are two unknowns. The force between the beams is across both
-    where nothing rubs. Nothing holds a direction, and the point has no mass. It counts as a part in results:
+    The point lies on both curves; its arc lengths on them are two unknowns. The force between the beams is across both
+    without friction. No direction is fixed, and the point has no mass. It counts as a part in results:
     `result.slider(c.name_a)` and `result.slider(c.name_b)` have places, forces and the gap, `points={"x": c.point}` records where
     it is.
 
@@ -61,10 +61,10 @@ class Crossing:
     at : array_like (2,)
         Arc lengths of the point on both at t = 0, m. There the beams have to meet.
     curve : {'c1', 'own'}
-        As of `Slider`, for both.
+        See `Slider`, for both.
     friction : float, Friction, or a pair of them, optional
-        Of each beam against the point, as in an eye that both run through: each rubs with the contact force, against its own
-        velocity along itself.
+        Friction of each beam against the point, as in an eye that both run through: it grows with the contact force and acts
+        against the velocity along this beam.
 
     Attributes
     ----------
@@ -125,24 +125,24 @@ class Crossing:
 
     @property
     def point(self) -> NodeRef:
-        """Where the beams touch, as a node."""
+        """Node where the beams touch."""
         return self.knot.center
 
     @property
     def name_a(self) -> str:
-        """Of the slider on the first beam, for results."""
+        """Name of the slider on the first beam, for results."""
         return self.slider_a.name
 
     @property
     def name_b(self) -> str:
-        """Of the slider on the second beam."""
+        """Name of the slider on the second beam, for results."""
         return self.slider_b.name
 
     @property
     def members(self) -> tuple[PointMass | Slider, ...]:
-        """What it is made of: the point and a slider of it on each beam."""
+        """Parts of the crossing: the point and a slider of it on each beam."""
         return self.knot, self.slider_a, self.slider_b
 
     def _is_off(self) -> bool:
-        """Whether a place lies outside its beam, which `Scene.check` says."""
+        """Return whether a place lies outside its beam, which `Scene.check` reports."""
         return any(not x.is_endless and not 0.0 <= x.at <= x.beam.length for x in (self.slider_a, self.slider_b))

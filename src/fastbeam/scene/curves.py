@@ -14,12 +14,12 @@ from fastbeam.scene.checks import Array
 
 
 class Curve(Protocol):
-    """What a beam needs of its curve: `length` (m) and `reference(s[n]) -> (phi [n, 3], d [n, 3, 3])`."""
+    """Interface of the curve of a beam: `length` (m) and `reference(s[n]) -> (phi [n, 3], d [n, 3, 3])`."""
 
     length: float
 
     def reference(self, s: Array) -> tuple[Array, Array]:
-        """Positions and triads (rows d1, d2, d3; d1 the unit tangent) at the arc lengths s."""
+        """Return positions and triads (rows d1, d2, d3; d1 the unit tangent) at the arc lengths s."""
         ...
 
 
@@ -30,7 +30,7 @@ class StraightLine:
         self.start, self.triad, self.length, self.twist = start, triad, length, twist
 
     def reference(self, s: Array) -> tuple[Array, Array]:
-        """Positions [n, 3] and triads [n, 3, 3] at the arc lengths s[n]."""
+        """Return positions [n, 3] and triads [n, 3, 3] at the arc lengths s[n]."""
         d1, d2, d3 = self.triad
         phi = self.start + s[:, None] * d1
         angle = (self.twist * s / self.length)[:, None]
@@ -46,7 +46,7 @@ class Arc:
         self.length = radius * angle
 
     def reference(self, s: Array) -> tuple[Array, Array]:
-        """Positions [n, 3] and triads [n, 3, 3] at the arc lengths s[n]."""
+        """Return positions [n, 3] and triads [n, 3, 3] at the arc lengths s[n]."""
         t, n, b = self.triad
         a = (s / self.radius)[:, None]
         c, si = np.cos(a), np.sin(a)
@@ -63,7 +63,7 @@ class Helix:
         self.length = math.hypot(radius, pitch / (2.0 * math.pi)) * 2.0 * math.pi * turns
 
     def reference(self, s: Array) -> tuple[Array, Array]:
-        """Positions [n, 3] and triads [n, 3, 3] at the arc lengths s[n]."""
+        """Return positions [n, 3] and triads [n, 3, 3] at the arc lengths s[n]."""
         e1, e2, e3 = self.axis_triad
         rise = self.pitch / (2.0 * math.pi)
         per_angle = math.hypot(self.radius, rise)
@@ -144,7 +144,7 @@ class FittedCurve:
         self._coef_x = chebyshev.chebder(self._coef, axis=1)
 
     def _fit_panel(self, curve: Callable[[float], Any], a: float, b: float, parent_tail: float) -> tuple[Array, float, bool]:
-        """Coefficients [25, 3] of one panel, the size of their tail, and whether the panel need not be halved."""
+        """Return coefficients [25, 3] of one panel, the size of their tail, and whether the panel need not be halved."""
         t = 0.5 * (a + b) + 0.5 * (b - a) * NODES
         t[0], t[-1] = a, b
         points = np.array([checks.vector(self.who, f"curve({x:.6g})", checks.called(self.who, "curve", curve, float(x)))
@@ -164,7 +164,7 @@ class FittedCurve:
         return coef, tail, resolved or noise
 
     def _integrate_speed(self) -> None:
-        """Arc length s(x) of every panel as a polynomial of degree 25, and the arc lengths of the panel ends."""
+        """Form arc length s(x) of every panel as a polynomial of degree 25, and the arc lengths of the panel ends."""
         tangents = chebyshev.chebval(NODES, np.moveaxis(self._coef_x, 1, 0))        # [panels, 3, 25]
         speed = np.linalg.norm(tangents, axis=1)
         self._s_coef = chebyshev.chebint(speed @ TO_COEF.T, lbnd=-1.0, axis=1)      # [panels, 26]
@@ -180,7 +180,7 @@ class FittedCurve:
             raise SceneError(f"{self.who}: the curve stands still at t={t:.6g}; choose a parameter with non-zero speed")
 
     def _transport_frame(self, d2: Any) -> Array:
-        """Coefficients [panels, 25, 3] of the rotation-minimising d2: d2_x = -(d2 . t_x) t, solved by collocation."""
+        """Return coefficients [panels, 25, 3] of the rotation-minimising d2: d2_x = -(d2 . t_x) t, solved by collocation."""
         frames = np.empty_like(self._coef)
         previous = r = None
         for k, coef in enumerate(self._coef):
@@ -201,7 +201,7 @@ class FittedCurve:
 
     @staticmethod
     def _collocate(t: Array, r: Array) -> Array:
-        """Values [25, 3] of d2 on one panel from unit tangents t [25, 3] and the start value r (3,)."""
+        """Return values [25, 3] of d2 on one panel from unit tangents t [25, 3] and the start value r (3,)."""
         n = DEGREE + 1
         t_x = DERIVE @ t
         t_x -= np.sum(t_x * t, axis=1)[:, None] * t
@@ -212,7 +212,7 @@ class FittedCurve:
         return np.concatenate([r[None], rest.reshape(DEGREE, 3)])
 
     def _turn(self, r: Array, t_from: Array, t_to: Array, panel: int) -> Array:
-        """r carried by the smallest rotation that takes t_from to t_to."""
+        """Return r carried by the smallest rotation that takes t_from to t_to."""
         both = 1.0 + float(t_from @ t_to)
         if both < 1e-10:
             raise SceneError(f"{self.who}: the curve turns back on itself near t={self._t_ends[panel]:.6g}; give frame=")
@@ -221,7 +221,7 @@ class FittedCurve:
         return turned / np.linalg.norm(turned)
 
     def reference(self, s: Array) -> tuple[Array, Array]:
-        """Positions [n, 3] and triads [n, 3, 3] at the arc lengths s[n]."""
+        """Return positions [n, 3] and triads [n, 3, 3] at the arc lengths s[n]."""
         phi, d = np.empty((s.size, 3)), np.empty((s.size, 3, 3))
         for first in range(0, s.size, 4096):
             part = slice(first, min(first + 4096, s.size))
@@ -229,7 +229,7 @@ class FittedCurve:
         return phi, d
 
     def parameter(self, s: Array) -> Array:
-        """The curve parameter t in [0, 1] at the arc lengths s[n]."""
+        """Return the curve parameter t in [0, 1] at the arc lengths s[n]."""
         panel, x = self._locate(np.asarray(s, dtype=float))
         return self._t_of(panel, x)
 
@@ -238,7 +238,7 @@ class FittedCurve:
         return np.clip(a + 0.5 * (x + 1.0) * (b - a), 0.0, 1.0)
 
     def _locate(self, s: Array) -> tuple[Array, Array]:
-        """Panel and local coordinate x in [-1, 1] of every arc length: Newton, kept in a shrinking bracket."""
+        """Find panel and local coordinate x in [-1, 1] of every arc length: Newton, kept in a shrinking bracket."""
         panel = np.clip(np.searchsorted(self._s_ends, s, side="right") - 1, 0, len(self._coef) - 1)
         coef = self._s_coef[panel]
         target = np.clip(s - self._s_ends[panel], 0.0, np.sum(coef, axis=1))
@@ -270,7 +270,7 @@ class FittedCurve:
         return phi, np.stack([d1, d2, np.cross(d1, d2)], axis=1)
 
     def _given_frame(self, t: Array, d1: Array) -> Array:
-        """d2 [n, 3] of the user's frame function, not yet orthogonal to the tangents d1 [n, 3]."""
+        """Return d2 [n, 3] of the user's frame function, not yet orthogonal to the tangents d1 [n, 3]."""
         assert self.frame is not None
         d2 = np.empty_like(d1)
         for k, x in enumerate(t):
@@ -292,7 +292,7 @@ class FittedCurve:
 
 
 def _clenshaw(coef: Array, x: Array) -> Array:
-    """Chebyshev series coef[n, k, ...] at x[n]: one series per point."""
+    """Evaluate Chebyshev series coef[n, k, ...] at x[n]: one series per point."""
     x = x.reshape(x.shape + (1,) * (coef.ndim - 2))
     b1 = b2 = np.zeros_like(coef[:, 0])
     for k in range(coef.shape[1] - 1, 0, -1):
@@ -305,7 +305,7 @@ def _unit(v: Array) -> Array:
 
 
 def spline_through(who: str, points: Any, *, d2: Any = None) -> FittedCurve:
-    """C2 cubic spline through points [m, 3] (not-a-knot ends, chord-length parameter) as a curve in arc length.
+    """Make the C2 cubic spline through points [m, 3] (not-a-knot ends, chord-length parameter), a curve in arc length.
 
     Raises
     ------

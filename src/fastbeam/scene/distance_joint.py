@@ -12,7 +12,7 @@ from fastbeam.scene.links import Link
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a distance joint has two ends, write one for every pair"))
 @noun
 class DistanceJoint(Link):
-    """Keeps the distance that two points have at t = 0, like a rigid rod without mass between two ball joints.
+    """Joint that keeps the distance that two points have at t = 0, like a rigid rod without mass between two ball joints.
 
     Parameters
     ----------

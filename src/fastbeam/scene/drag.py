@@ -19,7 +19,7 @@ NOT_NEGATIVE = Number(least=0.0)
 
 @dataclass(frozen=True)
 class InAir:
-    """A Beam, Net, RigidBody or PointMass."""
+    """Check of a Beam, Net, RigidBody or PointMass."""
 
     def __call__(self, value: Any) -> Any:
         if isinstance(value, NodeRef):
@@ -34,7 +34,7 @@ class InAir:
          parameters=Numbers((None,), "a list of numbers for the wind"))
 @noun
 class Drag:
-    """Force against the velocity relative to the air (theory.md (4.12)); what it takes is in `result.balance()`. At rest moving
+    """Force against the velocity relative to the air (theory.md (4.12)); its loss is in `result.balance()`. In statics moving
     air is a load, which grows with the load factor.
 
     On beams and nets the coefficients are those of a length, and velocities are split along d1 and across it; on bodies and
@@ -59,7 +59,7 @@ class Drag:
         step: from the time in the middle of the step (s) and the mean of both ends of the position [3] (m) it writes
         velocity[:] (m/s), 0 when it is called. Such scenes run in space.
     parameters : array_like [n]
-        Numbers for it. Another function or other numbers compile no other part of the step again.
+        Numbers for `wind`. Another function or other numbers compile no other part of the step again.
 
     Raises
     ------
@@ -101,10 +101,10 @@ class Drag:
 
     @property
     def blows(self) -> bool:
-        """Whether the air moves, so that there is a force at rest."""
+        """True if the air moves, so that there is a force at rest."""
         return self.wind is not None or bool(np.any(self.air))
 
     @property
     def is_slender(self) -> bool:
-        """Whether the direction of a beam counts."""
+        """True if velocities are split by the direction of a beam."""
         return isinstance(self.on, (Beam, Net))

@@ -1,4 +1,4 @@
-"""The ground: points that are fixed in space, as partners of links and joints."""
+"""Ground: points that are fixed in space, as partners of links and joints."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Ground:
-    """What stands still. There is one, `GROUND`; it need not be added to a scene.
+    """Ground, which is fixed in space. There is one, `GROUND`; it need not be added to a scene.
 
     A joint with axes takes `GROUND` itself and lies where its other side is; a spring or distance joint needs a point of it.
 
@@ -32,7 +32,7 @@ class Ground:
 
     @checked(position=Vector)
     def point(self, position: ArrayLike) -> NodeRef:
-        """The point at `position` (3,) m in space.
+        """Return the point at `position` (3,) m in space.
 
         Raises
         ------
@@ -45,7 +45,7 @@ class Ground:
         return "<ground>"
 
     def __reduce__(self) -> Any:
-        # copies of a scene stand on the same ground
+        # copies of a scene share the one ground
         return "GROUND" if type(self) is Ground else (type(self), ())
 
 

@@ -1,4 +1,4 @@
-"""Loads that turn with what they act on, as forces by a law of the triad."""
+"""Follower loads, which turn with the part that they act on, as forces by a law of the triad."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from fastbeam.scene.user_force import UserForce
 
 
 def turning(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
-    """Three components of the force and of the moment along the directors, which stand in the parameters."""
+    """Form the force and the moment from their components along the directors, which are the parameters."""
     for c in range(3):
         for i in range(3):
             force[c] += parameters[i] * directors[i, c]
@@ -21,7 +21,7 @@ def turning(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, par
 
 
 def turning_slopes(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, out: Any) -> None:
-    """The derivative of `turning`: of director i the columns from 3 + 3 i on."""
+    """Form the derivative of `turning`: of director i the columns from 3 + 3 i on."""
     for c in range(3):
         for i in range(3):
             out[c, 3 + 3 * i + c] = parameters[i]
@@ -29,7 +29,7 @@ def turning_slopes(t: Any, position: Any, directors: Any, velocity: Any, spin: A
 
 
 class FollowerForce(UserForce):
-    """A load in the axes of what it acts on, times `time(t)`, which numba compiles with it."""
+    """Load in the axes of the part that it acts on, times `time(t)`, which numba compiles with it."""
 
     kind: ClassVar[str] = "follower load"
     time: Callable[[float], float] | None
@@ -44,7 +44,7 @@ class FollowerForce(UserForce):
 
 
 def as_force(load: Load | DistributedLoad) -> FollowerForce:
-    """The same for every question."""
+    """Return the `FollowerForce` of a load, always the same object."""
     known = load.__dict__.get("_as_force")
     if known is None:
         known = FollowerForce(load)

@@ -26,7 +26,7 @@ DERIVATIVE = "(t, position, rotation, velocity, spin, parameters, out)"
          derivative=Function(DERIVATIVE))
 @dataclass(frozen=True, eq=False)
 class ForceElement(Link):
-    """A force and a moment between two points with triads by a function that is compiled into the step: tyres, mounts, couplings.
+    """Force and moment between two points with triads by a function that is compiled into the step: tyres, mounts, couplings.
 
     The law is a plain Python function that numba can compile, called as
 

@@ -1,4 +1,4 @@
-"""What joints leave free: single angles and distances, and what acts on each."""
+"""Free coordinates of joints: single angles and distances, and forces, springs, drives and stops on each."""
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, fields
@@ -14,12 +14,12 @@ from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 if TYPE_CHECKING:
     from fastbeam.scene.axis_joint import AxisJoint
 
-# as of `rate_at_start`: also of what begins with the fourth power of time
+# argument `fades` of `rate_at_start`, also for functions that begin with the fourth power of time
 FADES = 1e-3
 
 
 class Product(NamedTuple):
-    """A term of one of the two sums, y and z, of which a coordinate is a function (joints/coordinates.py)."""
+    """Term of one of the two sums, y and z, of which a coordinate is a function (joints/coordinates.py)."""
 
     of_z: int    # 0: it belongs to y, 1: to z
     i: int       # a direction D_i of a
@@ -28,7 +28,7 @@ class Product(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """A coordinate as a function of both nodes, without what acts on it."""
+    """Coordinate as a function of both nodes, without forces on it."""
 
     what: str                      # 'angle', 'distance', 'place', 'swing', 'twist' or 'cosine'
     products: tuple[Product, ...]
@@ -37,12 +37,12 @@ class Shape(NamedTuple):
 
     @property
     def is_angle(self) -> bool:
-        """Whether it is one of directions, not of points."""
+        """True if it is a coordinate of directions, not of points."""
         return self.what not in ("distance", "place")
 
 
 def distance_along(i: int) -> Shape:
-    """The distance from a to b along D_i."""
+    """Return the shape of the distance from a to b along D_i."""
     return Shape("distance", (Product(0, i, -1),), i)
 
 
@@ -53,24 +53,24 @@ ABOUT_B = Shape("angle", (Product(0, 0, 2), Product(1, 0, 0)), 1, 1)
 # rotation of b = swing of the axis, about a direction across, after a twist about the axis
 SWING = Shape("swing", (Product(1, 0, 0),))
 TWIST = Shape("twist", (Product(0, 2, 1), Product(0, 1, 2, -1.0), Product(1, 1, 1), Product(1, 2, 2)))
-# E_1 in the directions of a: what damps the swing
+# E_1 in the directions of a: coordinates that damp the swing
 COSINES = tuple(Shape("cosine", (Product(0, i, 0),)) for i in range(3))
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """A coordinate that a joint leaves free, with what acts on it.
+    """Free coordinate of a joint, with forces, springs, drives and stops on it.
 
     Attributes
     ----------
     joint : AxisJoint
     shape : Shape
     which : str
-        To tell it from others of its kind in messages: 'first ', 'second ' or ''.
+        Word that distinguishes it from others of its kind in messages: 'first ', 'second ' or ''.
     alone : bool
         Whether the joint has no other.
     stiffness, damping, rest, motor, place, speed, friction, coefficient, radius, length, drive, stops, smoothing
-        As the arguments of joints, and of `Friction`; motor is the torque or force, place the angle or distance that is given.
+        Arguments of joints, and of `Friction`; motor is the torque or force, place the prescribed angle or distance.
     """
 
     joint: AxisJoint
@@ -94,21 +94,21 @@ class Freedom:
 
     @property
     def name(self) -> str:
-        """That of the joint."""
+        """Name of the joint."""
         return str(self.joint.name)
 
     @property
     def word(self) -> str:
-        """What it is, empty where the joint has no other."""
+        """Kind of the coordinate in words, empty if the joint has no other."""
         return "" if self.alone else f"{self.which}{self.shape.what}"
 
     @property
     def label(self) -> str:
-        """For messages."""
+        """Text for messages."""
         return self.joint.label if self.alone else f"{self.word} of {self.joint.label}"
 
     def force_label(self, what: str) -> str:
-        """Of a force of its own, which is a part of those of the joint."""
+        """Return the name of a force on the coordinate, which is a part of those of the joint."""
         return f"{self.joint.label} ({f'{self.word} {what}'.strip()})"
 
     @property
@@ -116,17 +116,17 @@ class Freedom:
         """Names of the arguments for its value and its motor, and the unit of the value."""
         if self.shape.is_angle:
             return "angle", "torque", "rad"
-        # of the contact of a moving mesh `Drive(position=)`
+        # the contact of a moving mesh has `Drive(position=)`
         return "position" if self.shape.what == "place" else "distance", "force", "m"
 
     @property
     def has_friction(self) -> bool:
-        """Whether it rubs."""
+        """True if it has friction."""
         return self.friction > 0.0 or self.coefficient > 0.0
 
     @property
     def may_stick(self) -> bool:
-        """Whether friction or a rigid stop may hold it."""
+        """True if friction or a rigid stop may hold it."""
         return self.has_friction or (self.stops is not None and self.stops.is_rigid)
 
     @property
@@ -136,23 +136,23 @@ class Freedom:
 
     @property
     def is_given(self) -> bool:
-        """Whether it is given as a function of time."""
+        """True if it is prescribed as a function of time."""
         return self.place is not None or self.speed is not None
 
     @property
     def acts(self) -> bool:
-        """Whether anything acts on it."""
+        """True if a force, spring, drive, friction or stop acts on it."""
         return (self.stiffness > 0.0 or self.damping > 0.0 or self.motor is not None or self.is_given or self.may_stick
                 or self.drive is not None or self.stops is not None)
 
     @property
     def given_rate(self) -> float:
-        """Of what is given, at t = 0, m/s or rad/s."""
+        """Prescribed rate at t = 0, m/s or rad/s."""
         what = "speed" if self.place is None else self.words[0]
         return rate_at_start(self.speed if self.place is None else self.place, what, self.label, FADES)
 
     def check(self) -> None:
-        """Refuse what contradicts each other.
+        """Check the arguments for contradictions.
 
         Raises
         ------
@@ -186,12 +186,12 @@ ACTING = tuple(x.name for x in fields(Freedom) if x.name not in ("joint", "shape
 
 
 def freedoms_of(joint: AxisJoint, shapes: tuple[Shape, ...], given: dict[str, tuple[Any, ...]]) -> tuple[Freedom, ...]:
-    """All coordinates of a joint; given: what acts on them, for each a value, by the names of `Freedom`."""
+    """Return all coordinates of a joint; given: values for each coordinate, by the names of `Freedom`."""
     out = []
     for k, shape in enumerate(shapes):
         same = [n for n, other in enumerate(shapes) if other.what == shape.what]
         which = "" if len(same) == 1 else ("first ", "second ", "third ")[same.index(k)]
-        # left out: the default
+        # None is left out, for the default
         mine = {name: values[k] for name, values in given.items() if values[k] is not None}
         out.append(Freedom(joint, shape, which, len(shapes) == 1, **mine))
     return tuple(out)
@@ -200,7 +200,7 @@ def freedoms_of(joint: AxisJoint, shapes: tuple[Shape, ...], given: dict[str, tu
 # --- arguments of joints with several coordinates ------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class ForEach:
-    """A number >= least for each coordinate of a joint, `what` in words."""
+    """Check of a number >= least for each coordinate of a joint, `what` in words."""
 
     count: int
     what: str
@@ -219,7 +219,7 @@ class ForEach:
 
 @dataclass(frozen=True)
 class SomeOf:
-    """A value of a kind, or None, for each coordinate of a joint."""
+    """Check of a value of a kind, or None, for each coordinate of a joint."""
 
     count: int
     what: str
@@ -237,15 +237,15 @@ _COUNTS = {2: "two", 3: "three"}
 
 
 def times_of(count: int, what: str, unit: str) -> SomeOf:
-    """Numbers or functions of time."""
+    """Return the check of numbers or functions of time for each coordinate."""
     return SomeOf(count, what, OfTime(unit), "a number, a function of time")
 
 
 def drives_of(count: int, what: str) -> SomeOf:
-    """Drives."""
+    """Return the check of drives for each coordinate."""
     return SomeOf(count, what, ADrive(), "a Drive")
 
 
 def stops_of(count: int, what: str) -> SomeOf:
-    """Stops."""
+    """Return the check of stops for each coordinate."""
     return SomeOf(count, what, SomeStops(), "Stops")

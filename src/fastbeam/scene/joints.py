@@ -13,7 +13,7 @@ from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 
 
 def _check_pin(who: str, coefficient: float, length: float | None, radius: float | None) -> None:
-    """Friction by the load needs the sizes of what is pressed; radius: of a pin, None of a guide.
+    """Check that friction by the load has the sizes of the pressed surfaces; radius: of a pin, None for a guide.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def _check_pin(who: str, coefficient: float, length: float | None, radius: float
          radius=Number(least=0.0, unit="m"), length=Number(above=0.0, unit="m"), drive=ADrive(), stops=SomeStops())
 @noun
 class RevoluteJoint(OneAxisJoint):
-    """A hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
+    """Hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
 
     `result.joint(name)` has the angle, that by which b has turned against a about the axis since t = 0, counted over turns.
 
@@ -121,7 +121,7 @@ class PrismaticJoint(OneAxisJoint):
     Parameters
     ----------
     a, b, name, axis
-        As of `RevoluteJoint`; the points need not coincide.
+        See `RevoluteJoint`; the points need not coincide.
     stiffness, damping : float
         Of a spring along the axis, N/m, and of a damper, N s/m, >= 0.
     rest : float
@@ -137,12 +137,12 @@ class PrismaticJoint(OneAxisJoint):
         Of friction in a guide of this length, m: it adds coefficient x (F + 2 M/length) to the largest force, F the force and M
         the moment about the point of b that the joint carries across its axis; without length= moments do not press.
     drive, stops : Drive, Stops, optional
-        As of `RevoluteJoint`, along the axis.
+        As in `RevoluteJoint`, along the axis.
 
     Raises
     ------
     SceneError
-        As of `RevoluteJoint`.
+        See `RevoluteJoint`.
     """
 
     kind: ClassVar[str] = "prismatic joint"

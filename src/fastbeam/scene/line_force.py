@@ -22,7 +22,7 @@ if TYPE_CHECKING:
          derivative=Function("(t, length, rate, parameters)"))
 @dataclass(frozen=True, eq=False)
 class LineForce(Link):
-    """A force along the line of two points by a function that is compiled into the step: actuators, buffers, muscles.
+    """Force along the line of two points by a function that is compiled into the step: actuators, buffers, muscles.
 
     The law is a plain Python function that numba can compile, called as
 

@@ -1,4 +1,4 @@
-"""What couples two points of a scene: the common part of springs and of joints with multipliers."""
+"""Links between two points of a scene: the common part of springs and of joints with multipliers."""
 from __future__ import annotations
 
 from typing import ClassVar
@@ -14,7 +14,7 @@ from fastbeam.scene.checks import NodeField, noun
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a link has two sides, write one for every pair"))
 @noun
 class Link:
-    """Two different nodes and a name that is made from them when left out."""
+    """Link of two different nodes and a name that is made from them when left out."""
 
     kind: ClassVar[str] = "link"
 
@@ -36,6 +36,6 @@ class Link:
 
 
 def label_of(link: Link) -> str:
-    """A link for messages; automatic names already say the kind."""
+    """Return the name of a link for messages; automatic names already say the kind."""
     name = str(link.name)
     return name if name.startswith(f"{link.kind} of ") else checks.label(link.kind, name)

@@ -21,7 +21,7 @@ START, END, STOP = "start", "end", "stop"
 
 @dataclass(frozen=True)
 class When:
-    """A time, a function of (t, s, ds/dt), or one of a few words."""
+    """Check of a time, a function of (t, s, ds/dt), or one of a few words."""
 
     words: tuple[str, ...] = ()
 
@@ -41,7 +41,7 @@ class When:
 
 
 def truth(function: Any, t: float, s: float, rate: float) -> float | None:
-    """What a condition returns as a number: it holds from 0 on, True is 1 and False is -1. None where it is not finite.
+    """Return the value of a condition as a number: it holds from 0 on, True is 1 and False is -1. None if it is not finite.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def truth(function: Any, t: float, s: float, rate: float) -> float | None:
 @checked(when=When((STOP, START, END)), at=Place(), until=When())
 @dataclass(frozen=True)
 class Lock:
-    """Holds a slider where it is on its beam: a latch, a clamp, a brake. `Slider(..., lock=fb.Lock(...))`.
+    """Lock that fixes a slider where it is on its beam: a latch, a clamp, a brake. `Slider(..., lock=fb.Lock(...))`.
 
     Lock()                        from the start, for good
     Lock(until=1.0)               from the start, let go at t = 1 s
@@ -109,14 +109,14 @@ class Lock:
 
     @property
     def from_start(self) -> bool:
-        """Whether it holds from the start."""
+        """True if it holds from the start."""
         return self.when is None and self.at is None
 
 
 @checked(when=When((START, END)))
 @dataclass(frozen=True)
 class Release:
-    """Lets a slider go of its beam for good; its point flies on by itself. `Slider(..., release=fb.Release(...))`.
+    """Release of a slider from its beam for good; its point flies on by itself. `Slider(..., release=fb.Release(...))`.
 
     Release(1.0)                  at t = 1 s
     Release("end")                at the end of its beam or path, instead of ending the run there; "start": at the start. On a
@@ -145,8 +145,8 @@ class OneSided:
     back. `Slider(..., one_sided=(0, 0, 1))` is the short form of `one_sided=fb.OneSided((0, 0, 1))`.
 
     A point that comes back hits the beam: across it the velocity jumps to -restitution times what it was, the loss is in
-    `result.balance()`. What does not bounce slides on. A point may also begin away from the beam, on its side: then `at` is where
-    the search for the nearest point begins (theory.md 5.9). `result.slider(name)["gap"]` is the distance.
+    `result.balance()`. A point that does not bounce slides on. A point may also begin away from the beam, on its side: then `at`
+    is where the search for the nearest point begins (theory.md 5.9). `result.slider(name)["gap"]` is the distance.
 
     In space a point that comes back has to meet the beam itself: one that passes beside it flies on, and an event says so.
 
@@ -179,7 +179,7 @@ class OneSided:
 
 @dataclass(frozen=True)
 class AOneSided:
-    """A OneSided, or its side."""
+    """Check of a OneSided, or its side."""
 
     def __call__(self, value: Any) -> OneSided:
         if isinstance(value, OneSided):
@@ -192,7 +192,7 @@ class AOneSided:
 
 @dataclass(frozen=True)
 class SomeLocks:
-    """A Lock, or several that act one after the other, as a tuple."""
+    """Check of a Lock, or several that act one after the other, as a tuple."""
 
     def __call__(self, value: Any) -> tuple[Lock, ...]:
         locks = tuple(value) if isinstance(value, (list, tuple)) else (value,)
@@ -203,7 +203,7 @@ class SomeLocks:
 
 @dataclass(frozen=True)
 class ARelease:
-    """A Release."""
+    """Check of a Release."""
 
     def __call__(self, value: Any) -> Release:
         if not isinstance(value, Release):
@@ -212,7 +212,7 @@ class ARelease:
 
 
 def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tuple[float, float]) -> None:
-    """Locks of a slider fit each other, its stops and the ends of its beam.
+    """Check that locks of a slider fit each other, its stops and the ends of its beam.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tu
 
 
 def check_release(who: str, release: Release, stops: Stops | None, closed: bool) -> None:
-    """A release at an end of the beam needs an end that the slider can reach.
+    """Check that a release at an end of the beam has an end that the slider can reach.
 
     Raises
     ------

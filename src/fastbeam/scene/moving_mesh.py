@@ -24,7 +24,7 @@ NEAREST = 1e-3
 
 @dataclass(frozen=True)
 class SomeSliders:
-    """One Slider or Sleeve, or several, as a tuple."""
+    """Check of one Slider or Sleeve, or several, as a tuple."""
 
     def __call__(self, value: Any) -> tuple[Slider, ...]:
         some = tuple(value) if isinstance(value, (list, tuple)) else (value,)
@@ -36,12 +36,12 @@ class SomeSliders:
 
 
 def has_coulomb(slider: Slider) -> bool:
-    """Whether a slider has Coulomb friction, which depends on what presses on it."""
+    """Return whether a slider has Coulomb friction, which depends on its normal force."""
     return slider.friction is not None and slider.friction.coefficient > 0.0
 
 
 def check_acting(who: str, slider: Slider) -> None:
-    """Refuse what acts on a slider and elements that move do not know.
+    """Check that a slider has no features that moving elements do not support.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def check_acting(who: str, slider: Slider) -> None:
 
 
 def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
-    """Refuse contacts too near to each other or to an end of their beam, and stops that they cannot reach.
+    """Check that contacts are not too near to each other or to an end of their beam, and that they can reach their stops.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
 @checked(beam=ABeam(), sliders=SomeSliders(), velocity=FIELD, spin=FIELD)
 @noun
 class MovingMesh:
-    """The elements of a beam move with sliders, whose contacts are element ends at all times (theory.md 5.12).
+    """Beam whose elements move with sliders; their contacts are element ends at all times (theory.md 5.12).
 
     Elements between two contacts, or a contact and an end of the beam, share the length there in constant proportions. Each
     slider needs an element end at its place at t = 0; `with_moving_meshes` makes such beams.
@@ -97,7 +97,7 @@ class MovingMesh:
     beam : Beam
         With Lagrange elements, strain 'simo_reissner', and the same section and curvature everywhere.
     sliders : Slider or list of Slider
-        All that slide on it, with friction, drives and stops; without locks, releases and one-sided
+        All sliders on the beam, with friction, drives and stops; without locks, releases and one-sided
         contact. A `Sleeve` holds the beam at one point, and has `length=0`; only with
         Coulomb friction it has a length, on whose ends its moments press.
     velocity, spin : array_like (3,) or callable, optional
@@ -107,8 +107,8 @@ class MovingMesh:
     Raises
     ------
     SceneError
-        An argument is of the wrong kind, a slider is on another beam or has what elements that move do not know, or an element
-        end is missing.
+        An argument is of the wrong kind, a slider is on another beam or has features that moving elements do not support, or an
+        element end is missing.
     """
 
     kind: ClassVar[str] = "moving mesh"
@@ -162,9 +162,9 @@ class MovingMesh:
 
 
 class PlaceOnBeam(PointMass):
-    """Where a contact stands on a beam whose elements move with it: a node of its own, whose first coordinate is the arc length,
-    m, and which lies nowhere in space."""
+    """Place of a contact on a beam whose elements move with it: a node of its own, whose first coordinate is the arc length, m,
+    without a position in space."""
 
 
 class LineOfPlaces(Ground):
-    """Where arc lengths of such places begin: it lies nowhere in space either."""
+    """Origin of the arc lengths of such places, without a position in space."""

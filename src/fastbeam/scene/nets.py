@@ -26,7 +26,7 @@ TABLES = ("nodes", "edges", "section", "section_of", "elements", "degree", "d2",
 
 
 class NetBeam(Beam):
-    """One beam of a net, made by `net.beam(k)`: what a slider, load or point of observation refers to."""
+    """One beam of a net, made by `net.beam(k)`: the beam of a slider, load or point of observation."""
 
     net: Net
     index: int
@@ -48,7 +48,7 @@ class Net:
         First and last node of every beam.
     section : Section or sequence of Section
     section_of : array_like of int [m]
-        Which of the sections a beam has; needed where there are several.
+        Number of the section of every beam; needed if there are several.
     elements : int or array_like of int [m]
         Elements of every beam.
     degree : int
@@ -57,9 +57,9 @@ class Net:
     d2 : array_like (3,) or [m, 3]
         Hint for the direction of d2, as in `Beam.straight`; None: the rule of `Beam.straight`.
     joints : {'rigid', 'ball'} or sequence of them [n]
-        What joins the beams at a node: their rotations are shared, or free.
+        Connection of the beams at a node: their rotations are shared, or free.
     pins, clamps : array_like of int
-        Nodes whose position is held; nodes where the rotations of all beam ends are held, too.
+        Nodes whose position is fixed; nodes where the rotations of all beam ends are fixed, too.
     masses : array_like [n]
         Point masses at the nodes, kg, >= 0.
     loads : array_like [n, 3]
@@ -67,7 +67,7 @@ class Net:
     velocity : array_like (3,) or [n, 3]
         Initial velocity of the nodes, m/s; linear along the beams.
     prestrain, prestress : float or array_like [m]
-        Axial strain of the beams as they are drawn, or their normal force, N; as of `Beam`.
+        Axial strain of the beams as they are drawn, or their normal force, N; see `Beam`.
     spin : array_like (3,) or [n, 3]
         Initial angular velocity at the nodes, rad/s; linear along the beams. None: beams between ball joints only turn with the
         line between their ends, welded ones do not turn.
@@ -108,7 +108,7 @@ class Net:
         self.sections, self.section_of = _sections(who, section, section_of, m)
         same = whole(elements)
         if same is not None:
-            # what does not fit an array has none of its own
+            # limit numbers that an array of integers cannot hold; the check below rejects them
             elements = np.full(m, min(max(same, 0), MOST_ELEMENTS + 1))
         self.elements = _integers(who, "elements", elements, (m,), MOST_ELEMENTS + 1,
                                   f"whole numbers >= 1 (at most {MOST_ELEMENTS:g})", least=1)
@@ -132,7 +132,7 @@ class Net:
         self.prestrain = _of_edges(who, "prestrain", prestrain, m, "")
         self.prestress = _of_edges(who, "prestress", prestress, m, " (N)")
         if self.is_strained:
-            # names the first beam that it does not suit
+            # the error names the first beam whose value is wrong
             for k in np.flatnonzero((self.prestrain != 0.0) | (self.prestress != 0.0)).tolist():
                 if not -10.0 <= self.prestrain[k] <= 0.99:
                     raise SceneError(f"{who}: prestrain must be from -10 to 0.99, edge {k} has {self.prestrain[k]:.6g}")
@@ -144,7 +144,7 @@ class Net:
                              "out or join it by an edge")
         self._beams: dict[int, NetBeam] = {}
 
-    # --- what a user asks for ----------------------------------------------------------------------------------------
+    # --- public calls -------------------------------------------------------------------------------------------------
     @property
     def label(self) -> str:
         """`net 'name'`."""
@@ -152,12 +152,12 @@ class Net:
 
     @property
     def is_strained(self) -> bool:
-        """Whether beams have stress in the reference."""
+        """True if beams have stress in the reference."""
         return bool(np.any(self.prestrain) or np.any(self.prestress))
 
     @property
     def start_strains(self) -> Array:
-        """The six strains of every beam in the reference [m, 6]."""
+        """Six strains of every beam in the reference [m, 6]."""
         out = np.zeros((len(self.edges), 6))
         out[:, 0] = self.prestrain
         unit = np.linalg.inv([section.C for section in self.sections])[:, :, 0]
@@ -165,7 +165,7 @@ class Net:
 
     @checked(k=Anything())
     def beam(self, k: int) -> NetBeam:
-        """Beam k, of edge k: for sliders, loads along it, and points of observation.
+        """Return beam k, of edge k: for sliders, loads along it, and points of observation.
 
         Raises
         ------
@@ -184,7 +184,7 @@ class Net:
 
     @checked(i=Anything())
     def node(self, i: int) -> NodeRef:
-        """Node i, as the end of the first beam there: for supports, joints, loads, sliders and points of observation.
+        """Return node i, as the end of the first beam there: for supports, joints, loads, sliders and points of observation.
 
         Raises
         ------
@@ -197,7 +197,7 @@ class Net:
         return NodeRef(self.beam(k), at - int(self.node_start[k]))
 
     def beam_at(self, at: int) -> int:
-        """The beam that a node of the list of all beams' nodes belongs to."""
+        """Return the beam of a node in the list of all beams' nodes."""
         return int(np.searchsorted(self.node_start, at, side="right")) - 1
 
     def _number(self, what: str, value: Any, n: int) -> int:
@@ -224,7 +224,7 @@ class Net:
 
     @cached_property
     def junction(self) -> Array:
-        """The beam end that stands for a node of the net: that of the first beam there, int [n]."""
+        """End of the first beam at every node of the net, which stands for the node, int [n]."""
         out = np.empty(len(self.nodes), np.int64)
         out[self.edges.reshape(-1)[::-1]] = self.end_node.reshape(-1)[::-1]
         return out
@@ -236,7 +236,7 @@ class Net:
         return np.repeat(self.node_start[:-1], self.elements) + self.degree * step
 
     def along(self, ends: Array) -> Array:
-        """Values [nodes of all beams, k] that are linear along the beams, from those at their ends [m, 2, k]."""
+        """Return values [nodes of all beams, k] that are linear along the beams, from those at their ends [m, 2, k]."""
         count = np.diff(self.node_start)
         at = np.arange(self.n_nodes) - np.repeat(self.node_start[:-1], count)
         xi = 0.5 * (1.0 + gll_nodes(self.degree)[:-1])
@@ -269,7 +269,7 @@ class Net:
         return self.along(v), np.repeat(turn, np.diff(self.node_start), axis=0)
 
     def pairs(self) -> tuple[Array, Array]:
-        """Beam ends that a weld joins to the first one at their node, and those that a ball joint does, int [*, 2]."""
+        """Return beam ends that a weld joins to the first one at their node, and those that a ball joint does, int [*, 2]."""
         at, node = self.end_node.reshape(-1), self.edges.reshape(-1)
         other = at != self.junction[node]
         pairs = np.stack((self.junction[node[other]], at[other]), axis=1)
@@ -277,11 +277,11 @@ class Net:
         return pairs[~ball], pairs[ball]
 
     def held(self) -> Array:
-        """Masks of held unknowns of all beams' nodes (7: position, 56: rotation), int [*]."""
+        """Return masks of fixed unknowns of all beams' nodes (7: position, 56: rotation), int [*]."""
         out = np.zeros(self.n_nodes, np.int64)
         out[self.junction[self.pins]] |= 7
         out[self.junction[self.clamps]] |= 63
-        # where rotations are not shared the clamp holds each of them
+        # at ball joints the clamp fixes the rotation of each beam end
         clamped = np.zeros(len(self.nodes), bool)
         clamped[self.clamps] = True
         node = self.edges.reshape(-1)
@@ -293,13 +293,13 @@ class Net:
 
 
 def _each(value: Any, n: int) -> Any:
-    """One vector for every node, where only one is given."""
+    """Return one vector for every node if only one is given."""
     found = checks.numbers(value)
     return np.broadcast_to(found, (n, 3)) if found is not None and found.shape == (3,) else value
 
 
 def _table(who: str, what: str, value: Any, n: int | None, unit: str, columns: int | None = 3) -> Array:
-    """A constant copy [n, columns] or [n] of finite numbers."""
+    """Return a constant copy [n, columns] or [n] of finite numbers."""
     tail = () if columns is None else (columns,)
     need = f"numbers of shape [{'n' if n is None else n}{''.join(f', {c}' for c in tail)}] ({unit})"
     clean = checks.numbers(value)
@@ -316,7 +316,7 @@ def _table(who: str, what: str, value: Any, n: int | None, unit: str, columns: i
 
 
 def _of_edges(who: str, what: str, value: Any, m: int, unit: str) -> Array:
-    """A number for every edge."""
+    """Return a number for every edge."""
     found = checks.numbers(value)
     if found is not None and found.ndim == 0:
         found = np.full(m, float(found))
@@ -327,7 +327,7 @@ def _of_edges(who: str, what: str, value: Any, m: int, unit: str) -> Array:
 
 def _integers(who: str, what: str, value: Any, shape: tuple[int | None, ...], below: int | None, need: str,
               least: int = 0) -> Array:
-    """A constant copy of whole numbers from `least` up to, not including, `below`."""
+    """Return a constant copy of whole numbers from `least` up to, not including, `below`."""
     wanted = "[" + ", ".join("m" if s is None else str(s) for s in shape) + "]"
     floats = checks.numbers(value)
     if floats is None:
@@ -360,7 +360,7 @@ def _sections(who: str, section: Any, section_of: Any, m: int) -> tuple[tuple[Se
 
 
 def _joints(who: str, joints: Any, n: int) -> Array:
-    """Whether a node is a ball joint, bool [n]."""
+    """Return which nodes are ball joints, bool [n]."""
     words = np.asarray(joints if isinstance(joints, (str, list, tuple, np.ndarray)) and _is_flat(joints) else 0)
     if words.ndim > 1 or (words.ndim == 1 and words.size != n) or words.dtype.kind != "U" or not np.isin(words, JOINTS).all():
         raise SceneError(f"{who}: joints must be 'rigid', 'ball' or one of both words for each of the {n} nodes, "
@@ -369,12 +369,12 @@ def _joints(who: str, joints: Any, n: int) -> Array:
 
 
 def _is_flat(words: Any) -> bool:
-    """Whether words are a text, an array or a list of texts only."""
+    """Return whether words are a text, an array or a list of texts only."""
     return isinstance(words, (str, np.ndarray)) or all(isinstance(word, str) for word in words)
 
 
 def _lines(who: str, nodes: Array, edges: Array, d2: Any) -> tuple[Array, Array]:
-    """Lengths [m] and triads [m, 3, 3] of the beams, by the rules of `Beam.straight`."""
+    """Return lengths [m] and triads [m, 3, 3] of the beams, by the rules of `Beam.straight`."""
     x = nodes[edges]
     way = x[:, 1] - x[:, 0]
     length = np.linalg.norm(way, axis=1)

@@ -26,7 +26,7 @@ MOST_ROUNDS = 1e6
 
 @dataclass(frozen=True)
 class ABeam:
-    """A Beam."""
+    """Check of a Beam."""
 
     def __call__(self, value: Any) -> Beam:
         if not isinstance(value, Beam):
@@ -35,7 +35,7 @@ class ABeam:
 
 
 def _hint(value: Any) -> str:
-    """How to name a beam in the place of what was given."""
+    """Return the advice how to name a beam in the place of a value that is none."""
     if isinstance(value, NodeRef) and isinstance(value.owner, Beam):
         return f"; give {value.owner.label} itself"
     return "; use its beam(k)" if isinstance(value, Net) else ""
@@ -43,7 +43,7 @@ def _hint(value: Any) -> str:
 
 @dataclass(frozen=True)
 class BeamsInOrder:
-    """Beams, or pairs (beam, 1) and (beam, -1): a list of (beam, direction)."""
+    """Check of beams, or pairs (beam, 1) and (beam, -1): a list of (beam, direction)."""
 
     def __call__(self, value: Any) -> tuple[tuple[Beam, int], ...]:
         if isinstance(value, Beam) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray)):
@@ -138,12 +138,12 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Of all beams, m; of a closed path once around."""
+        """Length of all beams, m; once around for a closed path."""
         return float(self.starts[-1])
 
     @checked(s=ArcLengths())
     def places(self, s: ArrayLike) -> tuple[Array, Array]:
-        """Which of the beams, int [n], and where on it, arc length of the beam [n] in m, at arc lengths s[n] of the path.
+        """Return the number of the beam, int [n], and the arc length on it [n], m, at arc lengths s[n] of the path.
 
         Raises
         ------
@@ -162,7 +162,7 @@ class Path:
 
     @checked(s=Number(unit="m"))
     def locate(self, s: float) -> tuple[Beam, float]:
-        """The beam at arc length s of the path, and the arc length on the beam, both m: where a slider is.
+        """Return the beam at arc length s of the path, and the arc length on the beam, both m: the place of a slider.
 
         Raises
         ------
@@ -174,8 +174,8 @@ class Path:
 
     @checked(s=ArcLengths())
     def reference(self, s: ArrayLike) -> tuple[Array, Array]:
-        """Reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 along the path) at arc lengths s[n]. On a beam
-        that runs backwards d1 and d2 point against its own.
+        """Return reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 along the path) at arc lengths s[n].
+        On a beam that runs backwards d1 and d2 point against its own.
 
         Raises
         ------
@@ -193,7 +193,7 @@ class Path:
 
     @checked(point=Vector)
     def nearest(self, point: ArrayLike) -> tuple[float, float]:
-        """Arc length of the place on the path that is nearest to `point` (3,), and its distance, both m.
+        """Return the arc length of the place on the path nearest to `point` (3,), and its distance, both m.
 
         Raises
         ------
@@ -204,7 +204,8 @@ class Path:
 
     @checked()
     def joints(self) -> list[tuple[NodeRef, NodeRef]]:
-        """Where two beams meet: last node of the one and first of the next, in the direction of the path."""
+        """Return the pairs of nodes where two beams meet: last node of the one and first of the next, in the direction of the
+        path."""
         ends = [(b.start, b.end) if d > 0 else (b.end, b.start) for b, d in zip(self.beams, self.directions)]
         return [(one[1], other[0]) for one, other in zip(ends, ends[1:] + (ends[:1] if self.closed else []))]
 
@@ -214,7 +215,7 @@ class Path:
 
 
 def check_path(path: Path, tolerance: float) -> None:
-    """The ends of neighbours meet; tolerance in m.
+    """Check that the ends of neighbours meet; tolerance in m.
 
     Raises
     ------
@@ -239,7 +240,7 @@ def check_path(path: Path, tolerance: float) -> None:
 
 @dataclass(frozen=True)
 class ATrack:
-    """A Beam or Path."""
+    """Check of a Beam or Path."""
 
     def __call__(self, value: Any) -> Beam | Path:
         if isinstance(value, Path):

@@ -1,4 +1,4 @@
-"""Where masses without a position of their own lie: at sliders and joints, also through other masses; extent of a scene."""
+"""Positions of masses without a position of their own: at sliders and joints, also through other masses; extent of a scene."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -38,7 +38,7 @@ def extent_of(points: Array) -> float:
 
 
 class Placing:
-    """What places the masses of a scene with the parts that it has now.
+    """Search for the positions of masses in a scene with its present parts.
 
     Parameters
     ----------
@@ -47,14 +47,14 @@ class Placing:
     Attributes
     ----------
     count : int
-        Of parts that the scene had.
+        Number of parts that the scene had.
     """
 
     def __init__(self, scene: Scene) -> None:
         self._masses, self.count = scene.masses, len(scene.parts)
         # sliders, then joints of points, then rigid connections of every point mass
         self._table: dict[Any, list[Slider | Joint]] = {}
-        # of masses that were found
+        # positions of masses that were found
         self._known: dict[Any, Array] = {}
         for link in [*scene.sliders, *scene.balls, *scene.pinned, *scene.rigid]:
             for node in held_nodes(link):
@@ -62,7 +62,7 @@ class Placing:
                     self._table.setdefault(node.owner, []).append(link)
 
     def position(self, node: NodeRef) -> Array:
-        """Position (3,) m at t = 0 of a node.
+        """Return the position (3,) m at t = 0 of a node.
 
         Raises
         ------
@@ -84,7 +84,7 @@ class Placing:
             if found is None:
                 self._no_place(owner)
             way, position = found
-            # whatever leads there is there
+            # all masses on the way have the same position
             known.update(dict.fromkeys(way, position))
         return known[owner]
 
@@ -94,7 +94,8 @@ class Placing:
                          "RigidConnection")
 
     def _placements(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Array]]:
-        """(slider or joint, where it places a mass without position); joints may lead through other masses."""
+        """Yield (slider or joint, the position at which it places a mass without position); joints may lead through other
+        masses."""
         for link, place, other in self._leads(mass):
             if other is None:
                 yield link, place()
@@ -104,7 +105,8 @@ class Placing:
                     yield link, found[1]
 
     def _leads(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Callable[[], Array], PointMass | None]]:
-        """What a mass without position hangs on: (slider or joint, where that is, the mass without position there or None)."""
+        """Yield the links of a mass without position: (slider or joint, function of its position, the mass without position there
+        or None)."""
         for link in self._table.get(mass, []):
             if isinstance(link, Slider):
                 yield link, partial(self._slider_position, link), None
@@ -118,8 +120,8 @@ class Placing:
         return slider.place
 
     def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
-        """The masses that lead from one without position to the first that something else places, not through another, and that
-        place; None where nothing does."""
+        """Return the masses that lead from one without position to the first that something else places, not through another, and
+        its position; None if nothing does."""
         way, open_leads, visited = [mass], [self._leads(mass)], {mass, avoid}
         known = self._known if avoid is None else {}
         while way:
@@ -139,7 +141,7 @@ class Placing:
         return None
 
     def check(self, tolerance: float) -> None:
-        """Every mass has a position, and all that place it agree to within a tolerance, m.
+        """Check that every mass has a position, and that all links that place it agree to within a tolerance, m.
 
         Raises
         ------
@@ -151,7 +153,7 @@ class Placing:
                 self._check_place(mass, tolerance)
 
     def _placed_once(self) -> set[PointMass]:
-        """Masses that joints join to one group in which a single slider or joint says where it is: nothing can
+        """Return masses that joints join to one group in which a single slider or joint gives the position, so that nothing can
         disagree. In a long chain of masses the search from each of them would take the square of its length."""
         out: set[PointMass] = set()
         seen: set[PointMass] = set()
@@ -170,13 +172,13 @@ class Placing:
         return out
 
     def _check_place(self, mass: PointMass, tolerance: float) -> None:
-        """A mass has a position, and all that place it agree."""
+        """Check that a mass has a position, and that all links that place it agree."""
         if mass.position is not None:
             return
         self.position(mass.center)
         (first, place), *others = self._placements(mass)
         for link, position in others:
-            # once a slider or ball joint says where, a rigid connection keeps the distance that results
+            # once a slider or ball joint gives the position, a rigid connection keeps the resulting distance
             if isinstance(link, RigidConnection) and not isinstance(first, RigidConnection):
                 continue
             gap = float(np.linalg.norm(position - place))

@@ -21,19 +21,20 @@ from fastbeam.scene.supports import AXES, SomeAxes, Until, check_since, mask_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# accelerations need so many values
+# fewest values of accelerations
 FEWEST = 4
 INTERPOLATIONS = ("linear", "cubic", "pchip")
 # degrees of corrections of accelerations, which the spline of their sum keeps exactly; points that integrate (v + w)^2 exactly
 MOST_DEGREE, GAUSS = 3, 5
-# a share of the largest rate of a table that is no jump of it
+# jumps of the rate below this share of the largest rate of a table are round-off
 KINK = 1e-9
 TIME = Number(unit="s")
 
 
 @dataclass(frozen=True)
 class _Components:
-    """So many finite numbers; one also without brackets. None: three at most. `axes` they are for, where these are not all."""
+    """Check of `count` finite numbers; a single one also without brackets. None: three at most. `axes`: their axes, if not
+    all."""
 
     count: int | None = 3
     axes: str = ""
@@ -54,15 +55,15 @@ _three = _Components()
 
 
 def _rate(x: Array, size: float) -> Array:
-    """Derivatives at 0 of the columns of x [5, 3], numbers of this size; 0 where they are round-off, or next to nothing of what
-    the column does."""
+    """Return derivatives at 0 of the columns of x [5, 3], numbers of this size; 0 where they are round-off, or negligible next to
+    the values of the column."""
     rate = FORWARD @ x / SHORT
     noise = (20.0 * float(np.finfo(float).eps) * size + 1e-9 * np.max(np.abs(x - x[0]), axis=0)) / SHORT
     return np.where(np.abs(rate) > noise, rate, 0.0)
 
 
 def _turning(value: Any) -> tuple[Array, Array | None]:
-    """A rotation matrix (3, 3) from a rotation vector or from itself, and the vector, None where there is none."""
+    """Return a rotation matrix (3, 3) from a rotation vector or from itself, and the vector, None if there is none."""
     found = numbers(value)
     if found is not None and found.shape == (3, 3):
         return np.array(Rotation()(value)), None
@@ -75,7 +76,7 @@ def _turning(value: Any) -> tuple[Array, Array | None]:
 
 @dataclass(frozen=True)
 class Moving:
-    """A function of t that returns numbers, or with `turns` a rotation; it is tried at t = 0."""
+    """Check of a function of t that returns numbers, or with `turns` a rotation; it is tried at t = 0."""
 
     turns: bool = False
 
@@ -95,7 +96,8 @@ class Moving:
          until=Until(), since=Until())
 @noun
 class PrescribedMotion:
-    """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
+    """Prescribed motion of a node as a function of time: base excitation, moving supports, displacement control in time
+    (theory.md (4.11)).
 
     It holds the node like a `Pin` that moves; with `rotation`, or a `Clamp` of the same node beside it, like a clamp. The work of
     its reaction is in `result.balance()`. `solve_static(at_time=t)` moves it to its place at that time with the load factor;
@@ -172,12 +174,12 @@ class PrescribedMotion:
 
     @property
     def mask(self) -> int:
-        """What it holds of the six unknowns of its node, bit by bit."""
+        """Bits of the six unknowns of its node that it prescribes."""
         return mask_of(self.axes) | (56 if self.rotation is not None else 0)
 
     @checked(t=TIME)
     def place(self, t: float) -> Array:
-        """Position, or displacement, at time t: (3,) m, zero along axes that are not prescribed.
+        """Return the position, or displacement, at time t: (3,) m, zero along axes that are not prescribed.
 
         Raises
         ------
@@ -199,7 +201,7 @@ class PrescribedMotion:
 
     @checked(t=TIME)
     def turn(self, t: float) -> Array:
-        """Rotation from the triad at t = 0 at time t: (3, 3).
+        """Return the rotation from the triad at t = 0 at time t: (3, 3).
 
         Raises
         ------
@@ -210,7 +212,7 @@ class PrescribedMotion:
 
     @checked(t=TIME)
     def turning(self, t: float) -> tuple[Array, Array | None]:
-        """The same with the rotation vector (3,), rad, that it was given by; None where it was given by a matrix.
+        """Return the rotation `turn(t)` and its rotation vector (3,), rad; None if it is defined by a matrix.
 
         Raises
         ------
@@ -223,19 +225,19 @@ class PrescribedMotion:
 
     @checked(t=TIME)
     def rates(self, t: float = 0.0) -> tuple[Array, Array]:
-        """Velocity, m/s, and angular velocity in space, rad/s, at time t."""
+        """Return velocity, m/s, and angular velocity in space, rad/s, at time t."""
         times = t + SHORT * np.arange(5)
         places, turns = np.array([self.place(t) for t in times]), np.array([self.turn(t) for t in times])
         relative = turns @ turns[0].T
         spins = np.stack((relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],
                           relative[:, 1, 0] - relative[:, 0, 1]), axis=1) / 2.0
-        # of sin(angle) times the axis, whose first four derivatives at 0 give that of the angle
+        # differences of sin(angle) times the axis, whose first four derivatives at 0 give that of the angle
         velocity, spin = (_rate(x, size) for x, size in ((places, float(np.max(np.abs(places)))), (spins, 1.0)))
         return velocity, spin
 
 
 def _values(value: Any) -> Array:
-    """[n] or [n, 3]."""
+    """Check of numbers [n] or [n, 3]."""
     found = numbers(value)
     fits = found is not None and (found.ndim == 1 or found.ndim == 2 and found.shape[1] == 3)
     if found is None or not fits or not np.all(np.abs(found) <= LARGEST):
@@ -244,7 +246,7 @@ def _values(value: Any) -> Array:
 
 
 def _at_start(value: Any) -> Array:
-    """A number, or (3,)."""
+    """Check of a number, or (3,)."""
     found = numbers(value)
     if found is None or found.shape not in ((), (3,)) or not np.all(np.abs(found) <= LARGEST):
         raise Refusal(f"must be a finite number, or three, got {shown(value)}")
@@ -260,7 +262,7 @@ TIMES = Numbers((None,), "increasing finite numbers [n]")
 
 @checked(times=TIMES, values=_values, direction=Vector, rest=Flag(), interpolation=Word(INTERPOLATIONS))
 class Signal:
-    """A function of time from a table, along straight lines between its rows unless said; accelerations: `from_acceleration`.
+    """Function of time from a table, along straight lines between its rows by default; accelerations: `from_acceleration`.
 
     Parameters
     ----------
@@ -309,18 +311,18 @@ class Signal:
         self._take(times, x, _through("Signal", times, x, ends, interpolation), rest)
 
     def _take(self, times: Array, values: Array, curve: Any, rest: bool, velocities: tuple[Array, Array] | None = None) -> None:
-        """velocities: before and after the table, None: what is outside rests, or is unknown."""
+        """Store the curve; velocities: before and after the table, None: the value outside is constant, or unknown."""
         self.begin, self.end, self.rest = float(times[0]), float(times[-1]), rest
         self.times, self.values = checks.constant(times), checks.constant(values)
         self._curve, self._outside = curve, velocities
-        # smooth between these times: `loads.mean_factors`; where it jumps
+        # times between which it is smooth, for `loads.mean_factors`; times of jumps
         self._rows, self._jumps = self._curve.x, times[1:][np.diff(times) == 0.0]
 
     @classmethod
     @checked(times=TIMES, acceleration=_values, direction=Vector, velocity=_at_start, displacement=_at_start, baseline=_degree)
     def from_acceleration(cls, times: ArrayLike, acceleration: ArrayLike, *, direction: ArrayLike | None = None,
                           velocity: ArrayLike = 0.0, displacement: ArrayLike = 0.0, baseline: int | None = None) -> Signal:
-        """The displacement, m, whose acceleration is the cubic spline through a table (not-a-knot), integrated twice exactly.
+        """Make the displacement, m, of accelerations on the cubic spline through a table (not-a-knot), integrated twice exactly.
 
         Outside the table nothing accelerates: before it the motion has the initial velocity, behind it the final one.
 
@@ -370,14 +372,14 @@ class Signal:
 
     @checked(t=TIME)
     def __call__(self, t: float) -> float | Array:
-        """Value at time t, s: a number, or (3,)."""
+        """Return the value at time t, s: a number, or (3,)."""
         if not self.rest and not self.begin <= t <= self.end:
             raise SceneError(f"Signal: t = {t:.6g} s lies outside its table, {self.begin:.6g} to {self.end:.6g} s; give more "
                              "values, or rest=True where nothing moves beyond it")
         if self.begin <= t < self.end:
             found = self._curve(float(t))
         else:
-            # the last row itself, not what its piece comes to
+            # the last row itself, not the value of its polynomial
             found = self.values[0 if t < self.begin else -1]
             if self._outside is not None:
                 found = found + self._outside[int(t >= self.end)] * (t - (self.end if t >= self.end else self.begin))
@@ -385,7 +387,7 @@ class Signal:
 
     @cached_property
     def compilable(self) -> Callable[[float], float]:
-        """The same of a signal of numbers as a function that numba compiles; NaN where asking is an error."""
+        """Function of a signal of numbers that numba compiles; NaN where a call is an error."""
         begin, end, times, degree = self.begin, self.end, np.array(self._curve.x), len(self._curve.c) - 1
         pieces, first, last = np.ascontiguousarray(self._curve.c.T), float(self.values[0]), float(self.values[-1])
         before, after = (0.0, 0.0) if self._outside is None else (float(self._outside[0]), float(self._outside[1]))
@@ -410,8 +412,8 @@ class Signal:
 
 
 def largest_kink(of: Signal, begin: float, end: float) -> tuple[float, float]:
-    """When in [begin, end) the rate jumps most, s, and by how much: 0 where it does not. At the begin it does not either,
-    what moves starts with the rate behind it."""
+    """Return the time in [begin, end) of the largest jump of the rate, s, and its size: 0 without a jump. At the begin it does
+    not jump, as moving parts start with the rate behind it."""
     slope = of._curve.derivative()
     before, after = np.zeros((2, *of.values.shape))
     before[1:] = slope(np.nextafter(of.times[1:], -np.inf))
@@ -429,7 +431,7 @@ def largest_kink(of: Signal, begin: float, end: float) -> tuple[float, float]:
 
 
 def _table(who: str, times: Any, values: Any, direction: Any, fewest: int, jumps: bool = False) -> Array:
-    """Values [n] or [n, 3] of a table; jumps: whether a time may stand there twice."""
+    """Return values [n] or [n, 3] of a table; jumps: whether a time may appear twice."""
     step = np.diff(times)
     if len(times) < fewest or not np.all(step >= 0.0 if jumps else step > 0.0) or times[-1] == times[0]:
         asks = who == "Signal" and not jumps and np.any(step == 0.0)
@@ -449,7 +451,7 @@ def _table(who: str, times: Any, values: Any, direction: Any, fewest: int, jumps
 
 
 def _through(who: str, times: Array, values: Array, ends: str, interpolation: str = "cubic") -> Any:
-    """The curve through a table."""
+    """Return the curve through a table."""
     from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, PPoly
     try:
         with np.errstate(all="ignore"):
@@ -473,7 +475,7 @@ def _through(who: str, times: Array, values: Array, ends: str, interpolation: st
 
 
 def _initial(who: str, name: str, value: Any, acceleration: Array, direction: Any) -> Array:
-    """An initial value as what is integrated has it at a time; 0 stands for a vector, too."""
+    """Return an initial value in the shape of the integrand at one time; 0 stands for a vector, too."""
     found, shape = np.asarray(value, dtype=float), acceleration.shape[1:]
     if found.shape != shape and np.any(found):
         need = "(3,), as of accelerations [n, 3]" if shape else "a number, as accelerations [n] have at a time"
@@ -483,8 +485,8 @@ def _initial(who: str, name: str, value: Any, acceleration: Array, direction: An
 
 
 def _correction(times: Array, rate: Any, velocity: Array, degree: int) -> Array:
-    """What is added to accelerations: the derivative of w with v + w = 0 at the end and the least integral of (v + w)^2, for
-    the velocity v = velocity + rate(t) and w a polynomial of degree + 1 that is 0 at the begin (theory.md 4.2)."""
+    """Return the correction of accelerations: the derivative of w with v + w = 0 at the end and the least integral of (v + w)^2,
+    for the velocity v = velocity + rate(t) and w a polynomial of degree + 1 that is 0 at the begin (theory.md 4.2)."""
     begin, span = times[0], times[-1] - times[0]
     x, weight = np.polynomial.legendre.leggauss(GAUSS)
     step = np.diff(times)

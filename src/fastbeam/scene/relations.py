@@ -1,4 +1,4 @@
-"""What parts of a scene refer to, and how messages call them."""
+"""References between parts of a scene, and names of parts for messages."""
 from __future__ import annotations
 
 from functools import partial
@@ -19,12 +19,12 @@ from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch
 
 
-# how deep controllers are looked for, and among how many entries of a list
+# depth of the search for controllers, and number of entries of a list that it looks at
 DEEPEST, MOST = 4, 100
 
 
 def who(part: Any) -> str:
-    """A part as text for messages; automatic names already say the kind."""
+    """Return the text of a part for messages; automatic names already say the kind."""
     name = getattr(part, "name", None)
     if name is None:
         return getattr(part, "label", part.kind)
@@ -32,7 +32,7 @@ def who(part: Any) -> str:
 
 
 def held_nodes(part: Any) -> list[NodeRef]:
-    """The nodes that a support, joint, link or slider takes as points."""
+    """Return the nodes that a support, joint, link or slider takes as points."""
     if isinstance(part, (Clamp, Pin, PrescribedMotion)):
         return [part.at]
     if isinstance(part, (RigidConnection, BallJoint, Link)):
@@ -43,7 +43,7 @@ def held_nodes(part: Any) -> list[NodeRef]:
 
 
 def owners(part: Any) -> list[Any]:
-    """The beams, bodies and masses that a part refers to."""
+    """Return the beams, bodies and masses that a part refers to."""
     found = [node.owner for node in held_nodes(part)]
     if isinstance(part, (Load, UserForce)):
         found.append(part.at if isinstance(part.at, Beam) else part.at.owner)
@@ -59,7 +59,7 @@ def owners(part: Any) -> list[Any]:
 
 
 def controllers_of(part: Any) -> list[Controller]:
-    """The controllers that a part takes as functions of time, or that these call, each once."""
+    """Return the controllers that a part takes as functions of time, or that these call, each once."""
     found: dict[Controller, None] = {}
     values = list(vars(part).values())
     for _ in range(DEEPEST):
@@ -69,7 +69,7 @@ def controllers_of(part: Any) -> list[Controller]:
 
 
 def _inside(value: Any) -> list[Any]:
-    """What stands in a drive or a list, or what a function knows besides its arguments."""
+    """Return the items of a drive or a list, or the objects that a function knows besides its arguments."""
     if isinstance(value, Drive):
         return [value.position, value.speed, value.force]
     if isinstance(value, (tuple, list)):

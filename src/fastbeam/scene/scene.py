@@ -1,4 +1,4 @@
-"""The scene: a list of parts, and every check that concerns more than one of them."""
+"""Scene: a list of parts, and every check that concerns more than one of them."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ P = TypeVar("P")
 
 @dataclass(frozen=True)
 class APart:
-    """A part of a scene."""
+    """Check of a part of a scene."""
 
     def __call__(self, value: Any) -> Part:
         if isinstance(value, NetBeam):
@@ -74,7 +74,7 @@ class APart:
 
 @checked(parts=APart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
 class Scene(notebook.Parts):
-    """A set of parts under one gravity.
+    """Set of parts under one gravity.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ class Scene(notebook.Parts):
 
     @property
     def user_forces(self) -> list[UserForce]:
-        """All forces by functions of the user's own, and loads that turn with what they act on."""
+        """All forces by user functions, and loads that turn with the part that they act on."""
         turning = [as_force(load) for load in [*self._of(Load), *self._of(DistributedLoad)] if load.follower]
         return self._of(UserForce) + turning
 
@@ -259,7 +259,7 @@ class Scene(notebook.Parts):
     # --- positions ----------------------------------------------------------------------------------------------------
     @checked(thing=Node(fixed=True))
     def position_of(self, thing: NodeRef | RigidBody | PointMass) -> Array:
-        """Position (3,) m at t = 0 of a node, body or mass; a mass without position is placed by its slider or joint.
+        """Return the position (3,) m at t = 0 of a node, body or mass; a slider or joint places a mass without position.
 
         Raises
         ------
@@ -270,13 +270,13 @@ class Scene(notebook.Parts):
 
     @property
     def _placing(self) -> Placing:
-        """What places masses, made anew when parts were added."""
+        """Search for the positions of masses, made anew when parts were added."""
         if self._places is None or self._places.count != len(self.parts):
             self._places = Placing(self)
         return self._places
 
     def _tolerance(self) -> float:
-        """1e-9 of the size of the scene, m."""
+        """Return 1e-9 of the size of the scene, m."""
         points = [beam.reference(np.linspace(0.0, beam.length, 3))[0] for beam in self.beams]
         points += [part.position[None] for part in [*self.bodies, *self.masses] if part.position is not None]
         offsets = [float(np.linalg.norm(n.offset)) for joint in [*self.balls, *self.rigid] for n in (joint.a, joint.b)]
@@ -319,7 +319,7 @@ class Scene(notebook.Parts):
                                                            isinstance(ball, BallJoint) else ""))
 
     def _check_names(self) -> None:
-        """No part twice and no name twice; the same support twice is allowed, it holds nothing new."""
+        """Check that no part and no name appears twice; the same support twice is allowed, it adds no constraint."""
         known: set[Part] = set()
         named: dict[str, Part] = {}
         for part in [*self.parts, *self.controllers[len(self._of(Controller)):]]:
@@ -327,7 +327,7 @@ class Scene(notebook.Parts):
                 raise SceneError(f"{self.label}: {who(part)} was added twice")
             known.add(part)
             if isinstance(part, (Crossing, Winch)):
-                # its point, or its drive, has its name
+                # the point of a crossing, or the drive of a winch, has the same name
                 continue
             name = getattr(part, "name", None)
             first = part if name is None else named.setdefault(name, part)
@@ -338,7 +338,7 @@ class Scene(notebook.Parts):
                              "give every part its own name")
 
     def _check_members(self) -> None:
-        """Every beam, body or mass that a part refers to is in the scene."""
+        """Check that every beam, body or mass that a part refers to is in the scene."""
         members = {*self.beams, *self.nets, *self.bodies, *self.masses}
         for part in self.parts:
             for owner in owners(part):
@@ -346,7 +346,7 @@ class Scene(notebook.Parts):
                     raise SceneError(f"{who(part)}: {owner.label} is not in {self.label}; add it to the scene")
 
     def _check_control_points(self) -> None:
-        """Interior control points of a spline beam are no points of it: nothing can be held, joined or loaded there."""
+        """Check that supports, joints and loads take no interior control points of a spline beam, which are no points of it."""
         for part in self.parts:
             for node in [part.at] if isinstance(part, (Load, UserForce)) else held_nodes(part):
                 beam = None if isinstance(node, Beam) else node.owner
@@ -356,7 +356,7 @@ class Scene(notebook.Parts):
 
     @staticmethod
     def _check_slider(slider: Slider) -> None:
-        """The contact lies on another beam than the point's own."""
+        """Check that the contact lies on another beam than the point's own."""
         beam, point = slider.beam, slider.point
         if any(point.owner is one for one in slider.beams):
             raise SceneError(f"{who(slider)}: {point} belongs to the beam it slides on; the point must belong to something else")
@@ -367,7 +367,7 @@ class Scene(notebook.Parts):
             raise SceneError(f"{who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
     def _check_choices(self) -> None:
-        """Sliders that a switch chooses tracks for run on it."""
+        """Check that sliders for which a switch chooses tracks run on it."""
         on: dict[Switch, list[str]] = {}
         for slider in self.sliders:
             if isinstance(slider.beam, Switch):
@@ -379,7 +379,7 @@ class Scene(notebook.Parts):
                                  f"{known(names, unknown[0])}")
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
-        """A sliding point lies on the curve at t = 0, or on its side of it."""
+        """Check that a sliding point lies on the curve at t = 0, or on its side of it."""
         if slider.starts_off:
             return
         point, beam = self.position_of(slider.point), slider.beam

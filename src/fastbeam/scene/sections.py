@@ -24,7 +24,7 @@ MASS, INERTIA = Number(above=0.0, unit="kg/m"), Number(least=0.0, unit="kg m")
 
 @dataclass(frozen=True)
 class Damping:
-    """A retardation time, six of them, or a viscosity matrix: a number, an array (6,) or (6, 6)."""
+    """Check of a retardation time, six of them, or a viscosity matrix: a number, an array (6,) or (6, 6)."""
 
     def __call__(self, value: Any) -> float | Array:
         found = numbers(value)
@@ -70,7 +70,7 @@ class Section:
     rhoI2, rhoI3 : float
         rho int X2^2 dA and rho int X3^2 dA (theory.md (1.2)), kg m, >= 0. They weigh the velocities of d2 and d3.
     damping : float, (6,) or (6, 6)
-        Of Kelvin and Voigt (theory.md (2.5)): a retardation time, s, >= 0; one of every strain in the order of C; or D itself,
+        Damping of Kelvin and Voigt (theory.md (2.5)): a retardation time, s, >= 0; one of every strain in the order of C; or D,
         symmetric, not negative, N s to N m^2 s.
     name : str
         Shown in messages.
@@ -132,8 +132,8 @@ class Section:
 
     @property
     def outline(self) -> tuple[float, float, bool]:
-        """What pictures draw: half the size along d2 and along d3, m, and whether it is round (an ellipse) or a rectangle. Of a
-        section given by stiffnesses that of the ellipse with the same radii of gyration, sqrt(EI/EA)."""
+        """Outline for pictures: half the size along d2 and along d3, m, and whether it is round (an ellipse) or a rectangle. For
+        a section given by stiffnesses that of the ellipse with the same radii of gyration, sqrt(EI/EA)."""
         if self._outline is not None:
             return self._outline
         return 2.0 * math.sqrt(self.EI3 / self.EA), 2.0 * math.sqrt(self.EI2 / self.EA), True
@@ -148,7 +148,7 @@ class Section:
     def rectangle(cls, *, height: float, width: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
                   shear_factor: float = 5.0 / 6.0, GJ: float | None = None, damping: ArrayLike = 0.0,
                   name: str = "") -> Section:
-        """Rectangle of `height` along d2 and `width` along d3 (m); E in N/m^2, rho in kg/m^3.
+        """Make a rectangle of `height` along d2 and `width` along d3 (m); E in N/m^2, rho in kg/m^3.
 
         G defaults to E / (2 (1 + nu)); GJ to St Venant's exact torsion series (Timoshenko and Goodier, Theory of
         Elasticity, art. 109); the shear factor 5/6 is that of a parabolic shear stress. damping: as of a Section.
@@ -177,7 +177,7 @@ class Section:
     @checked(radius=LENGTH, **MATERIAL)
     def circle(cls, *, radius: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
                shear_factor: float | None = None, damping: ArrayLike = 0.0, name: str = "") -> Section:
-        """Full circle of `radius` (m); E in N/m^2, rho in kg/m^3.
+        """Make a full circle of `radius` (m); E in N/m^2, rho in kg/m^3.
 
         G defaults to E / (2 (1 + nu)), the shear factor to 6 (1 + nu) / (7 + 6 nu) (Cowper, J. Appl. Mech. 33, 1966;
         0.886 for nu = 0.3). damping: as of a Section.
@@ -200,7 +200,7 @@ class Section:
     @checked(radius=LENGTH, thickness=LENGTH, **MATERIAL)
     def tube(cls, *, radius: float, thickness: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
              shear_factor: float | None = None, damping: ArrayLike = 0.0, name: str = "") -> Section:
-        """Circular tube of outer `radius` and wall `thickness` (m); E in N/m^2, rho in kg/m^3.
+        """Make a circular tube of outer `radius` and wall `thickness` (m); E in N/m^2, rho in kg/m^3.
 
         The shear factor defaults to Cowper's (1966) 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2)
         with m = inner / outer radius: from the full circle's value down to about 0.53 for a thin wall. damping: as of a
@@ -219,7 +219,7 @@ class Section:
     @classmethod
     def _round(cls, who: str, outer: float, inner: float, E: Any, rho: Any, nu: Any, G: Any, shear_factor: Any,
                damping: Any, name: str) -> Section:
-        """Circle or tube from both radii."""
+        """Make a circle or tube from both radii."""
         G = _shear_modulus(who, E, nu, G)
         if shear_factor is None:
             m2 = (inner / outer) ** 2
@@ -235,7 +235,7 @@ class Section:
     @checked(C=Numbers((6, 6), "6 x 6 finite numbers"), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word())
     def from_matrix(cls, C: ArrayLike, *, rhoA: float, rhoI2: float, rhoI3: float, damping: ArrayLike = 0.0,
                     name: str = "") -> Section:
-        """Section from a full stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3.
+        """Make a section from a full stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3.
 
         The fields EA ... EI3 then hold the diagonal of C. damping: as of a Section.
 
@@ -270,14 +270,14 @@ def _who(kind: str, name: str) -> str:
 
 
 def _shear_modulus(who: str, E: float, nu: float, G: float | None) -> float:
-    """G, from nu unless given."""
+    """Return G, from nu unless given."""
     if not -1.0 < nu <= 0.5:
         raise SceneError(f"{who}: nu={nu:g} lies outside (-1, 0.5]")
     return E / (2.0 * (1.0 + nu)) if G is None else G
 
 
 def _rectangle_torsion(height: float, width: float) -> float:
-    """Torsion constant J (m^4) of a rectangle: a b^3 (1/3 - 64/pi^5 b/a sum_odd tanh(n pi a / 2 b) / n^5), a >= b."""
+    """Return J (m^4) of a rectangle: a b^3 (1/3 - 64/pi^5 b/a sum_odd tanh(n pi a / 2 b) / n^5), a >= b."""
     a, b = max(height, width), min(height, width)
     # sum of (tanh - 1) / n^5 converges like exp(-n pi); the sum of 1/n^5 is known in closed form
     total = ODD_FIFTH_POWERS

@@ -1,4 +1,4 @@
-"""Sleeves: sliders that hold the direction of the section."""
+"""Sleeves: sliders that also fix the direction of the section."""
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
@@ -30,7 +30,7 @@ LEAST_BORE = 1e-7
          radius=Number(above=0.0, unit="m"), axis=Vector)
 @noun
 class Sleeve(Slider):
-    """A slider that also holds the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
+    """Slider that also fixes the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
 
     The holder carries the sleeve as it lies around the beam at t = 0: there is nothing to align. On a curved beam the sliding
     point is the mean over the bore, a point of the holder beside the one that is given.
@@ -38,7 +38,7 @@ class Sleeve(Slider):
     Parameters
     ----------
     name, beam, at, rate, curve, friction, drive, stops, lock
-        As of `Slider`. Coulomb friction is that of the contact force and of the moments, which press on the edges of the bore:
+        See `Slider`. Coulomb friction is that of the contact force and of the moments, which press on the edges of the bore:
         |F_n| = |F| + 2 |M|/length (theory.md (5.11)). It needs `length`.
     point : RigidBody or NodeRef
         The holder: a body or a point of it, or a node of another beam, such as the end of a tube. One that is clamped holds the
@@ -50,10 +50,10 @@ class Sleeve(Slider):
         1e-7 of the length of the beam. The default is that of an element of the beam. 0 holds those of a single point; the force
         that drives a bent beam out of it then depends on where in an element it is, whatever the mesh.
     key_radius : float, optional
-        Where splines hold the twist, m from the axis: with friction the torsion moment adds |M_1|/key_radius to |F_n|, by default
+        Radius of the splines that fix the twist, m: with friction the torsion moment adds |M_1|/key_radius to |F_n|, by default
         nothing.
     radius : float, optional
-        Where a beam that turns in a sleeve that is not keyed rubs, m from the axis, as the radius of its section: with friction
+        Radius at which a beam that turns in an unkeyed sleeve rubs, m, as the radius of its section: with friction
         it sticks and slips against a moment of up to coefficient x |F_n| x radius (theory.md (5.14)), beside the friction along
         the beam, each with its own limit. By default it turns without friction.
     axis : array_like (3,), optional
@@ -104,7 +104,7 @@ class Sleeve(Slider):
             raise SceneError(f"{who}: axis=(0, 0, 0) is no direction; give that of the bore in the triad of the holder")
 
     def _check_radius(self, who: str) -> None:
-        """What rubs on a beam that turns is Coulomb friction of a sleeve that lets it turn."""
+        """Check that a radius comes with Coulomb friction and a sleeve that lets the beam turn."""
         friction = self.friction
         if self.keyed:
             raise SceneError(f"{who}: radius={self.radius:.6g} m, but keyed=True holds the twist, so that nothing turns; use "
@@ -118,7 +118,8 @@ class Sleeve(Slider):
 
     @cached_property
     def place(self) -> Array:
-        """Where the holder has to lie at t = 0, (3,) m: of a curved beam the mean over the bore, which is off the beam."""
+        """Position of the holder at t = 0, (3,) m: the point of the beam, on a curved beam the mean over the bore, which is off
+        the beam."""
         beam = self.beam
         first, values, _ = self.contact_curve.evaluate(self.at)
         keep = np.flatnonzero(values[0])
@@ -131,7 +132,7 @@ class Sleeve(Slider):
         return values[0, keep] @ nodes
 
     def _put_on_curve(self, who: str) -> None:
-        """Let the bore of a holder that lies on a curved beam lie around the beam's mean."""
+        """Move a sliding point that lies on a curved beam to the mean of the beam over the bore."""
         holder, beam = self.point, self.beam
         if not 0.0 <= self.at <= beam.length:
             return
@@ -153,11 +154,11 @@ class Sleeve(Slider):
 
     @property
     def section_at_start(self) -> Array | None:
-        """Directors (3, 3) of the section that it holds, by rows; None: those of the mesh, averaged over the bore."""
+        """Directors (3, 3) of the section that it fixes, by rows; None: those of the mesh, averaged over the bore."""
         return None
 
     @property
     def contact_curve(self) -> CurveBasis:
-        """The curve that the holder stays on: averaged over the bore."""
+        """Contact curve of the holder: averaged over the bore."""
         assert self.length is not None
         return averaged_curve(self.beam.basis, self.length) if self.length > 0.0 else super().contact_curve

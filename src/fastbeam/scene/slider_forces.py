@@ -1,4 +1,4 @@
-"""What acts along the beam on a slider: friction, drives and stops."""
+"""Slider forces along the beam: friction, drives and stops."""
 from __future__ import annotations
 
 import inspect
@@ -32,7 +32,7 @@ class Friction:
     Parameters
     ----------
     coefficient : float
-        Of Coulomb friction, >= 0; static and kinetic.
+        Coefficient of Coulomb friction, >= 0; static and kinetic.
     viscous : float
         Force against the motion per velocity, N s/m, >= 0.
     smoothing : float, optional
@@ -55,7 +55,7 @@ class Friction:
 
 @dataclass(frozen=True)
 class OfTime:
-    """A number, or a function of time, which jumps where it is a force, or where that is allowed."""
+    """Check of a number, or a function of time, which may jump if it is a force, or if that is allowed."""
 
     unit: str
     jumps: bool = False
@@ -73,7 +73,7 @@ class OfTime:
 
 @dataclass(frozen=True)
 class DrivingForce:
-    """A number, a function of time, or one of (t, s, ds/dt) that numba can compile."""
+    """Check of a number, a function of time, or one of (t, s, ds/dt) that numba can compile."""
 
     def __call__(self, value: Any) -> Any:
         if not callable(value):
@@ -95,7 +95,7 @@ class DrivingForce:
 
 
 def needed_arguments(function: Callable[..., Any]) -> int:
-    """Number of arguments that a function needs, 1 where that cannot be told."""
+    """Return the number of arguments that a function needs, 1 if that cannot be told."""
     try:
         kinds = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
@@ -108,7 +108,7 @@ def needed_arguments(function: Callable[..., Any]) -> int:
          damping=Number(least=0.0, unit="N s/m"), limit=Number(above=0.0, unit="N"))
 @dataclass(frozen=True)
 class Drive:
-    """What drives a slider along its beam, or a revolute or prismatic joint; positive forces and speeds point in the direction of
+    """Drive of a slider along its beam, or of a revolute or prismatic joint; positive forces and speeds point in the direction of
     growing s, of joints of a growing angle or distance, with rad and N m in the place of m and N of an angle.
 
     Drive(position=f)     the place on the beam is s = f(t), m: prescribed, whatever force that takes
@@ -156,34 +156,34 @@ class Drive:
 
     @property
     def is_controlled(self) -> bool:
-        """Whether it is a controller."""
+        """True if it is a controller."""
         return self.stiffness > 0.0 or self.damping > 0.0
 
     @property
     def takes_state(self) -> bool:
-        """Whether the force is a function of (t, s, rate)."""
+        """True if the force is a function of (t, s, rate)."""
         return callable(self.force) and needed_arguments(self.force) == 3
 
     @property
     def is_timed(self) -> bool:
-        """Whether it depends on time."""
+        """True if it depends on time."""
         return any(callable(x) for x in (self.position, self.speed, self.force)) or self.speed is not None
 
     @property
     def is_prescribed(self) -> bool:
-        """Whether the motion is given and the force found."""
+        """True if the motion is prescribed and the force an unknown."""
         return self.force is None and not self.is_controlled
 
 
 def initial_rate(drive: Drive, who: str) -> float:
-    """ds/dt at t = 0 of a prescribed motion, m/s; who: in messages."""
+    """Return ds/dt at t = 0 of a prescribed motion, m/s; who: name in messages."""
     value, what = (drive.speed, "speed") if drive.position is None else (drive.position, "position")
     return rate_at_start(value, what, who)
 
 
 def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
-    """Rate at t = 0 of what a number or a function of time gives: a place, or its rate where `what` is 'speed'. fades: a rate
-    below this share of the largest that follows at once is what differences miss of one that begins with zero."""
+    """Return the rate at t = 0 of a number or a function of time: a place, or its rate where `what` is 'speed'. fades: a rate
+    below this share of the largest right afterwards is an error of differences of a function whose rate begins with zero."""
     if not callable(value):
         return float(value) if what == "speed" else 0.0
     found = [real(called(who, what, value, k * SHORT)) for k in range(5)]
@@ -192,7 +192,7 @@ def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
     if what == "speed":
         return float(found[0])
     rate = float(np.dot(FORWARD, found)) / SHORT
-    # round-off of the positions
+    # the rate is zero within round-off of the positions
     noise = 20.0 * float(np.finfo(float).eps) * max(abs(float(x)) for x in found) / SHORT  # type: ignore[arg-type]
     follows = float(np.max(np.abs(np.diff(np.array(found, float))))) / SHORT
     return rate if abs(rate) > max(noise, fades * follows) else 0.0
@@ -200,7 +200,7 @@ def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
 
 @dataclass(frozen=True)
 class Place:
-    """An arc length, or one on a track of a Switch: (track, s) with the track or its name, kept as (name, s)."""
+    """Check of an arc length, or one on a track of a Switch: (track, s) with the track or its name, kept as (name, s)."""
 
     def __call__(self, value: Any) -> float | tuple[str, float]:
         if not isinstance(value, (tuple, list)):
@@ -222,7 +222,7 @@ class Stops:
 
     An elastic stop is a spring between the arc length and the point once it is beyond it. At a rigid one the step ends where it
     is met, and the velocity along the beam, or of the joint, jumps to -restitution times what it was; the loss is in the balance.
-    What comes to rest against a stop stays there until something pulls it away.
+    A slider or joint that comes to rest against a stop stays there until a force pulls it away.
 
     On a `Switch` a number is an arc length of the way, which begins with `at` of the slider and goes on from track to track. A
     place on a track, (track, s), is a wall there: what came onto the track on its other side meets it from there.
@@ -235,7 +235,7 @@ class Stops:
     stiffness : float, optional
         N/m, of angles N m/rad, > 0.
     restitution : float, optional
-        Of rigid stops, from 0 (default: it does not bounce) to 1 (without loss).
+        Restitution of rigid stops, from 0 (default: it does not bounce) to 1 (without loss).
 
     Raises
     ------
@@ -254,7 +254,7 @@ class Stops:
 
     @property
     def is_rigid(self) -> bool:
-        """Whether velocities jump there."""
+        """True if velocities jump there."""
         return self.stiffness is None
 
     @property
@@ -264,7 +264,7 @@ class Stops:
 
     @property
     def on_tracks(self) -> bool:
-        """Whether a stop stands on a track of a switch."""
+        """True if a stop stands on a track of a switch."""
         return isinstance(self.start, tuple) or isinstance(self.end, tuple)
 
     def __post_init__(self) -> None:
@@ -279,7 +279,7 @@ class Stops:
 
 @dataclass(frozen=True)
 class AFriction:
-    """A coefficient, or a Friction."""
+    """Check of a coefficient, or a Friction."""
 
     def __call__(self, value: Any) -> Friction:
         if isinstance(value, Friction):
@@ -291,7 +291,7 @@ class AFriction:
 
 @dataclass(frozen=True)
 class ADrive:
-    """A Drive."""
+    """Check of a Drive."""
 
     def __call__(self, value: Any) -> Drive:
         if not isinstance(value, Drive):
@@ -303,7 +303,7 @@ class ADrive:
 
 @dataclass(frozen=True)
 class SomeStops:
-    """Stops."""
+    """Check of Stops."""
 
     def __call__(self, value: Any) -> Stops:
         if not isinstance(value, Stops):

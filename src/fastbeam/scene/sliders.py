@@ -29,15 +29,15 @@ CURVES = ("own", "c1")
          friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided())
 @noun
 class Slider:
-    """Lets a point slide along a beam, or a path of several (theory.md 5), without friction where none is given.
+    """Point that slides along a beam, or a path of several (theory.md 5), without friction by default.
 
     Parameters
     ----------
     name : str
     point : PointMass, RigidBody or NodeRef
-        What slides: a mass, a body or a point of it, or a node of another beam.
+        Sliding point: a mass, a body or a point of it, or a node of another beam.
     beam : Beam or Path
-        What it slides on; `on=` is the same.
+        Beam or path on which it slides; `on=` is the same.
     at : float
         Arc length of the contact at t = 0, m, from 0 to the length of the beam or path; any number on a closed path.
     rate : float or None
@@ -53,7 +53,7 @@ class Slider:
     stops : Stops, optional
         Elastic or rigid stops.
     lock : Lock or list of Lock, optional
-        When it is held where it is; several act one after the other, as in [Lock(until=1.0), Lock("end")].
+        When it is locked where it is; several act one after the other, as in [Lock(until=1.0), Lock("end")].
     release : Release, optional
         When it leaves the beam.
     one_sided : array_like (3,) or OneSided, optional
@@ -84,13 +84,13 @@ class Slider:
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
-        # `dataclasses.replace` gives both
+        # `dataclasses.replace` passes both names of the beam
         if (self.beam is None) == (self.on is None) and (self.beam is None or self.beam is not self.on):
             raise SceneError(f"{who}: give what it slides on once, a Beam or a Path, as in Slider(name, point, beam, at=s) or "
                              "Slider(name, point, on=path, at=s)")
         beam, at = self.on if self.beam is None else self.beam, self.at
         checks.fill(self, beam=beam, on=beam)
-        # round-off at the ends is not worth an error
+        # places beyond an end by round-off are moved to the end
         if isinstance(beam, Switch):
             at = self._on_a_track(who, beam, at)
         elif not self.is_endless and -1e-9 * beam.length <= at <= (1.0 + 1e-9) * beam.length:
@@ -100,28 +100,28 @@ class Slider:
 
     @property
     def beams(self) -> tuple[Beam, ...]:
-        """The beams that it slides on."""
+        """Beams that it slides on."""
         return self.beam.beams if isinstance(self.beam, Path) else (self.beam,)
 
     @property
     def is_endless(self) -> bool:
-        """Whether it runs on a closed path."""
+        """True if it runs on a closed path."""
         return isinstance(self.beam, Path) and self.beam.closed
 
     @property
     def contact_curve(self) -> CurveBasis:
-        """The curve that the point stays on."""
+        """Contact curve of the point."""
         return self.beam.basis.curve(self.curve)
 
     @property
     def slides_freely(self) -> bool:
-        """Whether nothing acts along the beam on it, and nothing ever holds it or lets it go."""
+        """True if no friction, drive, stop, lock, release or switch acts on it."""
         forces = (self.friction, self.drive, self.stops, self.lock, self.release, self.one_sided)
         return all(x is None for x in forces) and not isinstance(self.beam, Switch)
 
     @property
     def starts_off(self) -> bool:
-        """Whether its point is away from the beam at t = 0, on its side of it."""
+        """True if its point is away from the beam at t = 0, on its side of it."""
         if self.one_sided is None:
             return False
         owner = self.point.owner
@@ -138,11 +138,11 @@ class Slider:
 
     @property
     def place(self) -> Array:
-        """Where the point has to lie at t = 0, (3,) m."""
+        """Position of the point at t = 0, (3,) m."""
         return self.beam.reference(self.at)[0][0]
 
     def _on_a_track(self, who: str, switch: Switch, at: float) -> float:
-        """The place on a switch."""
+        """Return the place on a switch."""
         begin, end = switch.spans[span_of(switch, at)]
         if not begin - 1e-9 * switch.length <= at <= end + 1e-9 * switch.length:
             tracks = ", ".join(f"{x.name!r} {a:.6g} to {b:.6g} m" for x, (a, b) in zip(switch.tracks, switch.spans))
@@ -156,7 +156,7 @@ class Slider:
         return at
 
     def _check_forces(self, who: str) -> None:
-        """Forces along the beam fit each other and the beam; a prescribed motion is that of the start."""
+        """Check that forces along the beam fit each other and the beam; a prescribed motion is that of the start."""
         stops, drive = self.stops, self.drive
         on_switch = isinstance(self.beam, Switch)
         low, high = (-np.inf, np.inf) if self.is_endless or on_switch else (0.0, self.beam.length)

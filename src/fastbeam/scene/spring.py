@@ -21,13 +21,13 @@ MOST_POINTS = 100_000
 
 @dataclass(frozen=True)
 class Table:
-    """Two rows of numbers of one length: what grows, and values."""
+    """Check of two rows of numbers of one length: arguments that grow, and values."""
 
     def __call__(self, value: Any) -> Array:
         need = "must be two rows of at least 2 finite numbers each, elongations in m that grow and forces in N"
         try:
             rows = [] if isinstance(value, (str, bytes, dict)) else [numbers(row) for row in islice(value, 3)]
-        except Exception:          # what cannot be looped over
+        except Exception:          # objects that cannot be looped over
             rows = []
         if len(rows) != 2 or any(row is None or row.ndim != 1 for row in rows):
             raise Refusal(f"{need}, got {shown(value)}")
@@ -63,15 +63,15 @@ class Spring(Link):
     length : float, optional
         Length without elongation, m, >= 0; default: the distance of its ends at t = 0.
     damping : float
-        Of a damper beside it, N s/m, >= 0: the force damping times the rate of the length. Steps of order 2 alone.
+        Damper beside it, N s/m, >= 0: the force damping times the rate of the length. Steps of order 2 alone.
     tension_only, compression_only : bool
         Neither force nor damping where it is shorter (longer) than `length`: a rope, a buffer.
     table : two rows (n,), optional
         Elongations distance - length, m, growing, and forces there, N, positive where it pulls. Outside the table the force goes
         on with the slope at its end.
     interpolation : {'linear', 'spline'}
-        Of the table: straight lines, or the cubic spline with continuous curvature (not-a-knot: four points of a cubic give the
-        cubic).
+        Interpolation of the table: straight lines, or the cubic spline with continuous curvature (not-a-knot: four points of a
+        cubic give the cubic).
 
     Raises
     ------
@@ -113,7 +113,7 @@ class Spring(Link):
 
     @property
     def label(self) -> str:
-        """The spring for messages; automatic names already say the kind."""
+        """Name of the spring for messages; automatic names already say the kind."""
         return label_of(self)
 
     @property
@@ -123,12 +123,12 @@ class Spring(Link):
 
     @property
     def is_damped(self) -> bool:
-        """Whether it takes energy away."""
+        """True if it dissipates energy."""
         return self.damping > 0.0
 
     @property
     def has_law(self) -> bool:
-        """Whether it is more than a linear spring."""
+        """True if it is more than a linear spring."""
         return self.is_damped or self.side != 0 or self.table is not None
 
 
@@ -140,7 +140,7 @@ class Damper(Link):
     Parameters
     ----------
     a, b, name
-        As of `Spring`.
+        See `Spring`.
     damping : float
         N s/m, >= 0.
 
@@ -162,10 +162,10 @@ class Damper(Link):
 
     @property
     def label(self) -> str:
-        """The damper for messages; automatic names already say the kind."""
+        """Name of the damper for messages; automatic names already say the kind."""
         return label_of(self)
 
     @property
     def is_damped(self) -> bool:
-        """Whether it takes energy away."""
+        """True if it dissipates energy."""
         return self.damping > 0.0

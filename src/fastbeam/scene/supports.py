@@ -1,4 +1,4 @@
-"""Supports: what holds a node still, all of it or along some axes of space."""
+"""Supports: fixed nodes, all of a node or along some axes of space."""
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
@@ -17,7 +17,7 @@ TIME = Number(unit="s")
 
 @dataclass(frozen=True)
 class SomeAxes:
-    """Letters of axes of space, in any order."""
+    """Check of letters of axes of space, in any order."""
 
     def __call__(self, value: Any) -> str:
         letters = value if isinstance(value, str) else ""
@@ -30,7 +30,7 @@ class SomeAxes:
 
 @dataclass(frozen=True)
 class Until:
-    """A time, or a function of (t, state)."""
+    """Check of a time, or a function of (t, state)."""
 
     def __call__(self, value: Any) -> Any:
         if callable(value) and not isinstance(value, type):
@@ -44,7 +44,7 @@ class Until:
 
 
 def check_since(who: str, since: Any, until: Any) -> None:
-    """A support that takes hold and lets go at given times does so in this order.
+    """Check that a support takes hold before it lets go, if both times are given.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def check_since(who: str, since: Any, until: Any) -> None:
 
 
 def mask_of(axes: str) -> int:
-    """Bits of the components of a position that are held."""
+    """Return bits of the components of a position that are fixed."""
     return sum(1 << AXES.index(letter) for letter in axes)
 
 
@@ -83,12 +83,12 @@ class _Support:
 
     @property
     def mask(self) -> int:
-        """What it holds of the six unknowns of its node, bit by bit."""
+        """Bits of the six unknowns of its node that it fixes."""
         return mask_of(self.axes) | (56 if self.holds_triad else 0)
 
 
 class Clamp(_Support):
-    """Holds position and triad of a node: `Clamp(beam.start)`. A point of a body clamps the whole body.
+    """Support that fixes position and triad of a node: `Clamp(beam.start)`. A point of a body clamps the whole body.
 
     Parameters
     ----------
@@ -121,8 +121,8 @@ class Clamp(_Support):
 
 
 class Pin(_Support):
-    """Holds the position of a node, rotation stays free: `Pin(beam.end)`; a roller holds it along some axes of space only:
-    `Pin(beam.end, axes="yz")` rolls along x.
+    """Support that fixes the position of a node, rotation stays free: `Pin(beam.end)`; a roller fixes it along some axes of space
+    only: `Pin(beam.end, axes="yz")` rolls along x.
 
     Parameters
     ----------

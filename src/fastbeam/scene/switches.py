@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fastbeam.scene.sliders import Slider
 
 Track = Beam | Path
-# a function that names the next track, and what else may stand in its place
+# a function that names the next track, and its alternatives
 Choosing = Callable[[float, "State"], Track | str] | Callable[[float, "State", str], Track | str]
 ChooseLike = (Choosing | Mapping[str, Track | str] | Mapping["Slider", Track | str] | Sequence[tuple[float, Track | str]])
 Chosen = Choosing | dict[str, str] | list[tuple[float, str]]
@@ -38,7 +38,7 @@ AT_END = 1e-12
 
 @dataclass(frozen=True)
 class Tracks:
-    """Beams and open paths, at least two or one that leads into itself."""
+    """Check of beams and open paths, at least two or one that leads into itself."""
 
     def __call__(self, value: Any) -> tuple[Track, ...]:
         if isinstance(value, (Beam, Path, str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
@@ -60,7 +60,7 @@ class Tracks:
 
 @dataclass(frozen=True)
 class OneTrack:
-    """A Beam, a Path or the name of one."""
+    """Check of a Beam, a Path or the name of one."""
 
     def __call__(self, value: Any) -> Track | str:
         if not isinstance(value, (Beam, Path, str)):
@@ -70,7 +70,7 @@ class OneTrack:
 
 @dataclass(frozen=True)
 class Choice:
-    """A function of (t, state) or (t, state, slider), a mapping slider -> track, or a list of (time, track)."""
+    """Check of a function of (t, state) or (t, state, slider), a mapping slider -> track, or a list of (time, track)."""
 
     def __call__(self, value: Any) -> Any:
         if isinstance(value, Mapping):
@@ -170,7 +170,7 @@ class Switch(Path):
 
     @cached_property
     def gap(self) -> float:
-        """Arc length that is left out behind each track and before each, m, for steps that lead too far."""
+        """Unused arc length behind each track and before each, m, for steps that lead too far."""
         return max(track.length for track in self.tracks)
 
     @cached_property
@@ -182,12 +182,12 @@ class Switch(Path):
 
     @property
     def length(self) -> float:
-        """Of the longest track, m."""
+        """Length of the longest track, m."""
         return self.gap
 
     @checked(track=OneTrack())
     def offset(self, track: Track | str) -> float:
-        """Arc length of the switch at which a track begins, m.
+        """Return the arc length of the switch at which a track begins, m.
 
         Raises
         ------
@@ -198,14 +198,14 @@ class Switch(Path):
 
     @checked(s=Number(unit="m"))
     def where(self, s: float) -> tuple[Track, float]:
-        """The track at arc length s of the switch, and the arc length on it, both m: where a slider is."""
+        """Return the track at arc length s of the switch, and the arc length on it, both m: the place of a slider."""
         k = span_of(self, s)
         begin, end = self.spans[k]
         return self.tracks[k], float(np.clip(s, begin, end) - begin)
 
     @checked(track=OneTrack(), end=Word((START, END)))
     def options(self, track: Track | str, end: str) -> tuple[str, ...]:
-        """Names of the tracks on which a slider may go on from the end ('end') or 'start' of a track.
+        """Return the names of the tracks on which a slider may go on from the end ('end') or 'start' of a track.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class Switch(Path):
 
     @checked()
     def joints(self) -> list[tuple[NodeRef, NodeRef]]:
-        """Where tracks meet: the end of one and the start of another."""
+        """Return the pairs of nodes where tracks meet: the end of one and the start of another."""
         return [(end_node(track, END), end_node(other, START)) for track in self.tracks for other in self.tracks
                 if other.name in self.options(track, END)]
 
@@ -236,7 +236,7 @@ class Switch(Path):
 
     @checked(s=ArcLengths())
     def places(self, s: ArrayLike) -> tuple[Array, Array]:
-        """As of `Path`; between tracks those of the nearest end."""
+        """Return number of the beam and arc length on it, as `Path.places`; between tracks those of the nearest end."""
         number, local = np.zeros(s.size, np.int64), np.zeros(s.size)
         before = np.cumsum([0, *(len(x.beams) if isinstance(x, Path) else 1 for x in self.tracks)])
         for i, one in enumerate(s.tolist()):
@@ -248,7 +248,7 @@ class Switch(Path):
 
     @checked(point=Vector)
     def nearest(self, point: ArrayLike) -> tuple[float, float]:
-        """As of `Path`, on the nearest of the tracks."""
+        """Return arc length and distance of the nearest place, as `Path.nearest`, on the nearest of the tracks."""
         found = [track.nearest(point) for track in self.tracks]
         k = int(np.argmin([distance for _, distance in found]))
         return float(self.spans[k, 0]) + found[k][0], found[k][1]
@@ -258,28 +258,29 @@ class Switch(Path):
 
 
 def span_of(switch: Switch, s: float) -> int:
-    """Number of the track at arc length s, the nearest."""
+    """Return the number of the track at arc length s, the nearest."""
     off = np.maximum(np.maximum(switch.spans[:, 0] - s, s - switch.spans[:, 1]), 0.0)
     return int(np.argmin(off))
 
 
 class Arrival(NamedTuple):
-    """How a slider came to where it is on a switch."""
+    """Way by which a slider came to its place on a switch."""
 
-    offset: float = 0.0     # arc length of the way less s, m
+    offset: float = 0.0     # arc length travelled less s, m
     came_by: float = 0.0    # -1 or 1 where it came onto its track by the end or the start, 0 where it began
 
 
 def place_at(switch: Switch, at: float | tuple[str, float], track: int, offset: float) -> float | None:
-    """Arc length of the switch of a place: one of the way, or on a track; None where that is not the one of this number."""
+    """Return the arc length of the switch of a place: one of the way, or on a track; None if that is not the one of this
+    number."""
     if not isinstance(at, tuple):
         return at - offset
     return float(switch.spans[track, 0]) + at[1] if switch.tracks[track].name == at[0] else None
 
 
 def stops_on(switch: Switch, stops: Stops, track: int, by: Arrival) -> tuple[float, float]:
-    """Arc lengths of the switch between which stops leave a slider that came onto a track like this; infinite where there are
-    none. A wall on a track is one for those, too, that come from behind it."""
+    """Return the arc lengths of the switch between which stops leave a slider that came onto a track like this; infinite where
+    there are none. A wall on a track also stops sliders that come from behind it."""
     low, high = (None if at is None else place_at(switch, at, track, by.offset) for at in (stops.start, stops.end))
     begin, end = switch.spans[track]
     slack = AT_END * float(end - begin)
@@ -292,7 +293,7 @@ def stops_on(switch: Switch, stops: Stops, track: int, by: Arrival) -> tuple[flo
 
 def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks: Sequence[Lock],
                  release: Release | None) -> None:
-    """Stops, locks and a release of a slider that starts at arc length `at` of a switch.
+    """Check stops, locks and a release of a slider that starts at arc length `at` of a switch.
 
     Raises
     ------
@@ -320,7 +321,7 @@ def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks
 
 
 def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, slider: str) -> str:
-    """The one of some tracks on which a slider goes on.
+    """Return the track, of some, on which a slider goes on.
 
     Raises
     ------
@@ -348,7 +349,7 @@ def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, sli
 
 
 def end_node(track: Track, end: str) -> NodeRef:
-    """The node at the end or start of a track."""
+    """Return the node at the end or start of a track."""
     at_end = end == END
     if isinstance(track, Beam):
         return track.end if at_end else track.start

@@ -20,14 +20,14 @@ DERIVATIVE = "(t, position, directors, velocity, spin, parameters, out)"
 
 
 class NodeOrBeam:
-    """A node, body, point of one or mass; or a whole beam."""
+    """Check of a node, body, point of one or mass; or a whole beam."""
 
     def __call__(self, value: Any) -> NodeRef | Beam:
         return value if isinstance(value, Beam) else Node()(value)
 
 
 class OfPlace:
-    """A list of numbers, or a function s[n] -> [n, m]."""
+    """Check of a list of numbers, or a function s[n] -> [n, m]."""
 
     def __call__(self, value: Any) -> Any:
         if callable(value) and not isinstance(value, type):
@@ -39,7 +39,7 @@ class OfPlace:
          dissipates=Flag(), derivative=Function(DERIVATIVE), grows=Flag())
 @noun
 class UserForce:
-    """A force and a moment on a node or body, or per length along a beam, by a function that is compiled into the step.
+    """Force and moment on a node or body, or per length along a beam, by a function that is compiled into the step.
 
     The law is a plain Python function that numba can compile, called as
 
@@ -112,7 +112,7 @@ class UserForce:
 
 
 def numbers_of_nodes(force: UserForce) -> Array:
-    """Parameters of the nodes that a force acts on, [n, m]; one row where they are equal.
+    """Return parameters of the nodes that a force acts on, [n, m]; one row where they are equal.
 
     Raises
     ------

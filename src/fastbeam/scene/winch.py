@@ -23,7 +23,7 @@ MOST_SEGMENTS = 10_000
 
 @dataclass(frozen=True)
 class OfTime:
-    """A function of t that returns a number, tried at t = 0; with `or_number` also a number."""
+    """Check of a function of t that returns a number, tried at t = 0; with `or_number` also a number."""
 
     unit: str
     or_number: bool = False
@@ -38,7 +38,7 @@ class OfTime:
 
 
 class RopePoint(PointMass):
-    """A point between two segments of a rope; the rope has the mass."""
+    """Point between two segments of a rope; the rope has the mass."""
 
     kind: ClassVar[str] = "point of rope"
 
@@ -47,7 +47,7 @@ class RopePoint(PointMass):
 
 
 class Coil(RopePoint):
-    """The drum of a winch: its place along x has changed by as much as the free length of the rope."""
+    """Drum of a winch: its place along x changes by as much as the free length of the rope."""
 
     kind: ClassVar[str] = "drum"
 
@@ -58,7 +58,7 @@ class Coil(RopePoint):
          speed=Number(unit="m/s"), segments=Count(1, MOST_SEGMENTS))
 @dataclass(frozen=True, eq=False)
 class Winch:
-    """A rope between a drum and a load, of which the drum pays out or reels in some: cranes, hoists, tethers (theory.md 4).
+    """Rope between a drum and a load; the drum pays out or reels in rope: cranes, hoists, tethers (theory.md 4).
 
     The rope has mass and elasticity, pulls and does not push, and has no bending stiffness. Its free part is a row of straight
     segments of equal unstressed length through which it flows towards the load, so that the mesh stays even while the length
@@ -86,11 +86,11 @@ class Winch:
         All rope, free and on the drum, m: what is on the drum has mass, moves with the drum and around it, and no more than all
         is paid out. Default: the rope on the drum does not count.
     inertia : float
-        Of the drum over the square of its radius, kg.
+        Moment of inertia of the drum over the square of its radius, kg.
     speed : float
         Rate of the free length at t = 0, m/s, where a tension lets it go.
     segments : int
-        Of the free part.
+        Number of segments of the free part.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class Winch:
 
     @property
     def members(self) -> tuple[PointMass | Pin | PrescribedMotion | Load, ...]:
-        """What it is made of besides the rope: points, the drum, and what holds, moves or pulls it."""
+        """Parts of the winch besides the rope: points, the drum, and its support, prescribed motion or load."""
         coil = self.coil.center
         if self.length_at is not None:
             drive: Pin | PrescribedMotion | Load = PrescribedMotion(self.name, coil, displacement=self._paid_out, axes="x")
@@ -170,7 +170,7 @@ class Winch:
 
     @checked(t=Number(unit="s"))
     def length_of(self, t: float) -> float:
-        """Given free length at time t, m.
+        """Return the prescribed free length at time t, m.
 
         Raises
         ------

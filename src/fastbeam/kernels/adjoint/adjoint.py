@@ -1,7 +1,7 @@
-"""The discrete adjoint of conserving steps, backward through a run (theory.md (13.9) to (13.11)).
+"""Discrete adjoint of conserving steps, backward through a run (theory.md (13.9) to (13.11)).
 
-The tangent of a step is that of its Newton iteration, assembled again at its end, factored, and solved transposed. What comes
-from the start of a step is the tangent of the same step backward in time, from its end by -h.
+The tangent of a step is that of its Newton iteration, assembled again at its end, factored, and solved transposed. Derivatives by
+the start of a step come from the tangent of the same step backward in time, from its end by -h.
 
 Arrays: q, rates, rates_out, y [12 N], in a plane [4 N]; row_of [N]; x, shape_out, rows_out, y_out [8 (rows + 1)]; rows, columns
 [blocks]; blocks [8 n (blocks + 1)]; pivots [n rows].
@@ -39,13 +39,13 @@ class Steps(NamedTuple):
     s: np.ndarray        # float64 [n + 1, S]
     force: np.ndarray    # float64 [n, F]: of all constraints
     gravity: np.ndarray  # float64 [n, d]: mean gravity over every step, m/s^2
-    sign: np.ndarray     # int64 [n, S]: of Coulomb friction, 0 where it holds a slider; S = 0 where nothing acts along beams
-    rest: np.ndarray     # float64 [n, S]: increment of s that it is given there, m
+    sign: np.ndarray     # int64 [n, S]: slip direction of Coulomb friction, 0 where a slider sticks; S = 0 without slider forces
+    rest: np.ndarray     # float64 [n, S]: prescribed increment of s there, m
     values: np.ndarray   # float64 [n + 1, C]: coordinates of joints, counted over turns
 
 
 class Wanted(NamedTuple):
-    """A number: the weighed sum of coordinates of points and their rates, M entries, each a node of a point."""
+    """Differentiated number: the weighted sum of coordinates of points and their rates, M entries, each a node of a point."""
 
     node: np.ndarray     # int64 [M]
     share: np.ndarray    # float64 [M, C/d]: share of a node's vectors in the point
@@ -55,7 +55,7 @@ class Wanted(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a backward pass adds up, besides sections."""
+    """Sums of a backward pass: derivatives by everything but sections."""
 
     force: np.ndarray    # float64 [d N]: by forces on all nodes
     turn: np.ndarray     # float64 [8 (rows + 1)]: solutions of all nodes by rows, whose spins belong to moments
@@ -71,9 +71,9 @@ class Found(NamedTuple):
 
 
 class Adjoint(NamedTuple):
-    """The adjoint, and the constants that its recursion needs."""
+    """Adjoint variables, and the constants that their recursion needs."""
 
-    ties: Any                 # of ties.py or planar_nodes.py, or NoTies
+    ties: Any                 # ties.Ties, planar_nodes.PlanarTies or NoTies
     border: Any               # adjoint_border.Border or NoBorder
     mass_start: np.ndarray    # int64 [V + 1]: masses of the V vectors of all nodes (position, directors), by rows
     mass_column: np.ndarray   # int64 [*]
@@ -85,7 +85,7 @@ class Adjoint(NamedTuple):
     block_column: np.ndarray  # int64 [blocks]
     kept: np.ndarray          # float64 [8 n (blocks + 1)]: the tangent before its factors
     shapes: np.ndarray        # float64 [8 (rows + 1)]: adjoint of shapes
-    rate: np.ndarray          # float64 [C N]: that of velocities
+    rate: np.ndarray          # float64 [C N]: adjoint of velocities
     x: np.ndarray             # float64 [8 (rows + 1)]: solution of a step
     right: np.ndarray         # float64 [8 (rows + 1)]: its right-hand side
     rest: np.ndarray          # float64 [8 (rows + 1)]
@@ -103,22 +103,22 @@ Found.stays_in_memory = Adjoint.stays_in_memory = True  # type: ignore[attr-defi
 # --- unknowns of the rows, rates of all coordinates, and the transpose ----------------------------------------------------
 @generic
 def lift(dofs, row_of, q, x, rates_out):
-    """Unknowns of the rows -> rates of the coordinates of all nodes at q, those of tied ones as if they were free."""
+    """Map unknowns of the rows to rates of the coordinates of all nodes at q, those of tied nodes as if they were free."""
 
 
 @generic
 def lower(dofs, row_of, q, y, rows_out):
-    """The transpose, added: forces on coordinates -> on the unknowns of the rows."""
+    """Add forces on coordinates to those on the unknowns of the rows: the transpose of `lift`."""
 
 
 @generic
 def follow_ties(ties, rates_out):
-    """Rates of tied nodes from those of their targets."""
+    """Set rates of tied nodes from those of their masters."""
 
 
 @generic
 def pull_ties(ties, y):
-    """The transpose: forces on tied nodes go to their targets."""
+    """Move forces on tied nodes to their masters: the transpose of `follow_ties`."""
 
 
 @lift.register(Space)
@@ -237,7 +237,7 @@ def pull_in_plane(ties, y):
 
 @kernel
 def multiply_mass(adjoint, d, rates, y_out):
-    """Mass matrix times rates of all coordinates, d of a vector."""
+    """Multiply the mass matrix by rates of all coordinates, d of a vector."""
     for i in range(adjoint.mass_start.shape[0] - 1):
         for c in range(d):
             y_out[d * i + c] = 0.0
@@ -250,7 +250,7 @@ def multiply_mass(adjoint, d, rates, y_out):
 
 @kernel
 def add_weights(wanted, k, rate, factor, d, y_out):
-    """factor times the derivatives of the number by coordinates (rate 0) or velocities (1) of row k."""
+    """Add factor times the derivatives of the number by coordinates (rate 0) or velocities (1) of row k."""
     for m in range(wanted.node.shape[0]):
         if wanted.is_rate[m] == rate:
             for a in range(wanted.share.shape[1]):
@@ -262,7 +262,7 @@ def add_weights(wanted, k, rate, factor, d, y_out):
 # --- one step backward ----------------------------------------------------------------------------------------------------
 @kernel
 def put_step(system, border, steps, k, back):
-    """Step k of a run into the work arrays; back: the same step from its end by -h."""
+    """Store step k of a run in the work arrays; back: the same step from its end by -h."""
     state, work = system.state, system.work
     sign = -1.0 if back else 1.0
     at = k + 1 if back else k
@@ -279,7 +279,7 @@ def put_step(system, border, steps, k, back):
 
 @kernel
 def begin_back(terms, system, adjoint, steps, h, k):
-    """Tangent of step k, and the right-hand side of (13.9)."""
+    """Assemble the tangent of step k, and the right-hand side of (13.9)."""
     dofs = system.dofs
     put_step(system, adjoint.border, steps, k, False)
     put_branch.each(terms, system, steps, h, k, False)
@@ -300,7 +300,8 @@ def begin_back(terms, system, adjoint, steps, h, k):
 
 @kernel
 def collect(sums, system, adjoint, steps, found, h, k):
-    """What step k adds to all derivatives, with its adjoint rates. Rows of tied nodes follow from those of their targets."""
+    """Add the contribution of step k to all derivatives, with its adjoint rates. Rows of tied nodes follow from those of their
+    masters."""
     d = dim(system.dofs)
     vectors = coordinates(system.dofs) // d
     rates, every = adjoint.rates, adjoint.rest
@@ -332,7 +333,7 @@ def collect(sums, system, adjoint, steps, found, h, k):
 
 @kernel
 def end_back(terms, system, sums, adjoint, steps, wanted, found, h, k, row):
-    """After the solution of step k, whose start is row `row` of the run: what it adds, and the adjoint of its start."""
+    """Add the contribution of step k after its solution, and form the adjoint of its start, which is row `row` of the run."""
     dofs = system.dofs
     d = dim(dofs)
     for i in range(adjoint.middle.shape[0]):
@@ -366,7 +367,7 @@ def end_back(terms, system, sums, adjoint, steps, wanted, found, h, k, row):
 
 @kernel
 def begin_last(terms, system, adjoint, wanted, q, row):
-    """The adjoint of the last row, of coordinates q."""
+    """Form the adjoint of the last row, of coordinates q."""
     d = dim(system.dofs)
     for i in range(adjoint.rate.shape[0]):
         adjoint.rate[i] = 0.0
@@ -382,7 +383,7 @@ def begin_last(terms, system, adjoint, wanted, q, row):
 
 @kernel
 def half_step_back(all_terms, whole_system, sums, whole_adjoint, all_steps, wanted, found, h, k, row, is_solved):
-    """For a solver outside: what comes before the solution of step k, and what comes after it."""
+    """Run `begin_back` before, or `end_back` after, the solution of step k by a solver outside."""
     terms, system = in_memory(all_terms), in_memory(whole_system)
     adjoint, steps = in_memory(whole_adjoint), in_memory(all_steps)
     if is_solved:
@@ -393,14 +394,14 @@ def half_step_back(all_terms, whole_system, sums, whole_adjoint, all_steps, want
 
 @kernel
 def turn_rows(all_terms, whole_system, x, rows_out):
-    """For a solver outside: `add_turning` of all terms."""
+    """Call `add_turning` of all terms, for a solver outside."""
     add_turning.each(in_memory(all_terms), in_memory(whole_system), x, rows_out)
 
 
 @kernel
 def sum_unbalanced(all_terms, whole_system, whole_adjoint, all_steps, h, x, y, out):
-    """Of steps of another scene what is unbalanced, times the adjoint solutions x [n, 8 (rows + 1)] of their rows and
-    y [n, m] of their constraints, into out [n]."""
+    """Sum the residuals of steps of another scene, times the adjoint solutions x [n, 8 (rows + 1)] of their rows and y [n, m] of
+    their constraints, into out [n]."""
     terms, system = in_memory(all_terms), in_memory(whole_system)
     adjoint, steps = in_memory(whole_adjoint), in_memory(all_steps)
     for k in range(out.shape[0]):
@@ -421,7 +422,7 @@ def begin_at_end(all_terms, whole_system, adjoint, wanted, q, row):
 
 @kernel
 def go_back(all_terms, whole_system, plan, sums, whole_adjoint, all_steps, all_wanted, all_found, h, last, first, row):
-    """Steps last - 1 to `first`, backward, by block elimination; `row`: row of the run at which these steps begin. Returns
+    """Run steps last - 1 to `first` backward by block elimination; `row`: row of the run at which these steps begin. Return
     `first`, or one more than the step whose equations were not solved."""
     terms, system = in_memory(all_terms), in_memory(whole_system)
     adjoint, steps = in_memory(whole_adjoint), in_memory(all_steps)

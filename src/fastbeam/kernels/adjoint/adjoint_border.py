@@ -1,4 +1,4 @@
-"""Transposed solutions of a step: of nodes alone, and with the dense border of sliders and joints with multipliers (theory.md
+"""Transposed solutions of a step: nodes alone, and with the dense border of sliders and joints with multipliers (theory.md
 (13.9), (13.12)).
 
 Arrays: blocks [8 n (blocks + 1)]; pivots [n rows]; rows, columns [blocks]; x, y_out, shape_out, of_nodes [8 (rows + 1)];
@@ -23,18 +23,18 @@ from fastbeam.kernels.state import copy
 
 # relative residual of a solution with the transposed tangent: refined above the first, not accepted above the second
 REFINE_AT, REFUSE_AT = 1e-13, 1e-9
-# of the scaled Schur complement
+# smallest pivot of the scaled Schur complement
 LEAST_PIVOT = 1e-14
 # corrections of a solution; beyond the first number only while each halves the residual
 CORRECTIONS, MOST_CORRECTIONS = 8, 40
 
 
 class NoBorder(NamedTuple):
-    """Of scenes without constraints with multipliers."""
+    """Placeholder for scenes without constraints with multipliers."""
 
 
 class Border(NamedTuple):
-    """The adjoint of S sliders, C constraints in all, whose m = C (2 d + 1) unknowns are a dense border."""
+    """Adjoint of S sliders, C constraints in all, whose m = C (2 d + 1) unknowns are a dense border."""
 
     slide: np.ndarray    # float64 [S]: adjoint of places along the curves
     y: np.ndarray        # float64 [m]: solution of a step, one for each equation of a constraint
@@ -43,14 +43,14 @@ class Border(NamedTuple):
     solved: np.ndarray   # float64 [m, 8 (rows + 1)]: K^-T times the lines of all equations
     schur: np.ndarray    # float64 [m, m]
     factors: np.ndarray  # float64 [m, m]
-    scale: np.ndarray    # float64 [m]: of its columns
+    scale: np.ndarray    # float64 [m]: scale of the columns of `schur`
     softness: np.ndarray  # float64 [C]: share of a constraint's own entry that regularises it, 0: none
 
 
 # --- transposed elimination of nodes --------------------------------------------------------------------------------------
 @kernel
 def add_transposed(rows, columns, blocks, factor, x, y_out, dofs):
-    """y_out += factor K^T x for blocks at `rows`, `columns`."""
+    """Add factor K^T x to y_out for blocks at `rows`, `columns`."""
     n = len(dofs)
     for k in range(rows.shape[0]):
         o = 8 * n * k
@@ -64,7 +64,7 @@ def add_transposed(rows, columns, blocks, factor, x, y_out, dofs):
 
 @kernel
 def take_transposed(blocks, b, x, xo, yo, dofs):
-    """x[yo] -= B^T x[xo] for the block at b, rows of 8."""
+    """Subtract B^T x[xo] from x[yo] for the block at b, rows of 8."""
     y = vld(x, yo, 0)
     for c in range(len(dofs)):
         y -= x[xo + c] * vld(blocks, b + 8 * c, 0)
@@ -73,7 +73,7 @@ def take_transposed(blocks, b, x, xo, yo, dofs):
 
 @kernel
 def solve_diagonal(blocks, d, pivots, p, x, o, dofs):
-    """x[o] <- D^-T x[o] with the factors of a diagonal block and their exchanges."""
+    """Solve x[o] <- D^-T x[o] with the factors of a diagonal block and their exchanges."""
     n = len(dofs)
     for i in range(n):
         s = x[o + i]
@@ -95,7 +95,7 @@ def solve_diagonal(blocks, d, pivots, p, x, o, dofs):
 
 @kernel
 def solve_transposed(plan, blocks, pivots, x, dofs):
-    """x <- K^-T x with factors of `chain.factor`, K = L U: U has D^-1 K_ij, L has the factored diagonal blocks and K_ji."""
+    """Solve x <- K^-T x with factors of `chain.factor`, K = L U: U has D^-1 K_ij, L has the factored diagonal blocks and K_ji."""
     n = len(dofs)
     block = 8 * n
     for i in range(plan.diagonal.shape[0]):
@@ -110,7 +110,7 @@ def solve_transposed(plan, blocks, pivots, x, dofs):
 
 @kernel
 def factor_step(plan, adjoint, system):
-    """Keep the tangent, and factor it; False where it is singular."""
+    """Keep the tangent, and factor it; return False if it is singular."""
     work = system.work
     for i in range(adjoint.kept.shape[0]):
         adjoint.kept[i] = work.blocks[i]
@@ -120,7 +120,7 @@ def factor_step(plan, adjoint, system):
 
 @kernel
 def relative(rest, of, dofs):
-    """Norm of the rows of `rest` [8 (rows + 1)] next to those of `of` [8 (rows + 1)]."""
+    """Return the ratio of the norms of the rows of `rest` [8 (rows + 1)] and of `of` [8 (rows + 1)]."""
     size = 0.0
     left = 0.0
     for i in range(0, rest.shape[0] - 8, 8):
@@ -132,14 +132,14 @@ def relative(rest, of, dofs):
 
 @kernel
 def node_residual(adjoint, dofs):
-    """adjoint.rest <- right - K^T x with the kept tangent."""
+    """Form adjoint.rest = right - K^T x with the kept tangent."""
     copy(adjoint.right, adjoint.rest)
     add_transposed(adjoint.block_row, adjoint.block_column, adjoint.kept, -1.0, adjoint.x, adjoint.rest, dofs)
 
 
 @generic
 def drop_held(term, dofs, shape_out):
-    """Zero in held rows."""
+    """Set prescribed unknowns of the rows to zero."""
 
 
 @drop_held.register(Held)
@@ -154,27 +154,27 @@ def drop_held_rows(held, dofs, shape_out):
 # --- by the border --------------------------------------------------------------------------------------------------------
 @generic
 def put_slides(border, system, steps, k, at, to):
-    """Forces of constraints in step k, and places of sliders at its start, row `at`, and at its end, row `to`."""
+    """Store forces of constraints in step k, and places of sliders at its start, row `at`, and at its end, row `to`."""
 
 
 @generic
 def begin_border(border, system):
-    """Right-hand side of the border."""
+    """Form the right-hand side of the border."""
 
 
 @generic
 def solve_step(border, plan, terms, adjoint, system):
-    """Solve with the transposed tangent in system.work.blocks, refined where it has to be; False where that fails."""
+    """Solve with the transposed tangent in system.work.blocks, refined as needed; return False if that fails."""
 
 
 @generic
 def end_border(border, system, of_nodes, shape_out):
-    """What the border of the step backward in time adds to the adjoint of the start; of_nodes: the solution."""
+    """Add the contribution of the border of the step backward in time to the adjoint of the start; of_nodes: the solution."""
 
 
 @generic
 def equations_product(border, system, y):
-    """What is left in the equations of constraints times y."""
+    """Return the residuals of the equations of constraints times y."""
 
 
 @equations_product.register(NoBorder)
@@ -257,7 +257,7 @@ def begin_sliders(border, system):
 
 @kernel
 def touches(contact, k, i, dofs):
-    """Whether equation i of constraint k depends on a node."""
+    """Return whether equation i of constraint k depends on a node."""
     n = len(dofs)
     for m in range(contact.entries[k]):
         for c in range(n):
@@ -268,7 +268,7 @@ def touches(contact, k, i, dofs):
 
 @kernel
 def solve_lines(border, plan, terms, system):
-    """K^-T times the lines of all equations."""
+    """Solve K^-T times the lines of all equations."""
     contact, work, dofs, solved = system.contact, system.work, system.dofs, border.solved
     n = len(dofs)
     size = 2 * dim(dofs) + 1
@@ -287,7 +287,7 @@ def solve_lines(border, plan, terms, system):
 
 @kernel
 def column_product(contact, k, j, x, dofs):
-    """Column of unknown j of constraint k times x."""
+    """Return the column of unknown j of constraint k times x."""
     n = len(dofs)
     s = 0.0
     for m in range(contact.entries[k]):
@@ -298,7 +298,7 @@ def column_product(contact, k, j, x, dofs):
 
 @kernel
 def column_size(contact, k, j, x, dofs):
-    """Sum of the squares of what `column_product` adds up."""
+    """Return the sum of the squares of the terms of `column_product`."""
     n = len(dofs)
     s = 0.0
     for m in range(contact.entries[k]):
@@ -309,8 +309,8 @@ def column_size(contact, k, j, x, dofs):
 
 @kernel
 def fill_schur(border, system):
-    """The complement, its columns of gaps in units of the compliance of what a constraint joins; regularised where constraints
-    may be redundant, as theory.md (5.5)."""
+    """Form the Schur complement, its columns of gaps in units of the compliance of the parts that a constraint joins; regularised
+    if constraints may be redundant, as theory.md (5.5)."""
     contact, schur, dofs = system.contact, border.schur, system.dofs
     size = 2 * dim(dofs) + 1
     for row in range(schur.shape[0]):
@@ -331,7 +331,7 @@ def fill_schur(border, system):
         o = size * k
         largest = 0.0
         for j in range(contact.forces[k]):
-            # that of a moment that stays zero is none
+            # the moment that stays zero has no equation
             if touches(contact, k, j, dofs):
                 largest = max(largest, abs(schur[o + j, o + j]))
         for j in range(o, o + contact.forces[k]):
@@ -344,7 +344,8 @@ def fill_schur(border, system):
 
 @kernel
 def rest_of_sleeves(border, contact, row, rest, dofs):
-    """`rest` of unknown `row` less what stands in equations of another constraint, and the sum of the squares of this."""
+    """Return `rest` of unknown `row` less its products with equations of other constraints, and the sum of the squares of
+    these."""
     size = 2 * dim(dofs) + 1
     whole = 0.0
     for o in range(contact.pair.shape[0]):
@@ -363,7 +364,7 @@ def rest_of_sleeves(border, contact, row, rest, dofs):
 
 @kernel
 def border_residual(border, terms, adjoint, system):
-    """Residuals of nodes and border, into adjoint.rest and border.rest; relative to what they consist of."""
+    """Form residuals of nodes and border in adjoint.rest and border.rest; return them relative to the terms of their sums."""
     contact, dofs = system.contact, system.dofs
     n = len(dofs)
     size = 2 * dim(dofs) + 1
@@ -374,7 +375,7 @@ def border_residual(border, terms, adjoint, system):
         k = row // size
         j = row - size * k
         rest = border.right[row] - column_product(contact, k, j, adjoint.x, dofs)
-        # products may cancel: those of a joint that keeps its length vanish
+        # products may cancel: those of a joint that fixes a length vanish
         whole += column_size(contact, k, j, adjoint.x, dofs) + border.right[row] * border.right[row]
         for i in range(size):
             rest -= contact.corner[k, 8 * i + j] * border.y[size * k + i]
@@ -390,7 +391,7 @@ def border_residual(border, terms, adjoint, system):
     add_turning.each(terms, system, adjoint.x, adjoint.rest)
     drop_held.each(terms, dofs, adjoint.rest)
     of_border = np.sqrt(left / whole) if whole > 0.0 else np.sqrt(left)
-    # the forces of constraints may be all there is on the right
+    # the right-hand side may consist of forces of constraints only
     for i in range(adjoint.both.shape[0]):
         adjoint.both[i] = abs(adjoint.right[i]) + abs(adjoint.right[i] - adjoint.rest[i])
     return max(relative(adjoint.rest, adjoint.both, dofs), of_border)
@@ -398,7 +399,7 @@ def border_residual(border, terms, adjoint, system):
 
 @kernel
 def correct(border, plan, adjoint, system):
-    """Add the solution for the residuals; False where the complement is singular."""
+    """Add the solution for the residuals; return False if the complement is singular."""
     work, contact, dofs, t = system.work, system.contact, system.dofs, border.rest
     size = 2 * dim(dofs) + 1
     solve_transposed(plan, work.blocks, work.pivots, adjoint.rest, dofs)
@@ -445,7 +446,8 @@ def solve_with_border(border, plan, terms, adjoint, system):
 @end_border.register(Border)
 @kernel
 def end_sliders(border, system, of_nodes, shape_out):
-    """Gaps belong to the end of a step alone. The mean gap is an unknown only to keep nodes apart: it follows from the places."""
+    """Add the contribution of sliders to the adjoint of the start. Gaps belong to the end of a step alone. The mean gap is an
+    unknown only to keep nodes apart: it follows from the places."""
     contact, dofs = system.contact, system.dofs
     n, d = len(dofs), dim(dofs)
     for k in range(border.slide.shape[0]):
@@ -463,7 +465,7 @@ def end_sliders(border, system, of_nodes, shape_out):
                     z += contact.line[k, p + j] * border.rest[o + j]
                 shape_out[8 * contact.row[k, m] + c] += z
         border.slide[k] = slide
-    # the spin of a holder that moments turn with
+    # moments turn with the spin of the holder
     copy_of = n - d
     for o in range(contact.pair.shape[0]):
         c = contact.pair[o, 1]

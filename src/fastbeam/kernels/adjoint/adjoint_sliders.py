@@ -1,8 +1,8 @@
-"""What sleeves, and forces along the beam on sliders, add to the adjoint of a step (theory.md (13.13) to (13.15)).
+"""Contribution of sleeves, and of slider forces, to the adjoint of a step (theory.md (13.13) to (13.15)).
 
-Forces along the beam are those of the branch that the step took: a slider that slips does so with the sign that it had, one that
-friction or a drive holds has the increment of s that it was given. That increment depends on the start of the step in a way of
-its own, all other equations are symmetric in time.
+Slider forces are those of the branch that the step took: a slipping slider keeps its slip direction, a slider that sticks or is
+driven keeps its prescribed increment of s. That increment alone depends on the start of the step in its own way; all other
+equations are symmetric in time.
 
 Arrays: q, v [12 N], in a plane [4 N]; x, rows_out [8 (rows + 1)].
 """
@@ -29,14 +29,14 @@ from fastbeam.kernels.joints.drives import JointControl
 
 
 class TakenAlong(Along):
-    """Forces along the beam as steps took them: `sign`, and in `rest` what was left of an increment of s, are those of a run."""
+    """Slider forces of recorded steps: `sign` of the run, and in `rest` the missing increment of s."""
 
 
 class Sliders(NamedTuple):
-    """What a backward pass adds up for S sliders."""
+    """Sums of a backward pass for S sliders."""
 
-    along: np.ndarray     # float64 [n, S]: by a force along the beam in every step
-    place: np.ndarray     # float64 [n, S]: by the place, or the increment of it, that a drive gives in every step
+    along: np.ndarray     # float64 [n, S]: derivatives by a force along the beam in every step
+    place: np.ndarray     # float64 [n, S]: by the place, or its increment, that a drive prescribes in every step
     friction: np.ndarray  # float64 [S]: by coefficients of friction
     viscous: np.ndarray   # float64 [S]
 
@@ -44,40 +44,41 @@ class Sliders(NamedTuple):
 class Rest(NamedTuple):
     """Derivatives of the increment of s that leaves a slider at rest, h/2 ds/dt at the start of the step."""
 
-    by_rate: Any          # by the velocity of the point relative to the beam
-    by_tangent: Any       # by dx/ds
+    by_rate: Any          # derivative by the velocity of the point relative to the beam
+    by_tangent: Any       # derivative by dx/ds
     by_s: float
 
 
 @generic
 def put_branch(term, system, steps, h, k, back):
-    """What forces along the beam, and those of joints, know of step k, of size h; back: from its end."""
+    """Store the branch of slider forces and joint forces in step k, of size h; back: from its end."""
 
 
 @generic
 def put_start(term, system, steps, h, k):
-    """After the tangent of step k backward in time: sliding equations that are not symmetric, by the places at its start."""
+    """Correct derivatives of sliding equations that are not symmetric in time by the places at the start of step k, after the
+    tangent of the step backward in time."""
 
 
 @generic
 def add_start(term, border, system, adjoint, steps, h, k):
-    """The same by coordinates and velocities at the start, into adjoint.forces and adjoint.rate."""
+    """Add derivatives of these equations by coordinates and velocities at the start to adjoint.forces and adjoint.rate."""
 
 
 @generic
 def add_slides(term, border, system, found, h, k):
-    """What step k adds to derivatives by forces along the beam and places that are given."""
+    """Add the contribution of step k to derivatives by slider forces and prescribed places."""
 
 
 @generic
 def add_turning(term, system, x, rows_out):
-    """rows_out -= E^T x, E the part of the tangent of a step that its iterations leave out (13.13)."""
+    """Subtract E^T x from rows_out, E the part of the tangent of a step that its iterations leave out (13.13)."""
 
 
 # --- laws -----------------------------------------------------------------------------------------------------------------
 @kernel
 def sticks(along, k):
-    """Whether friction held slider k."""
+    """Return whether slider k sticks."""
     return has_signs(along, k) and along.sign[k] == 0 and not is_prescribed(along, k)
 
 
@@ -103,7 +104,7 @@ def put_branch_of_sliders(term, system, steps, h, k, back):
 
 @generic
 def put_taken(along, steps, h, k):
-    """As `put_branch`."""
+    """Store the branch of the slider forces `along`, see `put_branch`."""
 
 
 @put_taken.register(NoForceAlong)
@@ -135,11 +136,11 @@ def put_clock(control, system, steps, h, k, back):
     control.clock[0] = h
 
 
-# --- where steps are not symmetric in time ----------------------------------------------------------------------------------
+# --- equations that are not symmetric in time -------------------------------------------------------------------------------
 @kernel
 def rest_of(term, system, steps, h, k, i):
-    """`Rest` of slider i in step k of size h; shape functions and their slopes are left in rows 0 and 1 of the basis, and of the
-    nodes those from lo to before hi of `nodes_of` the curve are under it."""
+    """Return `Rest` of slider i in step k of size h; shape functions and their slopes are left in rows 0 and 1 of the basis, and
+    nodes lo to before hi of `nodes_of` the curve are under it."""
     curves, contact, dofs = term.curves, system.contact, system.dofs
     basis = contact.basis
     q, v, s, c = steps.q[k], steps.v[k], steps.s[k, i], term.sliders.curve[i]
@@ -175,7 +176,7 @@ def put_start_of_sliders(term, system, steps, h, k):
 
 @generic
 def put_start_along(along, term, system, steps, h, k):
-    """As `put_start`."""
+    """Run `put_start` for the slider forces `along`."""
 
 
 @put_start_along.register(NoForceAlong)
@@ -209,7 +210,7 @@ def add_start_of_sliders(term, border, system, adjoint, steps, h, k):
 
 @generic
 def add_start_along(along, term, border, system, adjoint, steps, h, k):
-    """As `add_start`."""
+    """Run `add_start` for the slider forces `along`."""
 
 
 @add_start_along.register(NoForceAlong)
@@ -237,7 +238,7 @@ def add_start_of_held(along, term, border, system, adjoint, steps, h, k):
         add_to(adjoint.rate, size * term.sliders.point[i], 1, factor * rest.by_rate)
 
 
-# --- what is looked for -----------------------------------------------------------------------------------------------------
+# --- derivatives ------------------------------------------------------------------------------------------------------------
 @add_slides.register(Sliding)
 @kernel
 def add_slides_of_sliders(term, border, system, found, h, k):
@@ -246,7 +247,7 @@ def add_slides_of_sliders(term, border, system, found, h, k):
 
 @generic
 def add_slides_along(along, term, border, system, found, h, k):
-    """As `add_slides`."""
+    """Run `add_slides` for the slider forces `along`."""
 
 
 @add_slides_along.register(NoForceAlong)
@@ -274,7 +275,7 @@ def add_taken_slides(along, term, border, system, found, h, k):
 
 @kernel
 def rubbed(along, term, system, i, ds):
-    """Force of friction of slider i per coefficient, against growing s."""
+    """Return the friction force of slider i per coefficient, against growing s."""
     nodes, lo, hi = begin_passage(term, system, i)
     tangent = mean_tangent(pass_along(system.contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
     force = vector(system.state.force, system.contact.first_force[i], 1, system.dofs)
@@ -286,7 +287,7 @@ def rubbed(along, term, system, i, ds):
 # --- moments of sleeves -----------------------------------------------------------------------------------------------------
 @generic
 def spin_at(dofs, x, o):
-    """The spin of rows x from offset o on, in a plane a number."""
+    """Return the spin of rows x from offset o on, in a plane a number."""
 
 
 @spin_at.register(Space)
@@ -309,7 +310,7 @@ def add_turning_of_sliders(term, system, x, rows_out):
 
 @generic
 def add_turning_in(sleeves, term, system, x, rows_out):
-    """As `add_turning`."""
+    """Run `add_turning` for these sleeves."""
 
 
 @add_turning_in.register(NoSleeves)
@@ -328,7 +329,7 @@ def add_turning_in_sleeves(sleeves, term, system, x, rows_out):
 
 @kernel
 def add_turning_of(sleeves, term, system, k, x, rows_out):
-    """Of slider k: moments on a node turn with its own spin, not with that of the holder."""
+    """Add `add_turning` of slider k: moments on a node turn with its own spin, not with that of the holder."""
     work, contact, dofs = system.work, system.contact, system.dofs
     d = dim(dofs)
     o = sleeves.of_slider[k]

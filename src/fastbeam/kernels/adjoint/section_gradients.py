@@ -1,6 +1,6 @@
-"""What a step adds to gradients by the sections of all elements, from its adjoint rates (theory.md (13.11)).
+"""Contribution of a step to gradients by the sections of all elements, from its adjoint rates (theory.md (13.11)).
 
-Sums stay in lanes, element by element, over all steps; who asks for them adds up those of a beam.
+Sums stay in lanes, element by element, over all steps; the caller adds up those of a beam.
 
 Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
 lanes: layout.py has their places; rates [12 N], in a plane [4 N]; gravity [n, 3], in a plane [n, 2]; stiffness, viscosity,
@@ -42,22 +42,22 @@ class SectionSums(NamedTuple):
 
 @generic
 def add_sections(sums, system, rates, gravity, k, h):
-    """What step k, which stands in `system`, adds."""
+    """Add the contribution of step k, whose numbers are in `system`."""
 
 
 @generic
 def gather_rates(dofs, rates, tables, no, scratch, qo):
-    """Adjoint rates of 8 nodes into lanes."""
+    """Gather adjoint rates of 8 nodes into lanes."""
 
 
 @generic
 def add_point(dofs, method, strains, constants, reference, g, scratch, at, stiffness, viscosity, changes_out):
-    """What point g adds to the sums by C and D, and to those of changes of strains."""
+    """Add the contribution of point g to the sums by C and D, and to those of changes of strains."""
 
 
 @generic
 def add_inertias(dofs, constants, scratch, at, gravity, step, inertia):
-    """What an element adds to the sums by inertias in a step."""
+    """Add the contribution of an element in a step to the sums by inertias."""
 
 
 @generic

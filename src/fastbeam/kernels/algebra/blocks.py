@@ -29,7 +29,7 @@ _AT_A_TIME = 3 if WIDTH == LANES else 2
 
 
 def _at(b, o, *terms):
-    """Offset o + sum of factor * distance, distances as values or numbers."""
+    """Return offset o + sum of factor * distance, distances as values or numbers."""
     for factor, distance in terms:
         d = distance if isinstance(distance, ir.Value) else ir.Constant(_I64, distance)
         o = b.add(o, b.mul(d, ir.Constant(_I64, factor)))
@@ -54,7 +54,7 @@ class _Memory:
         self.b.store(x, self._pointer(_VECTOR, terms), align=8)
 
     def lanes(self, first, *terms):
-        """A part of 8 lanes, from lane `first` on."""
+        """Load a part of 8 lanes, from lane `first` on."""
         return self.b.load(self._pointer(_PART, ((first, 1), *terms)), align=8)
 
     def put_lanes(self, x, first, *terms):
@@ -68,7 +68,7 @@ class _Memory:
 
 
 def _lu(b, a, n, one):
-    """LU in place of a list of lists of values, reciprocal pivots on the diagonal; returns the pivots."""
+    """Factor a list of lists of values in place, reciprocal pivots on the diagonal; return the pivots."""
     pivots = []
     for k in range(n):
         pivots.append(a[k][k])
@@ -81,7 +81,7 @@ def _lu(b, a, n, one):
 
 
 def _triangular(b, entry, w, n):
-    """w <- (LU)^-1 w for values w; entry(i, j) gives a value that multiplies a w."""
+    """Solve w <- (LU)^-1 w for values w; entry(i, j) gives a value that multiplies a w."""
     for i in range(n):
         for j in range(i):
             w[i] = _sub(b, w[i], _mul(b, entry(i, j), w[j]))
@@ -97,7 +97,7 @@ def _absolute(b, x, kind, name):
 
 @intrinsic
 def lu_lanes(tc, a, offset, out, out_offset, smallest, dofs):
-    """LU of 8 blocks in lanes; False where a pivot is below `smallest` times its diagonal entry, or NaN."""
+    """Factor 8 blocks in lanes; return False if a pivot is below `smallest` times its diagonal entry, or NaN."""
     n = dofs.count
 
     def codegen(ctx, b, sig, args):
@@ -127,7 +127,7 @@ def lu_lanes(tc, a, offset, out, out_offset, smallest, dofs):
 
 @intrinsic
 def solve_lanes(tc, lu, offset, x, x_offset, x_row, out, out_offset, out_row, dofs):
-    """out = A^-1 x for 8 factored blocks in lanes and n lanes each, x_row and out_row doubles apart."""
+    """Solve out = A^-1 x for 8 factored blocks in lanes and n lanes each, x_row and out_row doubles apart."""
     n = dofs.count
 
     def codegen(ctx, b, sig, args):
@@ -146,7 +146,7 @@ def solve_lanes(tc, lu, offset, x, x_offset, x_row, out, out_offset, out_row, do
 
 @intrinsic
 def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, dofs):
-    """Y -= A X for 8 blocks A in lanes; X, Y: n rows of as many lanes as the tuple `columns` has numbers."""
+    """Subtract A X from Y for 8 blocks A in lanes; X, Y: n rows of as many lanes as the tuple `columns` has numbers."""
     n, m = dofs.count, columns.count
 
     def codegen(ctx, b, sig, args):
@@ -171,8 +171,8 @@ def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, dofs):
 
 @intrinsic
 def lu_two(tc, a, first, second, low, high, dofs):
-    """`lu_rows` of two blocks of one array in one go, which takes hardly longer than of one: its operations wait for each other.
-    False, and nothing is changed, where either needs exchanges."""
+    """Factor two blocks of one array by `lu_rows` in one go, which takes hardly longer than one: its operations wait for each
+    other. Return False, and change nothing, if either needs exchanges."""
     n = dofs.count
     two = ir.VectorType(_DOUBLE, 2)
 
@@ -207,7 +207,7 @@ def lu_two(tc, a, first, second, low, high, dofs):
 
 @intrinsic
 def lu_rows(tc, a, offset, low, high, dofs):
-    """LU in place of one block stored by rows. False, and nothing is changed, where a pivot lies outside [low, high] times its
+    """Factor one block stored by rows in place. Return False, and change nothing, if a pivot lies outside [low, high] times its
     diagonal entry, or is NaN: then rows have to be exchanged."""
     n = dofs.count
 
@@ -232,7 +232,7 @@ def lu_rows(tc, a, offset, low, high, dofs):
 
 
 def _make_solve(columns):
-    """Of n rows of so many columns, 8 or 1."""
+    """Make the intrinsic that solves with one factored block for n rows of `columns` numbers, 8 or 1."""
     @intrinsic
     def solve(tc, lu, offset, row, column, x, x_offset, x_row, dofs):
         n = dofs.count
@@ -253,7 +253,7 @@ def _make_solve(columns):
 
 
 def _make_subtract(columns):
-    """Of n rows of so many columns, 8 or 1."""
+    """Make the intrinsic that subtracts A X for n rows of `columns` numbers, 8 or 1."""
     @intrinsic
     def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, dofs):
         n = dofs.count
@@ -286,7 +286,7 @@ def _make_subtract(columns):
 
 
 def _columns(b, memory, columns):
-    """How rows of so many columns are loaded and stored, and how a number becomes a factor of them."""
+    """Return functions that load and store rows of `columns` numbers, and one that makes a number a factor of such a row."""
     if columns == 1:
         return memory.number, memory.put_number, lambda x: x
     return memory.vector, memory.put_vector, lambda x: _splat(b, x)
@@ -294,8 +294,8 @@ def _columns(b, memory, columns):
 
 @intrinsic
 def solve_rows_with_column(tc, lu, offset, x, x_offset, column, column_offset, dofs):
-    """`solve_rows` of a block at 8 doubles a row, with one right-hand side more in the first column behind its n: what stands
-    there beside the factors, plus n numbers of `column`; below 1e-150 it is zero, as in `lanes.flush_rows`."""
+    """Run `solve_rows` for a block at 8 doubles a row, with one more right-hand side in the first column behind its n: the
+    numbers there beside the factors, plus n numbers of `column`; below 1e-150 it is zero, as in `lanes.flush_rows`."""
     n = dofs.count
 
     def codegen(ctx, b, sig, args):
@@ -317,8 +317,8 @@ def solve_rows_with_column(tc, lu, offset, x, x_offset, column, column_offset, d
 
 @intrinsic
 def solve_rows_with_last(tc, lu, offset, x, x_offset, dofs):
-    """`solve_rows` of a block at 8 doubles a row on x, whose last column first takes the last column of the factors' rows; there,
-    below 1e-150 it is zero."""
+    """Run `solve_rows` for a block at 8 doubles a row on x, whose last column first takes the last column of the factors' rows;
+    there, below 1e-150 it is zero."""
     n = dofs.count
 
     def codegen(ctx, b, sig, args):

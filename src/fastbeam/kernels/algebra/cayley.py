@@ -7,7 +7,7 @@ from fastbeam.kernels.jit.decorators import kernel
 
 @kernel
 def director_increment(c, t, d):
-    """cay(t) d - d without cancellation; c = 1/(1 + t . t/4)."""
+    """Return cay(t) d - d without cancellation; c = 1/(1 + t . t/4)."""
     x = cross(t, d)
     return c * (x + 0.5 * cross(t, x))
 
@@ -20,14 +20,14 @@ def cayley_increment(t, turn):
 
 @kernel
 def planar_turn(t, u):
-    """Increment of a director for a Cayley number: cay(t) u - u without cancellation."""
+    """Return increment of a director for a Cayley number: cay(t) u - u without cancellation."""
     return (t / (1.0 + 0.25 * t * t)) * (perp(u) - (0.5 * t) * u)
 
 
 @kernel
 def turned_back(own, along):
-    """The inverse of the rotation by which a small spin phi has changed the Cayley vector of a step to theta, in lanes: (y, g)
-    such that it adds g (phi x (phi x d) / 2 - y phi x d) to a vector d. own = phi . phi, along = theta . phi.
+    """Return the inverse of the rotation by which a small spin phi has changed the Cayley vector of a step to theta, in lanes:
+    (y, g) such that it adds g (phi x (phi x d) / 2 - y phi x d) to a vector d. own = phi . phi, along = theta . phi.
 
     With theta before, the turn from one to the other has the Cayley vector phi/y, y = 1 + a/4, a = theta_before . phi, and
     along = a + own + a^2/4. That has two solutions, a > -2 is taken: the other one belongs to increments that bring a triad back

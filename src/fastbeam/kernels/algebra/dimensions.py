@@ -59,14 +59,14 @@ def _spin_type(dofs):
 
 @intrinsic
 def dim(tc, dofs):
-    """Components of a position."""
+    """Return the number of components of a position."""
     d = _dim(dofs)
     return types.intp(dofs), lambda ctx, b, sig, args: ir.Constant(_I64, d)
 
 
 @intrinsic
 def coordinates(tc, dofs):
-    """Coordinates of a node."""
+    """Return the number of coordinates of a node."""
     n = _coordinates(dofs)
     return types.intp(dofs), lambda ctx, b, sig, args: ir.Constant(_I64, n)
 
@@ -82,7 +82,7 @@ def _loaded(ctx, b, array_type, array, offset, step, n):
 
 @intrinsic
 def vector(tc, array, offset, stride, dofs):
-    """A vector of 3 numbers, 2 in a plane, from an offset on; stride: doubles from one to the next."""
+    """Return a vector of 3 numbers, 2 in a plane, from an offset on; stride: doubles from one to the next."""
     d = _dim(dofs)
 
     def codegen(ctx, b, sig, args):
@@ -92,7 +92,7 @@ def vector(tc, array, offset, stride, dofs):
 
 @intrinsic
 def position(tc, q, node, dofs):
-    """Position of a node among the coordinates of all."""
+    """Return the position of a node among the coordinates of all."""
     d, n = _dim(dofs), _coordinates(dofs)
 
     def codegen(ctx, b, sig, args):
@@ -103,7 +103,7 @@ def position(tc, q, node, dofs):
 
 @intrinsic
 def spin(tc, array, offset, dofs):
-    """A spin, Cayley vector or moment of 3 numbers, in a plane a number, from an offset on."""
+    """Return a spin, Cayley vector or moment of 3 numbers, in a plane a number, from an offset on."""
     n = 3 if _dim(dofs) == 3 else 1
 
     def codegen(ctx, b, sig, args):
@@ -113,7 +113,7 @@ def spin(tc, array, offset, dofs):
 
 @intrinsic
 def cayley_vector(tc, theta, node, dofs):
-    """Cayley vector of a node, in a plane a number."""
+    """Return the Cayley vector of a node, in a plane a number."""
     n = 3 if _dim(dofs) == 3 else 1
 
     def codegen(ctx, b, sig, args):
@@ -129,14 +129,14 @@ def _zeros(n):
 
 @intrinsic
 def zero_vector(tc, dofs):
-    """The vector 0."""
+    """Return the vector 0."""
     d = _dim(dofs)
     return _vector_type(dofs)(dofs), lambda ctx, b, sig, args: _zeros(d)
 
 
 @intrinsic
 def zero_spin(tc, dofs):
-    """The spin 0."""
+    """Return the spin 0."""
     n = 3 if _dim(dofs) == 3 else 1
     return _spin_type(dofs)(dofs), lambda ctx, b, sig, args: _zeros(n)
 
@@ -162,7 +162,8 @@ put, add_to = _make_put(False), _make_put(True)
 
 @intrinsic
 def put_cross_matrix(tc, a, offset, factor, x):
-    """a[offset + 8 i + j]: factor times the derivative of component i of x cross y by y_j; in a plane there is one row."""
+    """Store at a[offset + 8 i + j] factor times the derivative of component i of x cross y by y_j; in a plane there is one
+    row."""
     n = x.n
 
     def codegen(ctx, b, sig, args):
@@ -211,7 +212,7 @@ add_cross, add_turn = _make_cross(False), _make_cross(True)
 
 @intrinsic
 def add_stiffness(tc, a, offset, factor, x, y):
-    """a[offset + 8 i + j] += factor (i == j) + x_i y_j."""
+    """Add factor (i == j) + x_i y_j to a[offset + 8 i + j]."""
     n = x.n
 
     def codegen(ctx, b, sig, args):
@@ -229,7 +230,7 @@ def add_stiffness(tc, a, offset, factor, x, y):
 
 @intrinsic
 def add_outer(tc, a, offset, factor, x, y):
-    """a[offset + 8 i + j] += factor x_i y_j; x and y are vectors or, as spins in a plane, numbers."""
+    """Add factor x_i y_j to a[offset + 8 i + j]; x and y are vectors or, as spins in a plane, numbers."""
     n, m = getattr(x, "n", 1), getattr(y, "n", 1)
 
     def codegen(ctx, b, sig, args):
@@ -247,7 +248,7 @@ def add_outer(tc, a, offset, factor, x, y):
 # --- elements in lanes: as many as a register holds, components 8 doubles apart -------------------------------------------
 @intrinsic
 def vector_lanes(tc, array, offset, dofs):
-    """A vector in lanes from an offset on."""
+    """Return a vector in lanes from an offset on."""
     d = _dim(dofs)
 
     def codegen(ctx, b, sig, args):
@@ -264,14 +265,14 @@ def _zero_lanes():
 
 @intrinsic
 def zero_moment(tc, dofs):
-    """The moment 0 in lanes."""
+    """Return the moment 0 in lanes."""
     return (V3[native] if _dim(dofs) == 3 else native)(dofs), lambda ctx, b, sig, args: (
         _pack(b, native, [_zero_lanes()] * 3) if _dim(dofs) == 3 else _zero_lanes())
 
 
 @intrinsic
 def zero_dyad(tc, dofs):
-    """The dyad 0 in lanes."""
+    """Return the dyad 0 in lanes."""
     return (M3[native] if _dim(dofs) == 3 else native)(dofs), lambda ctx, b, sig, args: (
         _pack(b, native, [_zero_lanes()] * 9) if _dim(dofs) == 3 else _zero_lanes())
 
@@ -291,7 +292,7 @@ def put_lanes(tc, array, offset, x):
 
 @intrinsic
 def moment(tc, x, y):
-    """x cross y in lanes: a vector, in a plane its component along the normal."""
+    """Return x cross y in lanes: a vector, in a plane its component along the normal."""
     def codegen(ctx, b, sig, args):
         u, v = _parts(b, args[0], x.n), _parts(b, args[1], x.n)
         z = [_sub(b, _mul(b, u[i], v[j]), _mul(b, u[j], v[i])) for i, j in ([(0, 1)] if x.n == 2 else [(1, 2), (2, 0), (0, 1)])]
@@ -301,7 +302,7 @@ def moment(tc, x, y):
 
 @intrinsic
 def dyad(tc, x, y):
-    """x y^T in lanes; in a plane its trace x . y, which is all that moments about the normal need."""
+    """Return x y^T in lanes; in a plane its trace x . y, which is all that moments about the normal need."""
     def codegen(ctx, b, sig, args):
         u, v = _parts(b, args[0], x.n), _parts(b, args[1], x.n)
         if x.n == 2:
@@ -337,18 +338,18 @@ def add_turned(tc, array, offset, k, dofs):
 # --- products -----------------------------------------------------------------------------------------------------------
 @generic
 def cross_product(x, y):
-    """x cross y of two vectors: a vector, in a plane its component along the normal."""
+    """Return x cross y of two vectors: a vector, in a plane its component along the normal."""
 
 
 @generic
 def spin_cross(spin, x):
-    """spin cross x of a spin and a vector: a vector."""
+    """Return spin cross x of a spin and a vector: a vector."""
 
 
 @generic
 def on_spin(theta, y):
-    """A covector y of changes of the Cayley vector theta as a covector of the spins that cause them, theory.md (4.2): changes are
-    (I - 1/2 theta^ + 1/4 theta theta^T) spin."""
+    """Return a covector y of changes of the Cayley vector theta as a covector of the spins that cause them, theory.md (4.2):
+    changes are (I - 1/2 theta^ + 1/4 theta theta^T) spin."""
 
 
 cross_product.register(V3[f8])(cross)

@@ -1,7 +1,6 @@
-"""Rows of numbers (coordinates or unknowns of nodes) from memory into lanes and back, eight rows at a time, transposed in
-registers.
+"""Rows of numbers (coordinates or unknowns of nodes) between memory and lanes, eight rows at a time, transposed in registers.
 
-Most are, like vectors.py, lowered straight to LLVM; loads and stores are unchecked, offsets count doubles.
+Most functions are, like vectors.py, lowered straight to LLVM; loads and stores are unchecked, offsets count doubles.
 
 Arrays: of any length: source, target, x [*].
 """
@@ -48,7 +47,7 @@ def _shuffle(b, x, y, mask):
 
 
 def _transpose(b, rows, width):
-    """Rows of `width` numbers, as many in blocks of that width, transposed block by block."""
+    """Transpose rows of `width` numbers, as many in blocks of that width, block by block."""
     rows = list(rows)
     n = rows[0].type.count
     step = width // 2
@@ -93,8 +92,8 @@ scatter_rows, put_rows = _make_rows(True), _make_rows(False)
 
 
 def _gather(b, pointers, n, target, padded):
-    """Numbers c = 0..n-1 of 8 rows, whose addresses are given, in lanes to target + 8 c, by transpositions in registers: one by
-    one they take three times as long. padded: whether behind a row of less than 8 numbers others may be read, up to 8."""
+    """Gather numbers c = 0..n-1 of 8 rows, whose addresses are given, in lanes to target + 8 c, by transpositions in registers:
+    one by one they take three times as long. padded: whether up to 8 numbers of a shorter row may be read."""
     done = 0
     while done < n:
         left = n - done
@@ -115,16 +114,16 @@ def _gather(b, pointers, n, target, padded):
 
 
 def _rows_of_lanes(ctx, b, array_type, array, index, io, scale):
-    """Where the rows of 8 lanes begin."""
+    """Return the addresses of the rows of 8 lanes."""
     data = _data(ctx, b, array_type, array)
     return [b.gep(data, [b.mul(b.load(b.gep(index, [b.add(io, ir.Constant(_I64, lane))])), scale)]) for lane in range(LANES)]
 
 
 @intrinsic
 def gather_lanes(tc, source, index, index_offset, scale, target, offset, dofs):
-    """target[offset + 8 c + l] = source[index[index_offset + l]*scale + c] for the lanes l = 0..7 and c = 0..n-1, n the length of
-    the tuple `dofs`. Rows of less than 8 numbers (but 4) are read as longer ones: behind the last row of an array there has to be
-    room for 3 numbers."""
+    """Gather target[offset + 8 c + l] = source[index[index_offset + l]*scale + c] for the lanes l = 0..7 and c = 0..n-1, n the
+    length of the tuple `dofs`. Rows of less than 8 numbers (but 4) are read as longer ones: behind the last row of an array there
+    has to be room for 3 numbers."""
     def codegen(ctx, b, sig, args):
         src, idx, io, scale_, dst, o, _ = args
         t_src, t_idx, t_io, t_scale, t_dst, t_o, t_size = sig.args
@@ -137,7 +136,7 @@ def gather_lanes(tc, source, index, index_offset, scale, target, offset, dofs):
 
 @intrinsic
 def load_rows(tc, source, first, distance, target, offset, dofs):
-    """`gather_lanes` for 8 rows that begin at `first` and follow each other at `distance` doubles."""
+    """Run `gather_lanes` for 8 rows that begin at `first` and follow each other at `distance` doubles."""
     def codegen(ctx, b, sig, args):
         first_, distance_, o = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 2, 4))
         begin = b.gep(_data(ctx, b, sig.args[0], args[0]), [first_])
@@ -149,7 +148,7 @@ def load_rows(tc, source, first, distance, target, offset, dofs):
 
 @intrinsic
 def store_rows(tc, source, offset, target, first, distance, dofs):
-    """The reverse of `load_rows`: n numbers in lanes to 8 rows."""
+    """Store n numbers in lanes in 8 rows, the reverse of `load_rows`."""
     def codegen(ctx, b, sig, args):
         o, first_, distance_ = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 3, 4))
         p = _pointer(ctx, b, sig.args[0], args[0], o, vec)
@@ -180,6 +179,6 @@ def copy_lanes(source, offset, count, target, to):
 
 @kernel
 def clear_lanes(x, offset, count):
-    """Zero `count` doubles, a multiple of 8."""
+    """Set `count` doubles, a multiple of 8, to zero."""
     for i in range(offset, offset + count, 8):
         vst(x, i, 0, 0.0)

@@ -27,7 +27,7 @@ _FLAGS = ("contract",)
 
 
 class VecType(types.Type):
-    """A vector of 8 doubles, or of WIDTH."""
+    """Vector of 8 doubles, or of WIDTH."""
 
     def __init__(self, lanes: int) -> None:
         self.lanes = lanes
@@ -84,7 +84,7 @@ def _splat(b, x, lanes=LANES):
 
 
 def _as_lane(ctx, b, x, ty, lane):
-    """x as a value of `lane`: numbers are cast to float64 and repeated where the lane is a Vec."""
+    """Return x as a value of `lane`: numbers are cast to float64 and repeated where the lane is a Vec."""
     if isinstance(ty, VecType):
         return x
     x = ctx.cast(b, x, ty, f8)
@@ -123,8 +123,8 @@ def _int(ctx, b, x, ty):
 
 
 def _data(ctx, b, array_type, array):
-    """Address of an array's numbers, taken out of the value: ctx.make_array would write the array to memory first, which is half
-    of the code of a load."""
+    """Return the address of an array's numbers, taken out of the value: ctx.make_array would write the array to memory first,
+    which is half of the code of a load."""
     if isinstance(array_type, types.CPointer):
         return array
     return b.extract_value(array, ctx.data_model_manager[array_type].get_field_position("data"))
@@ -136,8 +136,8 @@ def _pointer(ctx, b, array_type, array, offset, lane):
 
 @intrinsic
 def address(tc, array, offset):
-    """The numbers of an array from an offset on, for loads and stores of this file: one word in place of the seven of an array,
-    which every call that is not inlined passes."""
+    """Return the address of an array from an offset on, for loads and stores of this file: one word in place of the seven of an
+    array, which every call that is not inlined passes."""
     def codegen(ctx, b, sig, args):
         return b.gep(_data(ctx, b, sig.args[0], args[0]), [_int(ctx, b, args[1], sig.args[1])])
     return types.CPointer(f8)(array, offset), codegen
@@ -191,7 +191,7 @@ _register(operator.mul, [signature(kind[lane], scalar, kind[lane]) for kind in (
 # ---------------------------------------------------------------------------------------------------- formulas
 @intrinsic
 def dot(tc, u, v):
-    """u . v"""
+    """Return u . v"""
     def codegen(ctx, b, sig, args):
         x, y = _parts(b, args[0], u.n), _parts(b, args[1], u.n)
         out = _mul(b, x[0], y[0])
@@ -215,7 +215,7 @@ component0, component1, component2 = (_make_component(i) for i in range(3))
 
 @intrinsic
 def put_first(tc, array, offset, x):
-    """A row of 8 with one number and seven zeros."""
+    """Store a row of 8 with one number and seven zeros."""
     def codegen(ctx, b, sig, args):
         o = _int(ctx, b, args[1], sig.args[1])
         row = b.insert_element(ir.Constant(_VECTOR, [0.0] * LANES), ctx.cast(b, args[2], sig.args[2], f8), ir.Constant(_I32, 0))
@@ -226,7 +226,7 @@ def put_first(tc, array, offset, x):
 
 @intrinsic
 def cross(tc, u, v):
-    """u x v"""
+    """Return u x v"""
     def codegen(ctx, b, sig, args):
         x, y = _parts(b, args[0], 3), _parts(b, args[1], 3)
         return _pack(b, sig.return_type.lane, [
@@ -236,7 +236,7 @@ def cross(tc, u, v):
 
 @intrinsic
 def cross2(tc, u, v):
-    """Component of u x v normal to the plane, 2-vectors."""
+    """Return the component of u x v normal to the plane, 2-vectors."""
     def codegen(ctx, b, sig, args):
         x, y = _parts(b, args[0], 2), _parts(b, args[1], 2)
         return _sub(b, _mul(b, x[0], y[1]), _mul(b, x[1], y[0]))
@@ -245,7 +245,7 @@ def cross2(tc, u, v):
 
 @intrinsic
 def perp(tc, u):
-    """A 2-vector turned by a right angle: normal x u."""
+    """Return a 2-vector turned by a right angle: normal x u."""
     def codegen(ctx, b, sig, args):
         x, y = _parts(b, args[0], 2)
         zero = ir.Constant(y.type, [0.0] * u.lane.lanes if isinstance(u.lane, VecType) else 0.0)
@@ -255,7 +255,7 @@ def perp(tc, u):
 
 @intrinsic
 def outer(tc, u, v):
-    """u v^T"""
+    """Return u v^T"""
     def codegen(ctx, b, sig, args):
         x, y = _parts(b, args[0], 3), _parts(b, args[1], 3)
         return _pack(b, sig.return_type.lane, [_mul(b, x[i], y[j]) for i in range(3) for j in range(3)])
@@ -264,7 +264,7 @@ def outer(tc, u, v):
 
 @intrinsic
 def add_iso(tc, m, t):
-    """m + t I"""
+    """Return m + t I"""
     def codegen(ctx, b, sig, args):
         x = _parts(b, args[0], 9)
         t_ = _as_lane(ctx, b, args[1], sig.args[1], sig.return_type.lane)
@@ -276,7 +276,7 @@ def add_iso(tc, m, t):
 
 @intrinsic
 def add_skew(tc, m, z):
-    """m + skew(z), skew(z) w = z x w"""
+    """Return m + skew(z), skew(z) w = z x w"""
     def codegen(ctx, b, sig, args):
         x, z = _parts(b, args[0], 9), _parts(b, args[1], 3)
         for i, f, c in ((1, _sub, 2), (2, _add, 1), (3, _add, 2), (5, _sub, 0), (6, _sub, 1), (7, _add, 0)):
@@ -287,7 +287,7 @@ def add_skew(tc, m, z):
 
 @intrinsic
 def triple(tc, x, y, z):
-    """Three lanes as a vector."""
+    """Return three lanes as a vector."""
     return V3[x](x, y, z), lambda ctx, b, sig, args: _pack(b, x, args)
 
 
@@ -394,7 +394,7 @@ def total(tc, x):
 
 @intrinsic
 def largest_of_row(tc, array, offset):
-    """Largest absolute value of 8 entries; NaN is skipped."""
+    """Return the largest absolute value of 8 entries; NaN is skipped."""
     def codegen(ctx, b, sig, args):
         o = _int(ctx, b, args[1], sig.args[1])
         x = b.load(_pointer(ctx, b, sig.args[0], args[0], o, vec), align=8)
@@ -406,7 +406,7 @@ def largest_of_row(tc, array, offset):
 
 @intrinsic
 def largest(tc, x, y):
-    """The larger of two sizes, lane by lane; x where it is NaN, and y where that is."""
+    """Return the larger of two sizes, lane by lane; x if it is NaN, and y if that is."""
     def codegen(ctx, b, sig, args):
         absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
         magnitude = b.call(absolute, [args[0]])
@@ -417,7 +417,7 @@ def largest(tc, x, y):
 
 @intrinsic
 def square_root(tc, x):
-    """Square roots lane by lane, NaN where a number is negative."""
+    """Return square roots lane by lane, NaN where a number is negative."""
     def codegen(ctx, b, sig, args):
         lanes = _lane_ir(x)
         name = f"llvm.sqrt.v{x.lanes}f64"
@@ -427,7 +427,7 @@ def square_root(tc, x):
 
 @intrinsic
 def root(tc, x):
-    """Square roots lane by lane, zero where a number is negative."""
+    """Return square roots lane by lane, zero where a number is negative."""
     def codegen(ctx, b, sig, args):
         positive = b.select(b.fcmp_ordered(">", args[0], ir.Constant(_VECTOR, [0.0] * LANES)), args[0],
                             ir.Constant(_VECTOR, [0.0] * LANES))

@@ -25,7 +25,7 @@ from fastbeam.kernels.terms import account
 
 
 class Dissipation(NamedTuple):
-    """The damping of beams with one strain set, as far as energy goes; G groups of elements."""
+    """Energy dissipated by the damping of beams with one strain set; G groups of elements."""
 
     strains: Any           # strain_measures.SimoReissner or GreenLagrange with section_laws.KelvinVoigt
     tables: ElementTables
@@ -34,7 +34,7 @@ class Dissipation(NamedTuple):
 
 @generic
 def dissipated(dofs, method, strains, constants, reference, g, scratch, at, coupled):
-    """Energy that point g takes in the step."""
+    """Return the energy that point g dissipates in the step."""
 
 
 @dissipated.register(Space)
@@ -71,7 +71,7 @@ def dissipated_in_plane(dofs, method, strains, constants, reference, g, scratch,
 @account.register(Dissipation)
 @kernel
 def account_dissipation(term, system, h):
-    """Added up for every part of the scene."""
+    """Add the dissipated energy for every part of the scene."""
     dofs, tables, scratch, history = system.dofs, term.tables, system.work.scratch, system.state.history
     move = motion.call(system.method, system.state, system.work, h)
     strains = set_over.call(term.strains, move)

@@ -55,7 +55,7 @@ class ElementTables(NamedTuple):
 
 
 class Case(NamedTuple):
-    """What is known of a group of elements when it is evaluated."""
+    """Options of the evaluation of a group of elements."""
 
     coupled: bool     # C couples strains
     mixed: bool       # the tangent takes other stresses than the present ones, theory.md (4.6)
@@ -72,7 +72,7 @@ def add_no_inertia(method, constants, scratch, at, dofs):
 @add_inertia.register(object)
 @inlined
 def add_inertia_forces(method, constants, scratch, at, dofs):
-    """M u with u = 2/h^2 (q_n+1 - q_n - h v_n). In space d2 and d3 have inertia and d1 has none (1.2), in a plane the
+    """Add M u with u = 2/h^2 (q_n+1 - q_n - h v_n). In space d2 and d3 have inertia and d1 has none (1.2), in a plane the
     director."""
     for a in range(at.nn):
         add_node_inertia.call(dofs, constants, scratch, at, a)
@@ -80,7 +80,7 @@ def add_inertia_forces(method, constants, scratch, at, dofs):
 
 @generic
 def add_node_inertia(dofs, constants, scratch, at, a):
-    """Inertia forces M u on the coordinates of node a, one pass over the second rates u of all nodes."""
+    """Add inertia forces M u on the coordinates of node a, one pass over the second rates u of all nodes."""
 
 
 @add_node_inertia.register(Space)
@@ -108,8 +108,8 @@ def add_no_spin_rates(method, constants, scratch, at, mass_factor):
 @add_spin_rates.register(AtEnd)
 @kernel
 def add_rates_of_spins(method, constants, scratch, at, mass_factor):
-    """Tangent of the inertia forces (7.3): positions with the factor `mass_factor`, directors with the derivatives of d'' by the
-    spins, six vectors a node."""
+    """Add the tangent of the inertia forces (7.3): positions with the factor `mass_factor`, directors with the derivatives of d''
+    by the spins, six vectors a node."""
     for a in range(at.nn):
         for b in range(at.nn):
             ko = at.blocks + 288 * (at.nn * a + b)
@@ -138,8 +138,8 @@ def no_mass_factor(method, mass_factor):
 
 @inlined
 def project_node(scratch, at, a, dofs):
-    """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid, with what
-    the tangent adds to the forces f."""
+    """Form residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid, with
+    the contribution of the tangent to the forces f."""
     d = 8 * dim(dofs)
     node = 8 * coordinates(dofs)
     n = 8 * len(dofs)
@@ -161,8 +161,8 @@ def project_node(scratch, at, a, dofs):
 # --- points in space ----------------------------------------------------------------------------------------------------
 @generic
 def evaluate_point(dofs, method, strains, constants, reference, g, scratch, at, case):
-    """Forces of quadrature point g on the coordinates, those that the tangent adds on the directors, and what pairs of nodes
-    share of its stiffness."""
+    """Add forces of quadrature point g on the coordinates, those that the tangent adds on the directors, and its stiffness in the
+    form that pairs of nodes share."""
 
 
 @evaluate_point.register(Space)
@@ -192,7 +192,7 @@ def evaluate_point_in_space(dofs, method, strains, constants, reference, g, scra
 # lanes and their factors do not stay in registers
 @inlined
 def rotation_position(constants, scratch, at, a, b, ko):
-    """Rotation of a against position of b, with the sums of stress times basis products."""
+    """Form the block rotation of a against position of b, with the sums of stress times basis products."""
     k = vzerom()
     for g in range(at.nq):
         pb = vld(constants, at.point + at.point_size * g + 8 + 24 * b, 0)
@@ -205,7 +205,7 @@ def rotation_position(constants, scratch, at, a, b, ko):
 
 @inlined
 def position_rotation(constants, scratch, at, a, b, ko):
-    """Position of a against rotation of b."""
+    """Form the block position of a against rotation of b."""
     k = vzerom()
     for g in range(at.nq):
         pa = vld(constants, at.point + at.point_size * g + 8 + 24 * a, 0)
@@ -218,7 +218,7 @@ def position_rotation(constants, scratch, at, a, b, ko):
 
 @inlined
 def rotation_rotation(strains, constants, scratch, at, a, b, mass_factor, ko):
-    """Rotation of a against rotation of b."""
+    """Form the block rotation of a against rotation of b."""
     k = vzerom()
     for g in range(at.nq):
         po = at.points + at.point_stride * g + POINT_NODES
@@ -235,7 +235,7 @@ def rotation_rotation(strains, constants, scratch, at, a, b, mass_factor, ko):
 
 @inlined
 def position_position(constants, scratch, at, a, b, mass_factor, ko):
-    """Position of a against position of b."""
+    """Form the block position of a against position of b."""
     k = vzerom()
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8
@@ -247,8 +247,8 @@ def position_position(constants, scratch, at, a, b, mass_factor, ko):
 
 @generic
 def put_pairs(dofs, strains, constants, scratch, at, mass_factor):
-    """The blocks of all pairs of nodes: material part from what they share, geometric part from the stresses, `mass_factor`
-    times the projected mass, theory.md (4.1), (4.2)."""
+    """Form the blocks of all pairs of nodes: material part from the stiffness of points, geometric part from the stresses,
+    `mass_factor` times the projected mass, theory.md (4.1), (4.2)."""
 
 
 @put_pairs.register(Space)
@@ -272,8 +272,8 @@ def pair_stiffness(dofs, strains, constants, scratch, at, mass_factor):
 # --- groups of elements -------------------------------------------------------------------------------------------------
 @inlined
 def evaluate_at(method, strains, constants, reference, scratch, at, case, mass_factor, dofs):
-    """Residual and tangent of WIDTH elements of a group, whose coordinates have been gathered into scratch; mass_factor: factor
-    of the mass matrix in the tangent, as in motions.py."""
+    """Evaluate residual and tangent of WIDTH elements of a group, whose coordinates have been gathered into scratch; mass_factor:
+    factor of the mass matrix in the tangent, as in motions.py."""
     for i in range(at.forces, at.rows, 8):
         vst(scratch, i, 0, 0.0)
     add_inertia.call(method, constants, scratch, at, dofs)
@@ -290,32 +290,32 @@ def evaluate_at(method, strains, constants, reference, scratch, at, case, mass_f
 
 @separate
 def evaluate(method, strains, constants, reference, scratch, at, case, mass_factor, dofs):
-    """`evaluate_at` for any numbers of nodes and points. What is the same for all motions of a method, and for elements with and
-    without inner nodes that are eliminated, is compiled once."""
+    """Run `evaluate_at` for any numbers of nodes and points, compiled once for all motions of a method, and for elements with and
+    without inner nodes that are eliminated."""
     evaluate_at(method, strains, constants, reference, scratch, at, case, mass_factor, dofs)
 
 
 @separate
 def evaluate_linear(method, strains, constants, reference, scratch, case, mass_factor, dofs):
-    """`evaluate_at` for 2 nodes and 1 point: lengths of loops and offsets are known when it is compiled."""
+    """Run `evaluate_at` for 2 nodes and 1 point: lengths of loops and offsets are known when it is compiled."""
     evaluate_at(method, strains, constants, reference, scratch, layout(dofs, 2, 1), case, mass_factor, dofs)
 
 
 @separate
 def evaluate_quadratic(method, strains, constants, reference, scratch, case, mass_factor, dofs):
-    """The same for 3 nodes and 2 points."""
+    """Run `evaluate_at` for 3 nodes and 2 points."""
     evaluate_at(method, strains, constants, reference, scratch, layout(dofs, 3, 2), case, mass_factor, dofs)
 
 
 @separate
 def evaluate_cubic(method, strains, constants, reference, scratch, case, mass_factor, dofs):
-    """The same for 4 nodes and 3 points."""
+    """Run `evaluate_at` for 4 nodes and 3 points."""
     evaluate_at(method, strains, constants, reference, scratch, layout(dofs, 4, 3), case, mass_factor, dofs)
 
 
 @generic
 def evaluate_lanes(dofs, method, strains, constants, reference, scratch, at, case, mass_factor):
-    """`evaluate_at`, by the code for the numbers of nodes and points in `at`."""
+    """Run `evaluate_at` in the code for the numbers of nodes and points in `at`."""
 
 
 @evaluate_lanes.register(Space)
@@ -327,8 +327,8 @@ def evaluate_in_space(dofs, method, strains, constants, reference, scratch, at, 
 @evaluate_lanes.register(Plane)
 @inlined
 def evaluate_in_plane(dofs, method, strains, constants, reference, scratch, at, case, mass_factor):
-    """With code of their own for Lagrange elements of degree 1 to 3: loops over so few nodes are too short for their beginnings
-    and ends. Elements of B-splines may have as many nodes and fewer points."""
+    """Run the code of their own for Lagrange elements of degree 1 to 3: loops over so few nodes are too short for their
+    beginnings and ends. Elements of B-splines may have as many nodes and fewer points."""
     if at.nn == 2 and at.nq == 1:
         evaluate_linear(method, strains, constants, reference, scratch, case, mass_factor, dofs)
     elif at.nn == 3 and at.nq == 2:
@@ -341,14 +341,14 @@ def evaluate_in_plane(dofs, method, strains, constants, reference, scratch, at, 
 
 @inlined
 def gather_group(tables, no, at, motion, scratch, dofs):
-    """Coordinates of the nodes of a group, whose list begins at no, in the middle and at the end, and second rates."""
+    """Gather coordinates of the nodes of a group, whose list begins at no, in the middle and at the end, and second rates."""
     for a in range(at.nn):
         gather_ends.call(dofs, motion, tables, no + 8 * a, scratch, at.node * a, at.rates + 8 * coordinates(dofs) * a)
 
 
 @inlined
 def evaluate_group(tables, k, at, strains, motion, scratch, dofs):
-    """Residual and tangent of group k into scratch, at at.rows and at.blocks."""
+    """Evaluate residual and tangent of group k in scratch, at at.rows and at.blocks."""
     no = tables.meta[k, LIST]
     node = 8 * coordinates(dofs)
     gather_group(tables, no, at, motion, scratch, dofs)
@@ -381,7 +381,7 @@ def scatter_group(tables, k, at, every, scratch, r_out, blocks_out, dofs):
 
 @kernel
 def evaluate_groups(tables, first, last, strains, motion, scratch, dofs):
-    """Residual and tangent of the groups from `first` to before `last`, one after the other in scratch."""
+    """Evaluate residual and tangent of the groups from `first` to before `last`, one after the other in scratch."""
     for k in range(first, last):
         evaluate_group(tables, k, layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS]), strains, motion, scratch, dofs)
 

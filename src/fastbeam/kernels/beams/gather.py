@@ -1,4 +1,5 @@
-"""Coordinates of eight nodes of a group of elements into lanes: middle and end of a step, and where the last increment led.
+"""Gathering of eight nodes of a group of elements into lanes: middle and end of a step, and coordinates before the last
+increment.
 
 Arrays: scratch [*], numbers of a group in lanes: layout.py has their places; off [3 N], in a plane [2 N].
 """
@@ -20,7 +21,8 @@ from fastbeam.kernels.terms import NoTies
 # --- middle and end -----------------------------------------------------------------------------------------------------
 @generic
 def put_step(motion, scratch, qo, uo, move):
-    """Middle and end of a vector in lanes, from its start at qo and its increment; its second rate in place of its rate at uo."""
+    """Form middle and end of a vector in lanes, from its start at qo and its increment; its second rate replaces its rate at
+    uo."""
 
 
 @put_step.register(OverStep)
@@ -43,7 +45,7 @@ def put_end(motion, scratch, qo, uo, move):
 
 @inlined
 def put_steps(motion, tables, no, scratch, qo, uo):
-    """The vectors of 8 nodes, whose starts stand at qo."""
+    """Run `put_step` for the vectors of 8 nodes, whose starts stand at qo."""
     e = qo + 96
     gather_lanes(motion.dphi, tables.nodes, no, 3, scratch, e, THREE)
     gather_lanes(motion.increment.theta, tables.nodes, no, 3, scratch, e + 24, THREE)
@@ -87,7 +89,7 @@ def gather_resting(dofs, motion, tables, no, scratch, qo, uo):
 
 @inlined
 def put_planar_step(scratch, qo, uo, move, h):
-    """`put_step` of a vector in a plane."""
+    """Run `put_step` for a vector in a plane."""
     x = vld2(scratch, qo, 8)
     vst2(scratch, qo + 32, 8, x + move)
     vst2(scratch, qo, 8, x + 0.5 * move)
@@ -131,7 +133,7 @@ def always_needs_increment(motion):
 
 @generic
 def put_before(off, scratch, tables, no, lo, position, step):
-    """The position of 8 nodes before the increment `step` into lanes at lo; off: `state.LastIncrement.off`."""
+    """Store the position of 8 nodes before the increment `step` in lanes at lo; off: `state.LastIncrement.off`."""
 
 
 @put_before.register(NoTies)
@@ -168,7 +170,7 @@ def gather_increment_in_space(dofs, motion, tables, no, scratch, end, lo):
 @gather_increment.register(Space, ToEnd)
 @inlined
 def gather_increment_to_end(dofs, motion, tables, no, scratch, end, lo):
-    """Before the first increment of a step: its start, and zero for the increment."""
+    """Gather the last increment; before the first increment of a step its start, and zero for the increment."""
     if motion.increment.control[0] == FROM_START:
         gather_lanes(motion.q, tables.nodes, no, 12, scratch, lo, TWELVE)
         clear_lanes(scratch, lo + 96, 96)
@@ -178,7 +180,7 @@ def gather_increment_to_end(dofs, motion, tables, no, scratch, end, lo):
 
 @generic
 def put_planar_before(off, scratch, tables, no, lo, position, step):
-    """`put_before` in a plane."""
+    """Run `put_before` in a plane."""
 
 
 @put_planar_before.register(NoTies)

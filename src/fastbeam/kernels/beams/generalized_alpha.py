@@ -25,7 +25,7 @@ NOW, END, KEPT = 0, 3, 6     # first of three rows of `rates`: velocity, its rat
 
 
 class Alpha(NamedTuple):
-    """What these methods carry from step to step besides the state."""
+    """Data that these methods carry from step to step besides the state."""
 
     parameters: np.ndarray   # float64 [4]: alpha_m, alpha_f, beta, gamma
     rates: np.ndarray        # float64 [9 * 6 N]: velocity and spin, their rates, the method's acceleration: now, end, kept
@@ -36,7 +36,7 @@ class Alpha(NamedTuple):
 
 @kernel
 def rotation_vector(t):
-    """psi of a Cayley vector."""
+    """Return psi of a Cayley vector."""
     x = 0.5 * np.sqrt(dot(t, t))
     c = np.arctan(x) / x if x > 1e-3 else 1.0 - x * x / 3.0 + x**4 / 5.0
     return c * t
@@ -44,7 +44,7 @@ def rotation_vector(t):
 
 @kernel
 def turn_rate(psi, w):
-    """d psi for a spin w of the end: (I - 1/2 psi^ + c psi^ psi^) w."""
+    """Return d psi for a spin w of the end: (I - 1/2 psi^ + c psi^ psi^) w."""
     n = dot(psi, psi)
     c = 1.0 / 12.0 + n / 720.0
     if n > 1e-3:
@@ -56,7 +56,7 @@ def turn_rate(psi, w):
 
 @kernel
 def director_rate(alpha, i, d, psi, unit):
-    """Derivative of d'' = w' x d + w x (w x d) by the spin `unit` of the end, times a half."""
+    """Return half the derivative of d'' = w' x d + w x (w x d) by the spin `unit` of the end."""
     m = alpha.rates.shape[0] // 9
     w = ld3(alpha.rates, END * m + 6 * i + 3, 1)
     dw = ld3(alpha.rates, (END + 1) * m + 6 * i + 3, 1)
@@ -69,7 +69,7 @@ def director_rate(alpha, i, d, psi, unit):
 
 @kernel
 def end_rate(alpha, o, move, h):
-    """Velocity, its rate and the method's acceleration at the end for the displacement `move` of the step."""
+    """Form velocity, its rate and the method's acceleration at the end for the displacement `move` of the step."""
     am = alpha.parameters[0]
     af = alpha.parameters[1]
     beta = alpha.parameters[2]
@@ -86,7 +86,7 @@ def end_rate(alpha, o, move, h):
 
 @kernel
 def spread_end(alpha, q, dphi, theta, h, q_mid_out, q_end_out, u_out):
-    """Coordinates at the end (twice), their second time derivatives u, and the derivatives of those by the spins."""
+    """Form coordinates at the end (twice), their second time derivatives u, and the derivatives of those by the spins."""
     am = alpha.parameters[0]
     af = alpha.parameters[1]
     beta = alpha.parameters[2]
@@ -111,7 +111,7 @@ def spread_end(alpha, q, dphi, theta, h, q_mid_out, q_end_out, u_out):
 
 @kernel
 def second_rates(alpha, row, q, u_out):
-    """q'' from the rates in rows `row` and `row` + 1."""
+    """Form q'' from the rates in rows `row` and `row` + 1."""
     m = alpha.rates.shape[0] // 9
     for i in range(q.shape[0] // 12):
         st3(u_out, 12 * i, 1, ld3(alpha.rates, (row + 1) * m + 6 * i, 1))
@@ -124,7 +124,7 @@ def second_rates(alpha, row, q, u_out):
 
 @kernel
 def add_body_rates(alpha, bodies, k, q_end, theta, blocks_out):
-    """Tangent of the inertia of one body."""
+    """Add the tangent of the inertia of one body."""
     i = bodies.node[k]
     psi = rotation_vector(ld3(theta, 3 * i, 1))
     ko = 48 * bodies.block[k]
@@ -183,14 +183,14 @@ def restore_rates(alpha):
 @spread_nodes.register(Space, Alpha)
 @kernel
 def spread_to_end(dofs, alpha, state, work, h, first, last):
-    """All nodes, whichever are asked for."""
+    """Update all nodes, whatever `first` and `last` are."""
     spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
 
 
 @advance_nodes.register(Space, Alpha)
 @kernel
 def advance_alpha(dofs, alpha, state, work, h, first, last, scratch):
-    """All nodes, whichever are asked for."""
+    """Advance all nodes, whatever `first` and `last` are."""
     spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
     finish_alpha(alpha, work.q_end, state.q, state.v)
 
@@ -198,7 +198,7 @@ def advance_alpha(dofs, alpha, state, work, h, first, last, scratch):
 @scale_residual.register(Alpha)
 @kernel
 def halve_residual(alpha, system):
-    """Half the residual, because the element loop returns half the tangent; solutions stored of inner nodes are whole ones."""
+    """Halve the residual, because the element loop returns half the tangent; solutions stored of inner nodes are whole ones."""
     halve(system.work.r)
 
 

@@ -31,7 +31,7 @@ def forms(strains, scratch, z, eo):
 
 @kernel
 def form_changes(scratch, z, x, eo):
-    """Derivatives of the forms at z along x."""
+    """Form derivatives of the forms at z along x."""
     f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     g = vld3(scratch, x, 8); x2 = vld3(scratch, x + 48, 8); x3 = vld3(scratch, x + 72, 8)
@@ -87,7 +87,7 @@ def state(strains, f, d, k, out):
 @form_stresses.register(GreenLagrange)
 @kernel
 def stresses_of_forms(strains, scratch, ao, so):
-    """Nothing to do: strains (2.1) are the quadratic forms themselves, so sbar = Sbar in (4.7)."""
+    """Do nothing: strains (2.1) are the quadratic forms themselves, so sbar = Sbar in (4.7)."""
 
 
 @add_stresses.register(GreenLagrange)
@@ -111,7 +111,7 @@ def forces(strains, constants, to, nn, scratch, z, so, fo):
 @add_director_forces.register(GreenLagrange)
 @kernel
 def director_forces(strains, constants, to, nn, scratch, z, so, fo):
-    """The force on director i of a node is dir x_i + dir_s y_i, with the same x_i, y_i for all nodes."""
+    """Add forces on directors: dir x_i + dir_s y_i on director i of a node, with the same x_i, y_i for all nodes."""
     f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     s4 = 0.5 * vld(scratch, so + 24, 0)
@@ -129,7 +129,7 @@ def director_forces(strains, constants, to, nn, scratch, z, so, fo):
 # --- stiffness of a point -----------------------------------------------------------------------------------------------
 @kernel
 def strain_rows(scratch, z, q, n, dn, out):
-    """Derivatives of the strains (2.1) by the spin of one node: vectors b_i (delta E_i = b_i . delta_phi)."""
+    """Form derivatives of the strains (2.1) by the spin of one node: vectors b_i (delta E_i = b_i . delta_phi)."""
     f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
@@ -148,7 +148,7 @@ def strain_rows(scratch, z, q, n, dn, out):
 
 @kernel
 def position_rows(scratch, z, out):
-    """Derivatives of the strains (2.1) by phi': six vectors."""
+    """Form derivatives of the strains (2.1) by phi': six vectors."""
     vst3(scratch, out, 8, vld3(scratch, z, 8))
     vst3(scratch, out + 24, 8, vld3(scratch, z + 48, 8))
     vst3(scratch, out + 48, 8, vld3(scratch, z + 72, 8))
@@ -159,7 +159,7 @@ def position_rows(scratch, z, out):
 
 @kernel
 def multiply_rows(law, constants, half_w, coupled, scratch, rows, out):
-    """half_w times C, or C + 2 D/h, times six vectors."""
+    """Form half_w times C, or C + 2 D/h, times six vectors."""
     for i in range(6):
         j0 = 0 if coupled else i
         j1 = 6 if coupled else i + 1
@@ -172,7 +172,7 @@ def multiply_rows(law, constants, half_w, coupled, scratch, rows, out):
 @point_stiffness.register(GreenLagrange)
 @kernel
 def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
-    """Rows b_i are derivatives of the strains (2.1) by the spin of a node."""
+    """Form the stiffness of a point; rows b_i are derivatives of the strains (2.1) by the spin of a node."""
     z_mid = at.blocks + MIDDLE
     z_end = at.blocks + columns
     # rows of the end of one node, stiffness times rows of the positions, their rows in the middle
@@ -206,7 +206,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
 # --- pairs of nodes -----------------------------------------------------------------------------------------------------
 @kernel
 def sum_one(constants, scratch, at, a, b, o):
-    """Two sums for the forces between positions and directors, and one for the twist."""
+    """Form two sums for the forces between positions and directors, and one for the twist."""
     g2 = vzero(); g3 = vzero(); e4 = vzero()
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8
@@ -231,7 +231,7 @@ def sums_of_pair(strains, constants, scratch, at, a, b):
 @add_geometric.register(GreenLagrange)
 @kernel
 def geometric(strains, krr, scratch, qa, qb, sums, m2, m3):
-    """sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, the inertia diagonal."""
+    """Return krr + sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, the inertia diagonal."""
     a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
     b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
     q4 = 0.25 * vld(scratch, sums + TWIST, 0)

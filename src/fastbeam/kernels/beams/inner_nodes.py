@@ -29,14 +29,14 @@ PIVOT = 1e-13        # a pivot below this share of its diagonal entry counts as 
 
 
 class NoInner(NamedTuple):
-    """Elements whose inner nodes are not eliminated."""
+    """Placeholder for elements whose inner nodes are not eliminated."""
 
 
 class NoColumns(NamedTuple):
-    """In place of `Inner.rhs` in a scene without sliders, which have no border columns to eliminate."""
+    """Placeholder for `Inner.rhs` in a scene without sliders, which has no border columns to eliminate."""
 
 
-# columns of `Inner.where`: where the lane of an element begins in the store, its inner nodes, where its rows begin
+# columns of `Inner.where`: offset of the lane of an element in the store, its inner nodes, offset of its rows
 PLACE, INNER_NODES, ROWS = range(3)
 
 
@@ -50,41 +50,42 @@ class Inner(NamedTuple):
     rows: np.ndarray      # int64 [*]: rows of the nodes of every element, first to last
     element: np.ndarray   # int64 [inner nodes]: element of every row from the first inner row on
     mark: np.ndarray      # int64 [E]: elements that a slider touches, in use
-    found: np.ndarray     # int64 [E]: list of those
+    found: np.ndarray     # int64 [E]: list of these elements
     first: np.ndarray     # int64 [1]: first inner row
     state: np.ndarray     # float64 [1]: 0 where a group was singular
 
 
 def store_size(nn: int, columns: bool, n: int = 6, with_y: int = 1) -> int:
-    """Doubles of a group in `store` for n unknowns per node, where columns follow or not; with_y: as in `short_store`."""
+    """Return the doubles of a group in `store` for n unknowns per node, where columns follow or not; with_y: as in
+    `short_store`."""
     return sum(8 * n * n * (1 + 2 * (nn - i)) if columns else 8 * n * (n * (nn - i) + with_y) for i in range(1, nn - 1))
 
 
 @kernel
 def short_store(nn, n, with_y):
-    """The same without columns; with_y: 1 where y_i stand there, 0 where they do not."""
+    """Return the doubles of a group in `store` without columns; with_y: 1 where y_i stand there, 0 where they do not."""
     doubles = 0
     for i in range(1, nn - 1):
         doubles += 8 * n * (n * (nn - i) + with_y)
     return doubles
 
 
-# --- what is kept of an elimination -------------------------------------------------------------------------------------
+# --- kept results of an elimination -------------------------------------------------------------------------------------
 class Short(NamedTuple):
-    """U_ij of every other node, then y_i."""
+    """Kept results of an elimination: U_ij of every other node, then y_i."""
 
-    r: np.ndarray      # float64 [8 rows]: residual, with what loads put there
+    r: np.ndarray      # float64 [8 rows]: residual, with the loads
 
 
 class WithColumns(NamedTuple):
-    """Factors, then U_ij, K_ji of every other node; y_i by rows."""
+    """Kept results of an elimination: factors, then U_ij, K_ji of every other node; y_i by rows."""
 
     r: np.ndarray      # float64 [8 rows]
     rhs: np.ndarray    # float64 [8 rows]: takes y_i
 
 
 class Condensed(NamedTuple):
-    """U_ij of every other node; y_i by rows. Nothing but loads acts on the nodes."""
+    """Kept results of an elimination: U_ij of every other node; y_i by rows. Only loads act on the nodes."""
 
     loads: np.ndarray  # float64 [8 rows]
     x: np.ndarray      # float64 [8 rows]: takes y_i
@@ -92,17 +93,17 @@ class Condensed(NamedTuple):
 
 @generic
 def clear_rhs(rhs):
-    """Zero, where there is any."""
+    """Set rhs to zero, if the scene has it."""
 
 
 @generic
 def halve_rhs(rhs):
-    """Half of everything, where there is any."""
+    """Halve rhs, if the scene has it."""
 
 
 @generic
 def kept(rhs, r):
-    """What `eliminate_inner` keeps of nodes whose residual stands in r."""
+    """Return the record of results that `eliminate_inner` keeps for nodes whose residual stands in r."""
 
 
 @clear_rhs.register(NoColumns)
@@ -139,13 +140,13 @@ def keep_columns(rhs, r):
 
 @generic
 def take_loads(keep, tables, at, scratch, ro, temporary, dofs):
-    """Add what loads and sliders do to 8 nodes to their residual at ro."""
+    """Add forces of loads and sliders on 8 nodes to their residual at ro."""
 
 
 @generic
 def place(keep, store, d, scratch, temporary, block):
-    """Where the elimination of a node keeps its results, from d on in `store`: (array and offset of the factors of K_ii, offset
-    of U_ij of the first other node j, distance to the next)."""
+    """Return the places of the results of the elimination of a node, from d on in `store`: (array and offset of the factors of
+    K_ii, offset of U_ij of the first other node j, distance to the next)."""
 
 
 @generic
@@ -155,13 +156,13 @@ def keep_lower(keep, scratch, low, store, d, block):
 
 @generic
 def keep_solution(keep, scratch, y, tables, at, store, d, dofs):
-    """Keep y_i of 8 nodes. Returns where the next node begins in `store`."""
+    """Keep y_i of 8 nodes; return the offset of the next node in `store`."""
 
 
 @take_loads.register(object)
 @inlined
 def take_rows(keep, tables, at, scratch, ro, temporary, dofs):
-    """Add the residual at ro to its rows, where loads and sliders have put theirs, and fetch the sum."""
+    """Add the residual at ro to its rows, which hold those of loads and sliders, and fetch the sum."""
     scatter_rows(scratch, ro, tables.rows, at, 8, 0, keep.r, dofs)
     gather_lanes(keep.r, tables.rows, at, 8, scratch, ro, dofs)
 
@@ -265,7 +266,7 @@ def eliminate_inner(keep, store, io, tables, no, nn, scratch, ro, ko, temporary,
 
 @generic
 def eliminate_group(inner, tables, k, at, scratch, r_out, dofs):
-    """Eliminate the inner nodes of group k where its tables say so. Returns the distance of the nodes that are left."""
+    """Eliminate the inner nodes of group k if its tables say so; return the distance of the remaining nodes."""
 
 
 @eliminate_group.register(NoInner)
@@ -320,7 +321,7 @@ def eliminate_columns(inner, contact, panel, width, dofs):
 
 @kernel
 def put_inner_rhs(inner, panel, width, dofs):
-    """y of the inner rows into column 0 of the panel."""
+    """Store y of the inner rows in column 0 of the panel."""
     n = len(dofs)
     for i in range(inner.first[0], panel.shape[0] // (n * width)):
         for c in range(n):
@@ -329,17 +330,17 @@ def put_inner_rhs(inner, panel, width, dofs):
 
 @kernel
 def take_scaled(source, offset, factor, target, to, n):
-    """factor times n lanes, from source [*] to target [*]."""
+    """Store factor times n lanes, from source [*] in target [*]."""
     for c in range(0, 8 * n, 8):
         vst(target, to + c, 0, factor * vld(source, offset + c, 0))
 
 
 class InStore(NamedTuple):
-    """y_i stand behind U_ij."""
+    """Marker: y_i stand behind U_ij."""
 
 
 class InRows(NamedTuple):
-    """y_i stand in the rows of increments."""
+    """Marker: y_i stand in the rows of increments."""
 
 
 IN_STORE, IN_ROWS = InStore(), InRows()
@@ -347,7 +348,7 @@ IN_STORE, IN_ROWS = InStore(), InRows()
 
 @generic
 def take_solution(where, store, end, tables, at, factor, scratch, xi, x, dofs):
-    """factor times y_i of 8 nodes into lanes at xi. Returns where U_ij end in `store`."""
+    """Store factor times y_i of 8 nodes in lanes at xi; return the end of U_ij in `store`."""
 
 
 @take_solution.register(InStore)
@@ -367,8 +368,8 @@ def take_from_rows(where, store, end, tables, at, factor, scratch, xi, x, dofs):
 
 @kernel
 def recover_group(where, store, end, nn, tables, no, factor, scratch, xo, x_out, dofs):
-    """Increments of the inner nodes of 8 elements, from those of the end nodes: nn nodes in lanes from xo on. end: where what was
-    stored of them ends; where: InStore or InRows; factor: increment per solution."""
+    """Recover increments of the inner nodes of 8 elements from those of the end nodes: nn nodes in lanes from xo on. end: end of
+    their stored numbers; where: InStore or InRows; factor: increment per solution."""
     n = len(dofs)
     column = 8 * n
     block = column * n
@@ -384,7 +385,8 @@ def recover_group(where, store, end, nn, tables, no, factor, scratch, xo, x_out,
 
 @generic
 def recover_rows(inner, tables, factor, x_out, scratch, dofs):
-    """Increments of all inner nodes of elements with one strain set from those of the end nodes, in a scene without sliders."""
+    """Recover increments of all inner nodes of elements with one strain set from those of the end nodes, in a scene without
+    sliders."""
 
 
 @recover_rows.register(NoInner)
@@ -409,7 +411,7 @@ def recover_inner_rows(inner, tables, factor, x_out, scratch, dofs):
 
 @kernel
 def recover_inner(inner, panel, width, dofs):
-    """Solutions of the inner rows of the panel from those of the end nodes, all columns."""
+    """Recover solutions of the inner rows of the panel from those of the end nodes, all columns."""
     n = len(dofs)
     block = 8 * n * n
     for e in range(inner.where.shape[0]):

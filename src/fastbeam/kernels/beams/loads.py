@@ -11,7 +11,7 @@ from fastbeam.kernels.terms import account
 
 
 class LoadWork(NamedTuple):
-    """The term that adds the work of all loads and of gravity to `State.history`."""
+    """Term that adds the work of all loads and of gravity to `State.history`."""
 
     node: np.ndarray    # int64 [rows]: a node that has the row
     place: np.ndarray   # int64 [1]: where the work stands in the history
@@ -20,7 +20,7 @@ class LoadWork(NamedTuple):
 @account.register(LoadWork)
 @kernel
 def account_loads(term, system, h):
-    """f . Dphi + m . theta, which is what the step is tested with (theory.md 4)."""
+    """Record the work f . Dphi + m . theta of the loads, as of the forces in the equations of the step (theory.md 4)."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     spins = len(dofs) - d

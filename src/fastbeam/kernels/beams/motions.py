@@ -1,4 +1,4 @@
-"""How nodes move in what the element loops evaluate, by method: a named tuple of arrays for each.
+"""Motion of nodes in the element loops, by method: a named tuple of arrays for each.
 
 `method` is a named tuple without items, by which the operations below choose: that of terms.py, or `AtEnd` for generalised alpha.
 
@@ -18,14 +18,14 @@ from fastbeam.kernels.terms import AtRest, Conserving, Equilibrium, Midpoint
 
 
 class AtEnd(NamedTuple):
-    """Everything at the end of the step, theory.md 7."""
+    """Method that evaluates everything at the end of the step, theory.md 7."""
 
 
 AT_END = AtEnd()
 
 
 class OverStep(NamedTuple):
-    """A step from q by dphi and increment.theta: the conserving step and the midpoint rule."""
+    """Step from q by dphi and increment.theta: the conserving step and the midpoint rule."""
 
     method: Any
     q: np.ndarray          # float64 [12 N], in a plane [4 N]: at the start of the step
@@ -37,19 +37,19 @@ class OverStep(NamedTuple):
 
 
 class ToEnd(NamedTuple):
-    """The end of a step of generalised alpha."""
+    """End of a step of generalised alpha."""
 
     method: Any
     q: np.ndarray          # float64 [12 N]: at the start of the step
     dphi: np.ndarray       # float64 [3 N]
     u: np.ndarray          # float64 [12 N]: second rates at the end
-    spin_rate: np.ndarray  # float64 [18 N]: derivatives of those of d2, d3 by the spins
+    spin_rate: np.ndarray  # float64 [18 N]: derivatives of second rates of d2, d3 by the spins
     increment: LastIncrement
     mass_factor: float     # half of d(second rates)/d(displacements), as the tangent is halved
 
 
 class Resting(NamedTuple):
-    """A shape with given second rates."""
+    """Shape with given second rates."""
 
     method: Any
     q: np.ndarray          # float64 [12 N]
@@ -59,7 +59,7 @@ class Resting(NamedTuple):
 
 
 class Still(NamedTuple):
-    """A shape in equilibrium."""
+    """Shape in equilibrium."""
 
     method: Any
     q: np.ndarray          # float64 [12 N], in a plane [4 N]
@@ -69,7 +69,7 @@ class Still(NamedTuple):
 
 @generic
 def motion(method, state, work, h):
-    """The motion that a method evaluates."""
+    """Return the motion that a method evaluates."""
 
 
 @motion.register(Conserving)
@@ -100,60 +100,61 @@ def no_motion(method, state, work, h):
 # --- asked of a motion --------------------------------------------------------------------------------------------------
 @generic
 def gather_ends(dofs, motion, tables, no, scratch, qo, uo):
-    """Coordinates of 8 nodes in the middle and at the end of the step into lanes from qo on, and their second rates at uo."""
+    """Gather coordinates of 8 nodes in the middle and at the end of the step into lanes from qo on, and their second rates at
+    uo."""
 
 
 @generic
 def gather_increment(dofs, motion, tables, no, scratch, end, lo):
-    """The shape z and the increment x of theory.md (4.6): coordinates of 8 nodes before the last increment into lanes from lo on
-    and, behind them, that increment, from their coordinates at `end`."""
+    """Gather the shape z and the increment x of theory.md (4.6): coordinates of 8 nodes before the last increment into lanes from
+    lo on and, behind them, that increment, from their coordinates at `end`."""
 
 
 @generic
 def gather_spin_rates(motion, tables, no, nn, scratch, at):
-    """Derivatives of second rates by spins into lanes."""
+    """Gather derivatives of second rates by spins into lanes."""
 
 
 @generic
 def needs_increment(motion):
-    """Whether the last increment has to be gathered. Before the first increment of a step there is none, and the shape at the
-    start follows from those in the middle and at the end."""
+    """Return whether the last increment has to be gathered. Before the first increment of a step there is none, and the shape at
+    the start follows from those in the middle and at the end."""
 
 
 # --- asked of a method --------------------------------------------------------------------------------------------------
 @generic
 def add_inertia(method, constants, scratch, at, dofs):
-    """M u on the coordinates of every node."""
+    """Add M u on the coordinates of every node."""
 
 
 @generic
 def put_forms(method, strains, scratch, zo):
-    """Quadratic forms of the two shapes whose strains are averaged, the first at STRAINS, the second at the offset that is
-    returned: start and end of a step, twice the middle for the midpoint rule."""
+    """Form the quadratic forms of the two shapes whose strains are averaged, the first at STRAINS, the second at the offset that
+    is returned: start and end of a step, twice the middle for the midpoint rule."""
 
 
 @generic
 def columns(method):
-    """z of the shape to which the columns of the tangent belong: MIDDLE or END."""
+    """Return the offset of z of the shape to which the columns of the tangent belong: MIDDLE or END."""
 
 
 @generic
 def increment_of_tangent(method, scratch, zo, gathered):
-    """BEFORE and STEP for the shape of `columns`: the shape before the last increment, and that increment. Returns whether there
-    is one."""
+    """Form BEFORE and STEP for the shape of `columns`: the shape before the last increment, and that increment. Return whether
+    there is one."""
 
 
 @generic
 def share_of_end(method):
-    """Derivative of the strains that make the stresses by those of the shape of `columns`: 1/2 where they are means over a
-    step."""
+    """Return the derivative of the strains that make the stresses by those of the shape of `columns`: 1/2 if they are means over
+    a step."""
 
 
 @generic
 def pair_mass_factor(method, mass_factor):
-    """Factor of the mass matrix in the tangent; 0 where `add_spin_rates` adds the tangent of inertia."""
+    """Return the factor of the mass matrix in the tangent; 0 if `add_spin_rates` adds the tangent of inertia."""
 
 
 @generic
 def add_spin_rates(method, constants, scratch, at, mass_factor):
-    """The tangent of the inertia forces for methods where it is not a multiple of the mass matrix (generalised alpha)."""
+    """Add the tangent of the inertia forces for methods in which it is not a multiple of the mass matrix (generalised alpha)."""

@@ -1,6 +1,8 @@
-"""Supports that move as functions of time (theory.md 4, (4.11)): their increments in a step are known, and the work of their
-reactions is booked. Two terms share the arrays: the first guess comes before that of tied nodes, reactions are what stands in the
-rows of the nodes before supports clear them.
+"""Supports that move as functions of time (theory.md 4, (4.11)), with known increments in a step, and the work of their
+reactions.
+
+Two terms share the arrays: the first guess comes before that of tied nodes; reactions are read from the rows of the nodes before
+supports clear them.
 
 Arrays: r [8 (rows + 1)]; dphi, theta [3 N], in a plane [2 N], [N].
 """
@@ -15,21 +17,21 @@ from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.state import CHANGED
 from fastbeam.kernels.terms import account, assemble, first_guess, is_settled, put_loads
 
-# iterations that have to be asked whether a step may end: the last one evaluates reactions at the end of the step
+# least number of calls that ask whether a step may end: the last iteration evaluates reactions at the end of the step
 ASKED = 2
-# they are asked again while the work of reactions is expected to change by more than this share of it: where increments converge
-# slowly, over the kink of a rope that becomes slack, one iteration is not enough. So often at most, and in so many iterations
+# iterations go on while the work of reactions is expected to change by more than this share of it: if increments converge
+# slowly, over the kink of a rope that becomes slack, one iteration is not enough. Most calls, and most iterations, for that
 CHANGES, MOST_ASKED, MOST_ITERATIONS = 1e-13, 6, 24.0
 
 
 class Prescribed(NamedTuple):
-    """M motions of n nodes; more than one node has the same where they share a row."""
+    """M prescribed motions of n nodes; nodes that share a row have the same motion."""
 
     node: np.ndarray      # int64 [n]
-    motion: np.ndarray    # int64 [n]: of every node
+    motion: np.ndarray    # int64 [n]: number of the motion of every node
     mask: np.ndarray      # int64 [M]: bit c set, unknown c is prescribed
     row: np.ndarray       # int64 [M]
-    place: np.ndarray     # int64 [M]: of the work in `State.history`
+    place: np.ndarray     # int64 [M]: offset of the work in `State.history`
     given: np.ndarray     # float64 [M, 6], in a plane [M, 3]: increments of the step, position, m, and Cayley vector
     reaction: np.ndarray  # float64 [M, 6], in a plane [M, 3]: forces, N, and moments, N m, on the nodes
     asked: np.ndarray     # int64 [1]: how often this step was asked whether it is done
@@ -37,7 +39,7 @@ class Prescribed(NamedTuple):
 
 
 class MovedRows(NamedTuple):
-    """The same arrays behind ties: the rows of these nodes hold their reactions there."""
+    """Reactions of `Prescribed` motions, a term behind the ties, when the rows of these nodes hold them."""
 
     of: Prescribed
 
@@ -61,7 +63,7 @@ def put_increments(term, system, k):
 @first_guess.register(Prescribed)
 @kernel
 def move_supports(term, system, h, c):
-    """What no increment of an iteration changes, because the unknowns are held."""
+    """Set the prescribed increments, which no iteration changes, because the unknowns are fixed."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     spins = len(dofs) - d
@@ -91,7 +93,7 @@ def take_reactions(term, method, system, h):
 
 @kernel
 def work_of_reactions(of, system):
-    """Of all of them in the step, J."""
+    """Return the work of all reactions in the step, J."""
     total = 0.0
     for m in range(of.row.shape[0]):
         for c in range(len(system.dofs)):
@@ -103,9 +105,9 @@ def work_of_reactions(of, system):
 @is_settled.register(MovedRows)
 @kernel
 def reactions_are_those_of_the_end(term, system):
-    """One more iteration: reactions are those before the last increment. More where their work still changes: the next change of
-    an iteration that squares its errors is the last one times the square of their ratio. Where friction changes its law, this
-    begins anew."""
+    """Ask for one more iteration, because reactions are those before the last increment, and for more while their work changes.
+    The next change of an iteration that squares its errors is the last one times the square of their ratio. A change of the
+    friction law starts this anew."""
     of = term.of
     if system.work.increment.control[CHANGED] != 0.0:
         system.work.increment.control[CHANGED] = 0.0

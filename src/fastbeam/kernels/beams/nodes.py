@@ -47,7 +47,7 @@ class Held(NamedTuple):
 
 
 class NoHeld(NamedTuple):
-    """Of a scene without supports."""
+    """Placeholder for a scene without supports."""
 
 
 # doubles of scratch that `update_nodes` and `advance` need
@@ -56,14 +56,14 @@ NODES_SCRATCH = 240
 
 @kernel
 def turn_of(theta, i):
-    """Cayley vector of node i in this step, and the factor of `cayley.director_increment`."""
+    """Return the Cayley vector of node i in this step, and the factor of `cayley.director_increment`."""
     t = ld3(theta, 3 * i, 1)
     return t, 1.0 / (1.0 + 0.25 * dot(t, t))
 
 
 @inlined
 def is_zero(blocks, o, rows):
-    """Whether so many rows of 8 from o on are zero, as the blocks of points of bodies are that have nothing but joints."""
+    """Return whether `rows` rows of 8 from o on are zero, like the blocks of points of bodies that have only joints."""
     x = vld(blocks, o, 0)
     squares = x * x
     for i in range(o + 8, o + 8 * rows, 8):
@@ -74,8 +74,8 @@ def is_zero(blocks, o, rows):
 
 @kernel
 def extrapolation(past, h):
-    """Factor c of the first guess w1 + c (w1 - w2), which extrapolates the mean rates w1, w2 of the last two steps by the times
-    of their middles. 0 where only one step is known or is to be used, or c would be large; NaN where no step is known."""
+    """Return the factor c of the first guess w1 + c (w1 - w2), which extrapolates the mean rates w1, w2 of the last two steps by
+    the times of their middles. 0 if only one step is known or is to be used, or c would be large; NaN if no step is known."""
     if past[0] == 0.0:
         return np.nan
     if past[0] == 1.0 or past[3] == 0.0:
@@ -86,8 +86,8 @@ def extrapolation(past, h):
 
 @kernel
 def predict_from(past, o, share, c, h, first, last, x):
-    """Increments from the mean rates of two steps, for the numbers from `first` to before `last`: the newest are `share` times
-    the increments of the last step and move to `past`; where share is 0 they stand there, and are all that is known."""
+    """Predict increments from the mean rates of two steps, for the numbers from `first` to before `last`: the newest are `share`
+    times the increments of the last step and move to `past`; where share is 0 they stand there, and are all that is known."""
     k = first
     if share != 0.0:
         while k + 8 <= last:
@@ -107,7 +107,7 @@ def predict_from(past, o, share, c, h, first, last, x):
 
 @separate
 def predict(q, v, h, c, past, held_theta, first, last, theta, dphi):
-    """First guess of a step from the mean rates of the last two (`extrapolation` c), for the nodes from `first` to before `last`;
+    """Predict a step from the mean rates of the last two (`extrapolation` c), for the nodes from `first` to before `last`;
     past[3]: size of the step whose increments stand in dphi and theta, 0 where those are no rates. Where c is NaN positions move
     on and triads spin on with omega = 1/2 sum d_i x v_i."""
     if c == c:
@@ -127,11 +127,11 @@ def predict(q, v, h, c, past, held_theta, first, last, theta, dphi):
 
 @kernel
 def remember(s, s_end, force, d, h, past):
-    """A step of size h has converged: its increments are the newest rates; contact forces have d components.
+    """Record the increments of a converged step of size h as the newest rates; contact forces have d components.
 
     past: how many rates are known, times of their middles from now on, size of the step whose increments are the newest of the
-    nodes or 0; s and force of every slider, newest and older; of the nodes the older, those of positions, then Cayley vectors;
-    size of the first increment of the last step."""
+    nodes or 0; s and force of every slider, newest and older; older increments of the nodes, positions, then Cayley vectors; size
+    of the first increment of the last step."""
     past[2] = past[1] - h
     past[1] = -0.5 * h
     past[0] = min(past[0] + 1.0, 2.0)
@@ -149,7 +149,7 @@ def remember(s, s_end, force, d, h, past):
 
 @kernel
 def spread_vector(q, v, move, h, k, q_mid_out, q_end_out, u_out):
-    """Mid, end and second rate 2/h^2 (dq - h v) of one vector of a node from its increment."""
+    """Form mid, end and second rate 2/h^2 (dq - h v) of one vector of a node from its increment."""
     x = ld3(q, k, 1)
     st3(q_mid_out, k, 1, x + 0.5 * move)
     st3(q_end_out, k, 1, x + move)
@@ -159,7 +159,8 @@ def spread_vector(q, v, move, h, k, q_mid_out, q_end_out, u_out):
 
 @separate
 def spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out):
-    """Mid and end coordinates and second rates of the nodes from `first` to before `last`; arrays of length 0 are left out."""
+    """Form mid and end coordinates and second rates of the nodes from `first` to before `last`; arrays of length 0 are left
+    out."""
     if q_mid_out.shape[0] > 0:
         for i in range(first, last):
             t, c = turn_of(theta, i)
@@ -214,14 +215,14 @@ def update_nodes(row_of, x, first, last, theta, dphi, scratch):
 
 @kernel
 def larger(x, y):
-    """The larger of two numbers, NaN where one is."""
+    """Return the larger of two numbers, NaN if one is."""
     return x if x > y or x != x else y
 
 
 @separate
 def add_bodies(bodies, q_mid, q_end, u, mass_factor, r_out, blocks_out):
-    """Inertia of point masses and rigid bodies; the director form of the inertia of a body, same projection as a beam node.
-    mass_factor: 2/h^2, or 0 where the derivative of u is added elsewhere."""
+    """Add the inertia of point masses and rigid bodies; the director form of the inertia of a body, same projection as a beam
+    node. mass_factor: 2/h^2, or 0 if the derivative of u is added elsewhere."""
     for k in range(bodies.node.shape[0]):
         q = 12 * bodies.node[k]
         ro = 8 * bodies.row[k]
@@ -262,7 +263,7 @@ def add_bodies(bodies, q_mid, q_end, u, mass_factor, r_out, blocks_out):
 
 @separate
 def apply_held(held, r, blocks, dofs):
-    """Rows and columns of held unknowns become those of the identity."""
+    """Replace rows and columns of prescribed unknowns by those of the identity."""
     n = len(dofs)
     for k in range(held.block.shape[0]):
         o = 8 * n * held.block[k]
@@ -281,7 +282,7 @@ def apply_held(held, r, blocks, dofs):
 
 @kernel
 def clear_held(held, width, panel, dofs):
-    """Zero in all columns of held rows."""
+    """Set prescribed unknowns to zero in all columns."""
     n = len(dofs)
     for k in range(held.row.shape[0]):
         for c in range(n):
@@ -292,7 +293,7 @@ def clear_held(held, width, panel, dofs):
 
 
 class NoVelocities(NamedTuple):
-    """In place of velocities: statics changes only shapes."""
+    """Placeholder for velocities: statics changes only shapes."""
 
 
 NO_VELOCITIES = NoVelocities()
@@ -300,22 +301,22 @@ NO_VELOCITIES = NoVelocities()
 
 @generic
 def load_velocities(v, i, scratch):
-    """Rates of eight nodes from i on into lanes."""
+    """Load rates of eight nodes from i on into lanes."""
 
 
 @generic
 def accept(v, scratch, k, move, h):
-    """`advance` for a vector in lanes at k, whose rate stands 96 doubles behind."""
+    """Run `advance` for a vector in lanes at k, whose rate stands 96 doubles behind."""
 
 
 @generic
 def store_velocities(v, i, scratch):
-    """Rates of eight nodes from i on back from lanes."""
+    """Store rates of eight nodes from i on from lanes."""
 
 
 @generic
 def accept_one(v, q, k, move, h):
-    """`advance` for one vector of a node."""
+    """Run `advance` for one vector of a node."""
 
 
 @load_velocities.register(NoVelocities)
@@ -409,7 +410,7 @@ def spread_in_space(dofs, method, state, work, h, first, last):
 @spread_nodes.register(object, AtRest)
 @kernel
 def spread_at_rest(dofs, method, state, work, h, first, last):
-    """The middle and the end are the present shape."""
+    """Set middle and end to the present shape."""
     n = coordinates(dofs)
     for c in range(n * first, min(n * last, work.q_mid.shape[0])):
         work.q_mid[c] = state.q[c]

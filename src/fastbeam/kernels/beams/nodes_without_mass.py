@@ -1,8 +1,8 @@
 """Points without mass where beams cross, theory.md 5.10.
 
 Such a node has no stiffness and no inertia: its equations are the balance of the contact forces on it, which do not depend on its
-position. The solver, which eliminates nodes before forces, needs a pivot there. It gets that of a mass, in the tangent alone: so
-much of the last increment is missing from the balance, and an iteration that has converged leaves nothing of it.
+position. The solver, which eliminates nodes before forces, needs a pivot there. It gets that of a mass, in the tangent alone. The
+residual of the balance is then that mass times the last increment, and vanishes in an iteration that has converged.
 
 Arrays: q [12 N], in a plane [4 N].
 """
@@ -41,7 +41,7 @@ def hold_knots(knots, method, system, h):
 @is_settled.register(Knots)
 @kernel
 def knots_are_settled(knots, system):
-    """Whether the last increments leave nothing of the balance."""
+    """Return whether the last increments of the nodes without mass are round-off, so that their forces balance."""
     q, dofs = system.state.q, system.dofs
     for k in range(knots.node.shape[0]):
         p = coordinates(dofs) * knots.node[k]

@@ -1,8 +1,7 @@
-"""Points and pairs of nodes of beams in a plane: what element_loop.py and the strain sets compute in space, with 3 unknowns a
-node.
+"""Points and pairs of nodes of beams in a plane: element_loop.py and the strain sets with 3 unknowns a node.
 
-A node has 4 coordinates: its position x, y in the plane and the director u = d1 in it. The other director of the plane is
-J u, u turned by a right angle, the third is the constant normal. The strains that remain are (theory.md 10)
+A node has 4 coordinates: its position x, y in the plane and the director u = d1 in it. The other director of the plane is J u, u
+turned by a right angle, the third is the constant normal. The strains that remain are (theory.md 10)
 
     stretch  sqrt(f . f - shear^2)  or  1/2 f . f,     shear  u x f,     curvature  c u x u',  c = (3 - u . u)/2,  or  f x u'
     (f = phi', x: normal component)
@@ -33,7 +32,7 @@ from fastbeam.kernels.layout import (NODE_TABLE, PLANAR_MATRIX, PLANAR_NODE, PLA
 
 
 class Shape(NamedTuple):
-    """phi', u, u' at a point."""
+    """Shape of a beam at a point: phi', u, u'."""
 
     f: Any
     u: Any
@@ -41,7 +40,7 @@ class Shape(NamedTuple):
 
 
 class SimoData(NamedTuple):
-    """What derivatives of the strains (2.2) need: means, and values at the end."""
+    """Data for derivatives of the strains (2.2): means, and values at the end."""
 
     over: Any       # 1 / stretch, so that changes of mean strains are those of forms at the end
     over_end: Any
@@ -54,7 +53,7 @@ class SimoData(NamedTuple):
 
 
 class GreenData(NamedTuple):
-    """Strains (2.1) are quadratic forms: nothing."""
+    """Placeholder for data of strains (2.1), which are quadratic forms."""
 
 
 GREEN_DATA = GreenData()
@@ -78,14 +77,14 @@ class SimoSums(NamedTuple):
 
 
 class GreenSums(NamedTuple):
-    """The same of stresses (2.1), shear and curvature together."""
+    """Sums over the points of stresses (2.1) times products of basis functions, shear and curvature together."""
 
     shear: Any
     shear_reversed: Any
 
 
 class Shared(NamedTuple):
-    """Positions of two nodes against each other."""
+    """Stiffness block of the positions of two nodes."""
 
     t00: Any
     t10: Any
@@ -94,7 +93,7 @@ class Shared(NamedTuple):
 
 
 class PointForces(NamedTuple):
-    """Forces on a node: phi_s times `position`, dir times `director` plus dir_s times `slope`."""
+    """Forces of a point on a node: phi_s times `position`, dir times `director` plus dir_s times `slope`."""
 
     position: Any
     director: Any
@@ -103,7 +102,7 @@ class PointForces(NamedTuple):
 
 @inlined
 def planar_shapes(constants, to, nn, scratch, qo):
-    """Of the nodes from qo on, 64 doubles apart, and of those 32 doubles behind."""
+    """Return the `Shape` of the nodes from qo on, 64 doubles apart, and that of the coordinates 32 doubles behind."""
     f = vzero2(); u = vzero2(); k = vzero2(); fe = vzero2(); ue = vzero2(); ke = vzero2()
     for a in range(nn):
         t = to + 8 + NODE_TABLE * a
@@ -117,7 +116,7 @@ def planar_shapes(constants, to, nn, scratch, qo):
 
 @inlined
 def add_node_forces(constants, t, scratch, fo, forces):
-    """Forces of a point on the coordinates of a node; t: where its basis functions stand."""
+    """Add forces of a point on the coordinates of a node; t: offset of its basis functions."""
     vadd2(scratch, fo, 8, vld(constants, t, 0) * forces.position)
     vadd2(scratch, fo + 16, 8, vld(constants, t + 8, 0) * forces.director + vld(constants, t + 16, 0) * forces.slope)
 
@@ -170,7 +169,7 @@ def evaluate_point_in_plane(dofs, method, strains, constants, reference, g, scra
 
 @inlined
 def put_planar_node(scratch, b, rows, products, rotation_position, position_rotation):
-    """Rows, products and columns of a node at a point, for the pairs of nodes."""
+    """Store rows, products and columns of a node at a point, for the pairs of nodes."""
     vst(scratch, b + PLANAR_ROWS, 0, component0(rows)); vst(scratch, b + PLANAR_ROWS + 8, 0, component1(rows))
     vst(scratch, b + PLANAR_ROWS + 16, 0, component2(rows))
     vst(scratch, b + PLANAR_PRODUCTS, 0, component0(products)); vst(scratch, b + PLANAR_PRODUCTS + 8, 0, component1(products))
@@ -221,7 +220,7 @@ def simo_changes(strains, data, middle, step):
 @planar_form_stresses.register(SimoReissner)
 @inlined
 def simo_form_stresses(strains, data, s):
-    """Of the curvature it stays the moment."""
+    """Return stresses on the forms; that on the curvature form stays the moment."""
     n = data.over * component0(s)
     return triple(n, component1(s) - data.g * n, component2(s))
 
@@ -243,7 +242,8 @@ def simo_director_forces(strains, data, middle, s):
 @planar_point_stiffness.register(SimoReissner)
 @inlined
 def simo_stiffness(strains, data, middle, end, law, t, forces, constants, to, scratch, at, po):
-    """Rows are derivatives of the quadratic forms of shear, curvature and its factor, theory.md (4.8)."""
+    """Form the stiffness of a point; rows are derivatives of the quadratic forms of shear, curvature and its factor, theory.md
+    (4.8)."""
     f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
     n = data.over * component0(t)
     m = component2(t)
@@ -358,7 +358,7 @@ def green_director_forces(strains, data, middle, s):
 @planar_point_stiffness.register(GreenLagrange)
 @kernel
 def green_stiffness(strains, data, middle, end, law, t, forces, constants, to, scratch, at, po):
-    """Rows are derivatives of the strains (2.1) of theory.md."""
+    """Form the stiffness of a point; rows are derivatives of the strains (2.1) of theory.md."""
     f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
     n3 = vzero2() - perp(middle.k); n3e = vzero2() - perp(end.k)
     vst(scratch, po, 0, component0(t)); vst(scratch, po + 8, 0, component1(t)); vst(scratch, po + 16, 0, component2(t))
@@ -413,7 +413,7 @@ def green_geometric(strains, sums, ua, ub):
 @put_pairs.register(Plane)
 @inlined
 def put_planar_pairs(dofs, strains, constants, scratch, at, mass_factor):
-    """Blocks (a, b) and (b, a) share sums of stresses and the part of the positions."""
+    """Form the blocks of all pairs of nodes; blocks (a, b) and (b, a) share sums of stresses and the part of the positions."""
     for a in range(at.nn):
         for b in range(a, at.nn):
             shared, sums = planar_pair(strains, constants, scratch, at, a, b)
@@ -430,7 +430,7 @@ def basis_of_node(constants, t, a):
 
 @inlined
 def planar_pair(strains, constants, scratch, at, a, b):
-    """What the blocks of nodes a, b and b, a share, and sums of stresses."""
+    """Return the parts that the blocks of nodes a, b and b, a share, and sums of stresses."""
     t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
     sums = planar_no_sums.call(strains)
     for g in range(at.nq):
@@ -448,7 +448,7 @@ def planar_pair(strains, constants, scratch, at, a, b):
 
 @inlined
 def put_planar_block(strains, constants, scratch, at, a, b, mass_factor, shared, sums):
-    """The 3 x 3 block of nodes a, b."""
+    """Store the 3 x 3 block of nodes a, b."""
     rr = vzero(); rt = vzero2(); tr = vzero2()
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8

@@ -33,8 +33,8 @@ class PlanarBodies(NamedTuple):
 
 
 class PlanarTies(NamedTuple):
-    """Nodes that follow others; entries as in `ties.Ties`, with offsets and rotations as complex numbers: (a, b) stands for
-    a u + b J u of the target."""
+    """Tied nodes; entries as in `ties.Ties`, with offsets and rotations as complex numbers: (a, b) stands for a u + b J u of the
+    master."""
 
     slave: np.ndarray      # int64 [K]: node
     row: np.ndarray        # int64 [K]
@@ -49,7 +49,7 @@ class PlanarTies(NamedTuple):
 
 @kernel
 def planar_predict(q, v, h, c, past, held_theta, first, last, theta, dphi):
-    """As `nodes.predict`."""
+    """Predict a step in a plane, as `nodes.predict`."""
     if c == c:
         share = 1.0 / past[3] if past[3] != 0.0 else 0.0
         turns = past.shape[0] - 1 - theta.shape[0]
@@ -63,7 +63,7 @@ def planar_predict(q, v, h, c, past, held_theta, first, last, theta, dphi):
 
 @kernel
 def planar_spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out):
-    """As `nodes.spread`."""
+    """Form mid and end coordinates and second rates in a plane, as `nodes.spread`."""
     for i in range(first, min(last, q_mid_out.shape[0] // 4)):
         for k in range(4 * i, 4 * i + 4, 2):
             x = ld2(q, k, 1)
@@ -76,7 +76,7 @@ def planar_spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out
 
 @kernel
 def planar_update(row_of, x, first, last, theta, dphi):
-    """As `nodes.update_nodes`."""
+    """Add rows of increments in a plane, as `nodes.update_nodes`."""
     largest = 0.0
     spin = 0.0
     for i in range(first, last):
@@ -97,7 +97,7 @@ def planar_update(row_of, x, first, last, theta, dphi):
 
 @generic
 def follow_velocity(v, k, move, h):
-    """Rate of a vector after its increment."""
+    """Update the rate of a vector after its increment."""
 
 
 @follow_velocity.register(NoVelocities)
@@ -115,7 +115,7 @@ def follow_planar_velocity(v, k, move, h):
 
 @kernel
 def planar_advance(q, v, dphi, theta, h, first, last, scratch):
-    """As `nodes.advance`; scratch is not used."""
+    """Accept increments in a plane, as `nodes.advance`; scratch is not used."""
     for i in range(first, last):
         for k in range(4 * i, 4 * i + 4, 2):
             x = ld2(q, k, 1)
@@ -126,7 +126,7 @@ def planar_advance(q, v, dphi, theta, h, first, last, scratch):
 
 @kernel
 def add_planar_bodies(bodies, q_mid, q_end, u, mass_factor, r_out, blocks_out):
-    """Inertia of point masses and rigid bodies; mass_factor: 2/h^2."""
+    """Add the inertia of point masses and rigid bodies; mass_factor: 2/h^2."""
     for k in range(bodies.node.shape[0]):
         q = 4 * bodies.node[k]
         ro = 8 * bodies.row[k]
@@ -145,14 +145,14 @@ def add_planar_bodies(bodies, q_mid, q_end, u, mass_factor, r_out, blocks_out):
 
 @kernel
 def turned(ties, e, u):
-    """a u + b J u of an entry."""
+    """Return a u + b J u of an entry."""
     return ties.factor[2 * e] * u + ties.factor[2 * e + 1] * perp(u)
 
 
 @tied_arm.register(PlanarTies)
 @kernel
 def planar_arm(ties, e, q):
-    """Offset of an ARM."""
+    """Return the offset of an ARM."""
     return turned(ties, e, ld2(q, 4 * ties.target[e] + 2, 1))
 
 

@@ -1,5 +1,5 @@
-"""How stresses follow strains at a point: elastically, with the viscosity of Kelvin and Voigt (theory.md (2.5)), or with filters
-that dissipate high frequencies (6.2), as types that strain sets carry. In a plane stresses and strains are vectors of three, in
+"""Section laws, stresses of strains at a point, as types that strain sets carry: elastic, with the viscosity of Kelvin and Voigt
+(theory.md (2.5)), or with filters that dissipate high frequencies (6.2). In a plane stresses and strains are vectors of three, in
 space lanes in scratch.
 
 Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places.
@@ -16,29 +16,30 @@ from fastbeam.kernels.layout import HALF_CHANGE, VISCOSITY, VISCOSITY_IN_PLANE
 
 
 class Elastic(NamedTuple):
-    """S = C E."""
+    """Elastic law S = C E."""
 
 
 class KelvinVoigt(NamedTuple):
-    """S = C E + D E_t."""
+    """Viscoelastic law S = C E + D E_t."""
 
     rate: float     # 2/h of the step that is evaluated: D E_t is rate D (E_n+1 - E_n)/2
 
 
 class TangentOfKelvinVoigt(NamedTuple):
-    """Twice the change of the mean stress with the strain at the end of the step, S = (C + 2 D/h) E."""
+    """Law of the tangent, twice the change of the mean stress with the strain at the end of the step, S = (C + 2 D/h) E."""
 
     rate: float
 
 
 class Filtered(NamedTuple):
-    """S = C (E + more (E_n+1 - E_n)/2), theory.md (6.2); what the filters know before the step is in the reference strains."""
+    """Filtered law S = C (E + more (E_n+1 - E_n)/2), theory.md (6.2); the reference strains hold the filters' values before the
+    step."""
 
     more: float
 
 
 class TangentOfFiltered(NamedTuple):
-    """Twice the change of that mean stress with the strain at the end of the step."""
+    """Law of the tangent, twice the change of the mean stress of `Filtered` with the strain at the end of the step."""
 
     more: float
 
@@ -47,7 +48,7 @@ ELASTIC, KELVIN_VOIGT = Elastic(), KelvinVoigt(0.0)
 
 
 class Law(NamedTuple):
-    """Weight times a symmetric matrix at a point in a plane."""
+    """Symmetric matrix of a point in a plane, times its weight."""
 
     c00: Any
     c01: Any
@@ -59,7 +60,7 @@ class Law(NamedTuple):
 
 @generic
 def law_over(law, motion):
-    """The law in the step of a motion."""
+    """Return the law in the step of a motion."""
 
 
 @law_over.register(Elastic)
@@ -77,7 +78,7 @@ def viscous_law(law, motion):
 
 @generic
 def tangent_law(law):
-    """The law of stresses that only the tangent takes, theory.md (4.6), half of whose strains are at the end of the step."""
+    """Return the law of stresses in the tangent alone, theory.md (4.6), half of whose strains are at the end of the step."""
 
 
 @tangent_law.register(Elastic)
@@ -101,7 +102,7 @@ def filtered_tangent(law):
 # --- in space -----------------------------------------------------------------------------------------------------------
 @generic
 def put_half_change(law, scratch, e, start, end):
-    """Half the change of a strain behind its mean at e, where the law asks for it."""
+    """Store half the change of a strain behind its mean at e, if the law uses it."""
 
 
 @put_half_change.register(Elastic)
@@ -119,7 +120,8 @@ def put_change(law, scratch, e, start, end):
 
 @generic
 def stress_of(law, constants, k, scratch, e):
-    """What a strain at e, and half its change in the step at e + HALF_CHANGE, add to a stress; k: offset in C."""
+    """Return the contribution to a stress of a strain at e, and of half its change in the step at e + HALF_CHANGE; k: offset in
+    C."""
 
 
 @stress_of.register(Elastic)
@@ -155,7 +157,7 @@ def filtered_tangent_stress(law, constants, k, scratch, e):
 
 @generic
 def modulus(law, constants, k):
-    """Twice the derivative of the mean stress by a strain at the end of the step: C, or C + 2 D/h; k: offset in C."""
+    """Return twice the derivative of the mean stress by a strain at the end of the step: C, or C + 2 D/h; k: offset in C."""
 
 
 @modulus.register(Elastic)
@@ -179,7 +181,7 @@ def filtered_modulus(law, constants, k):
 # --- in a plane ---------------------------------------------------------------------------------------------------------
 @inlined
 def matrix_at(constants, to, k, factor):
-    """The law of the 3 x 3 matrix at offset k, for the point whose weight stands at `to`."""
+    """Return the law of the 3 x 3 matrix at offset k, for the point whose weight stands at `to`."""
     w = factor * vld(constants, to, 0)
     return Law(w * vld(constants, k, 0), w * vld(constants, k + 8, 0), w * vld(constants, k + 16, 0),
                w * vld(constants, k + 32, 0), w * vld(constants, k + 40, 0), w * vld(constants, k + 64, 0))
@@ -187,7 +189,7 @@ def matrix_at(constants, to, k, factor):
 
 @inlined
 def apply_law(law, e):
-    """Stresses of three strains."""
+    """Return the stresses of three strains."""
     x = component0(e); y = component1(e); z = component2(e)
     return triple(law.c00 * x + law.c01 * y + law.c02 * z, law.c01 * x + law.c11 * y + law.c12 * z,
                   law.c02 * x + law.c12 * y + law.c22 * z)
@@ -195,7 +197,7 @@ def apply_law(law, e):
 
 @generic
 def planar_stress(law, stiffness, constants, to, e, half_change):
-    """Of mean strains e and half their change in the step, times the weight; stiffness: that times C."""
+    """Return stresses of mean strains e and half their change in the step, times the weight; stiffness: the weight times C."""
 
 
 @planar_stress.register(Elastic)
@@ -212,7 +214,7 @@ def viscous_planar_stress(law, stiffness, constants, to, e, half_change):
 
 @generic
 def planar_modulus(law, stiffness, constants, to):
-    """As `modulus`, of all strains."""
+    """Return the matrix of `modulus` for all strains."""
 
 
 @planar_modulus.register(Elastic)

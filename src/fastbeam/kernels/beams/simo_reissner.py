@@ -36,7 +36,7 @@ def forms(strains, scratch, z, eo):
 
 @kernel
 def form_changes(scratch, z, x, eo):
-    """Derivatives of the forms at z along x."""
+    """Form derivatives of the forms at z along x."""
     f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     g = vld3(scratch, x, 8); x1 = vld3(scratch, x + 24, 8); x2 = vld3(scratch, x + 48, 8); x3 = vld3(scratch, x + 72, 8)
@@ -51,14 +51,14 @@ def form_changes(scratch, z, x, eo):
 
 @kernel
 def stretch(scratch, eo):
-    """r = sqrt(phi'.phi' - Gamma_2^2 - Gamma_3^2) from the forms at eo, theory.md (2.2)."""
+    """Return r = sqrt(phi'.phi' - Gamma_2^2 - Gamma_3^2) from the forms at eo, theory.md (2.2)."""
     g2 = vld(scratch, eo + 8, 0); g3 = vld(scratch, eo + 16, 0)
     return square_root(2.0 * vld(scratch, eo, 0) - g2 * g2 - g3 * g3)
 
 
 @kernel
 def put_shape(scratch, eo, over_stretch, ao):
-    """What derivatives of the strains need (`layout.SHAPE`), from the forms at eo: shears, 1/r, K_i, c."""
+    """Store data for derivatives of the strains (`layout.SHAPE`), from the forms at eo: shears, 1/r, K_i, c."""
     vst(scratch, ao, 0, vld(scratch, eo + 8, 0)); vst(scratch, ao + 8, 0, vld(scratch, eo + 16, 0))
     vst(scratch, ao + 16, 0, over_stretch)
     for i in range(24, 48, 8):
@@ -107,7 +107,7 @@ def strains_of_end(strains, scratch, z, ao, eo):
 @extrapolated_strains.register(SimoReissner)
 @kernel
 def extrapolated(strains, scratch, z, x, eo, temporary):
-    """The stretch r changes by (dQ_1 - Gamma_2 dGamma_2 - Gamma_3 dGamma_3)/r, Q_1 = phi'.phi'/2."""
+    """Form E(z) + DE(z) x; the stretch r changes by (dQ_1 - Gamma_2 dGamma_2 - Gamma_3 dGamma_3)/r, Q_1 = phi'.phi'/2."""
     forms(strains, scratch, z, eo)
     form_changes(scratch, z, x, temporary)
     r = stretch(scratch, eo)
@@ -182,7 +182,7 @@ def forces(strains, constants, to, nn, scratch, z, so, fo):
 @add_director_forces.register(SimoReissner)
 @kernel
 def director_forces(strains, constants, to, nn, scratch, z, so, fo):
-    """The force on director i of a node is dir x_i + dir_s y_i, with the same x_i, y_i for all nodes."""
+    """Add forces on directors: dir x_i + dir_s y_i on director i of a node, with the same x_i, y_i for all nodes."""
     f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)
@@ -211,8 +211,8 @@ def director_forces(strains, constants, to, nn, scratch, z, so, fo):
 @prepare_points.register(Space, SimoReissner)
 @kernel
 def put_twists(dofs, strains, scratch, at):
-    """For every pair of nodes a < b with directors y: y_2a x y_3b - y_3a x y_2b, the same with 3, 1 and with 1, 2, and the sum of
-    y_ia x y_ib; of the middle of the step, then of its end. All points share them."""
+    """Form for every pair of nodes a < b with directors y: y_2a x y_3b - y_3a x y_2b, the same with 3, 1 and with 1, 2, and the
+    sum of y_ia x y_ib; of the middle of the step, then of its end. All points share them."""
     for b in range(1, at.nn):
         for a in range(b):
             for end in range(0, 2 * TWISTS, TWISTS):
@@ -229,7 +229,7 @@ def put_twists(dofs, strains, scratch, at):
 
 @kernel
 def rows_of_pairs(constants, to, nn, a, scratch, z, q, twists, out):
-    """`form_rows` for node a where z is interpolated from the nodes whose directors stand at q: then the rows of twist,
+    """Form `form_rows` for node a if z is interpolated from the nodes whose directors stand at q: then the rows of twist,
     curvatures and c are sums over the other nodes of the vectors of `put_twists`."""
     t = to + 8 + NODE_TABLE * a
     n = vld(constants, t + 8, 0); dn = vld(constants, t + 16, 0)
@@ -260,8 +260,8 @@ def rows_of_pairs(constants, to, nn, a, scratch, z, q, twists, out):
 
 @kernel
 def form_rows(scratch, z, q, n, dn, out):
-    """Derivatives by the spin of one node of what strain set (2.2) is made of (2.4): shears, twist and curvatures, the factor c.
-    Six vectors b_i, delta Q_i = b_i . delta_phi; q: coordinates of the node."""
+    """Form derivatives by the spin of one node of the quantities (2.4) of strain set (2.2): shears, twist and curvatures, the
+    factor c. Six vectors b_i, delta Q_i = b_i . delta_phi; q: coordinates of the node."""
     f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     y1 = vld3(scratch, q + 24, 8); y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
@@ -280,7 +280,7 @@ def form_rows(scratch, z, q, n, dn, out):
 
 @kernel
 def form_stiffness(law, constants, to, scratch, so, ao, out):
-    """D of theory.md (4.8), d sbar = D dQ_end, 7 x 7 lanes by rows, for a section whose C is diagonal: only the block of the
+    """Form D of theory.md (4.8), d sbar = D dQ_end, 7 x 7 lanes by rows, for a section whose C is diagonal: only the block of the
     first three forms and that of the last four are filled."""
     end = ao + SHAPE
     half_w = 0.5 * vld(constants, to, 0)
@@ -309,7 +309,7 @@ def form_stiffness(law, constants, to, scratch, so, ao, out):
 
 @kernel
 def coupled_form_stiffness(law, constants, to, scratch, so, ao, out):
-    """D of theory.md (4.8) for any C, all 7 x 7 lanes."""
+    """Form D of theory.md (4.8) for any C, all 7 x 7 lanes."""
     end = ao + SHAPE
     half_w = 0.5 * vld(constants, to, 0)
     axial = 0.5 * vld(scratch, so, 0)
@@ -331,7 +331,7 @@ def coupled_form_stiffness(law, constants, to, scratch, so, ao, out):
             x += y * vld(scratch, end + j, 0)
             vst(scratch, o + j, 0, c * y)
         vst(scratch, o + 48, 0, x)
-    # times those in the middle, and the change of those
+    # times derivatives in the middle, and the change of these derivatives
     over = vld(scratch, ao + 16, 0); g2 = vld(scratch, ao, 0); g3 = vld(scratch, ao + 8, 0); c = vld(scratch, ao + 48, 0)
     for o in range(out, out + 56, 8):
         x = over * vld(scratch, o, 0)
@@ -352,7 +352,7 @@ def coupled_form_stiffness(law, constants, to, scratch, so, ao, out):
 
 @kernel
 def times_forms(scratch, do, first, last, rows):
-    """Sum of the entries `first` to before `last` of a row of D, each times its vector at rows."""
+    """Return the sum of the entries `first` to before `last` of a row of D, each times its vector at rows."""
     x = vzero3()
     for k in range(first, last):
         x += vld(scratch, do + 8 * k, 0) * vld3(scratch, rows + 24 * k, 8)
@@ -361,7 +361,7 @@ def times_forms(scratch, do, first, last, rows):
 
 @kernel
 def node_products(scratch, coupled, do, y, out):
-    """D times the rows of a spin at the end. The first form, phi'.phi'/2, does not change with a spin: the row of the second
+    """Form D times the rows of a spin at the end. The first form, phi'.phi'/2, does not change with a spin: the row of the second
     stands at y + 24. Products of the forms from the second on go to out, that of the first is returned."""
     if coupled:
         for i in range(6):
@@ -383,7 +383,8 @@ def node_products(scratch, coupled, do, y, out):
 @point_stiffness.register(SimoReissner)
 @kernel
 def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
-    """Rows b_i are derivatives of the quadratic forms by the spin of a node, D is that of theory.md (4.8)."""
+    """Form the stiffness of a point; rows b_i are derivatives of the quadratic forms by the spin of a node, D is that of
+    theory.md (4.8)."""
     z_mid = at.blocks + MIDDLE
     z_end = at.blocks + columns
     ao = po + SHAPES_AT
@@ -456,7 +457,7 @@ def put_sums(scratch, o, g2, g3, e4, e5, e6, e7):
 @add_geometric.register(SimoReissner)
 @kernel
 def geometric(strains, krr, scratch, qa, qb, sums, m2, m3):
-    """sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, inertia and lengths diagonal."""
+    """Return krr + sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, inertia and lengths diagonal."""
     a1 = vld3(scratch, qa + 24, 8); a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
     b1 = vld3(scratch, qb + 24, 8); b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
     q4 = 0.25 * vld(scratch, sums + TWIST, 0); q5 = 0.25 * vld(scratch, sums + CURVATURE_2, 0)

@@ -1,5 +1,5 @@
-"""Dissipation of high frequencies by two filters of the strains of every point (theory.md (6.2)), as a term: what their stress
-adds to the reference strains of a run, and what filters and energies become after a step.
+"""Dissipation of high frequencies by two filters of the strains of every point (theory.md (6.2)), as a term: their stress in the
+reference strains of a run, and the update of filters and energies after a step.
 
 Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
 lanes: layout.py has their places; x, y [*], addresses of strains of a point, and change_out [*], where they are written.
@@ -40,7 +40,7 @@ class StrainFilter(NamedTuple):
     rate: np.ndarray       # float64 [n]: r, their rate at the end of the last step, 1/s
     kept: np.ndarray       # float64 [2 n + 2]: m, r and energies before the last step
     change: np.ndarray     # float64 [n]: of the strains in a step
-    rest: np.ndarray       # float64 [n]: their change less what m makes of it
+    rest: np.ndarray       # float64 [n]: their change less h m
     lost: np.ndarray       # float64 [2], J: dissipated since the start, and stored in the filters
 
 
@@ -71,7 +71,7 @@ def put_change_in_plane(dofs, method, strains, constants, reference, g, scratch,
 
 @generic
 def product(dofs, constants, to, coupled, x, y):
-    """Weight times x . C y at the point whose table begins at `to`."""
+    """Return the weight times x . C y at the point whose table begins at `to`."""
 
 
 @product.register(Space)
@@ -96,7 +96,7 @@ def product_in_plane(dofs, constants, to, coupled, x, y):
 
 @kernel
 def put_changes(term, system, k, h):
-    """Changes of all strains of group k in a step of size h."""
+    """Store changes of all strains of group k in a step of size h."""
     dofs, tables, scratch = system.dofs, term.tables, system.work.scratch
     move = motion.call(system.method, system.state, system.work, h)
     strains = set_over.call(term.strains, move)
@@ -113,7 +113,7 @@ def put_changes(term, system, k, h):
 
 @generic
 def put_all_changes(term, system, h):
-    """Changes of the strains of all filters."""
+    """Store changes of the strains of all filters."""
 
 
 @put_all_changes.register(StrainFilter)
@@ -147,7 +147,8 @@ def group_energy(term, system, k, x, y):
 @first_guess.register(StrainFilter)
 @kernel
 def begin_filters(term, system, h, c):
-    """The stress of the filters that is known when a step begins, as strains that are subtracted with those of the reference."""
+    """Store the known stress of the filters at the begin of a step, as strains that are subtracted with those of the
+    reference."""
     a, b, begin, tab = h * term.factors[0], 2.0 * h * term.factors[1], term.begin[0], term.tables.tab
     for i in range(term.fixed.shape[0]):
         tab[begin + i] = term.fixed[i] + (a * term.smooth[i] + b * term.rate[i])
@@ -156,7 +157,7 @@ def begin_filters(term, system, h, c):
 @account.register(StrainFilter)
 @kernel
 def account_filters(term, system, h):
-    """Filters and energies after the step."""
+    """Update filters and their energies after the step."""
     n = term.fixed.shape[0]
     term.kept[2 * n] = term.lost[0]
     term.kept[2 * n + 1] = term.lost[1]
@@ -169,7 +170,7 @@ def account_filters(term, system, h):
         term.rest[i] = change - h * m
         term.smooth[i] = m + (kappa / h) * term.rest[i]
         term.rate[i] = r + (2.0 / h) * (change - h * r)
-    # what of the stress of the filters does work
+    # energy that the filters dissipate, then the work of their stress
     through = 0.0
     for k in range(term.tables.meta.shape[0]):
         through += (a * (1.0 - 0.5 * kappa)) * group_energy(term, system, k, term.rest, term.rest)

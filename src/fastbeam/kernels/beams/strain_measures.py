@@ -1,4 +1,4 @@
-"""The two strain sets as types, and what the element loops ask of a set: strains, what multiplies their derivatives, stiffness.
+"""Strain sets as types, and the questions of the element loops to a set: strains, factors of their derivatives, stiffness.
 
 Implementations are in simo_reissner.py, green_lagrange.py and beams/planar.py. Offsets in scratch are those of layout.py.
 
@@ -31,7 +31,7 @@ SIMO_REISSNER, GREEN_LAGRANGE = SimoReissner(), GreenLagrange()
 
 @generic
 def set_over(strains, motion):
-    """The strain set with its law in the step of a motion."""
+    """Return the strain set with its law in the step of a motion."""
 
 
 @set_over.register(SimoReissner)
@@ -49,55 +49,55 @@ def green_over(strains, motion):
 # --- in space -----------------------------------------------------------------------------------------------------------
 @generic
 def quadratic_forms(strains, scratch, z, eo):
-    """The quadratic forms of z that strains are made of, theory.md (2.1), (2.4), into lanes at eo: phi'.phi'/2, two shears,
+    """Form the quadratic forms of z that strains are made of, theory.md (2.1), (2.4), in lanes at eo: phi'.phi'/2, two shears,
     twist, two curvatures; of strain set (2.2) a seventh, c - 7/4."""
 
 
 @generic
 def mean_of_forms(strains, scratch, eo, end, ao):
-    """Means of the strains from the forms at eo and at `end`, six lanes at eo; ao: offset of what derivatives of the strains
-    need."""
+    """Form means of the strains from the forms at eo and at `end`, six lanes at eo; ao: offset of the data for derivatives of the
+    strains."""
 
 
 @generic
 def present_strains(strains, scratch, z, ao, eo):
-    """Strains of the shape z to which the tangent belongs, six lanes at eo."""
+    """Form strains of the shape z to which the tangent belongs, six lanes at eo."""
 
 
 @generic
 def extrapolated_strains(strains, scratch, z, x, eo, temporary):
-    """E(z) + DE(z) x of theory.md (4.6), six lanes at eo."""
+    """Form E(z) + DE(z) x of theory.md (4.6), six lanes at eo."""
 
 
 @generic
 def strain_changes(strains, scratch, z, x, ao, eo):
-    """Changes of the strains on which the mean stresses of a step do work, theory.md (4.7), along x from the shape z in its
+    """Form changes of the strains on which the mean stresses of a step do work, theory.md (4.7), along x from the shape z in its
     middle: six lanes at eo; the one behind them is in use."""
 
 
 @generic
 def form_stresses(strains, scratch, ao, so):
-    """From the stresses S at so to the s of theory.md (4.7), which multiply the derivatives of the quadratic forms."""
+    """Transform the stresses S at so to the s of theory.md (4.7), which multiply the derivatives of the quadratic forms."""
 
 
 @generic
 def add_stresses(strains, scratch, other, so):
-    """Add what `form_stresses` left at `other` to that at so."""
+    """Add stresses that `form_stresses` left at `other` to those at so."""
 
 
 @generic
 def add_forces(strains, constants, to, nn, scratch, z, so, fo):
-    """Internal forces B(q_mid)^T S on the coordinates of every node, fo: nn x 12 lanes."""
+    """Add internal forces B(q_mid)^T S on the coordinates of every node, fo: nn x 12 lanes."""
 
 
 @generic
 def add_director_forces(strains, constants, to, nn, scratch, z, so, fo):
-    """The same on the directors alone."""
+    """Add internal forces B(q_mid)^T S on the directors alone."""
 
 
 @generic
 def prepare_points(dofs, strains, scratch, at):
-    """What all points of an element share, before the loop over them."""
+    """Form quantities that all points of an element share, before the loop over them."""
 
 
 @prepare_points.register(object)
@@ -108,83 +108,83 @@ def prepare_nothing(dofs, strains, scratch, at):
 
 @generic
 def point_stiffness(strains, constants, to, coupled, scratch, at, columns, po):
-    """The factors of the stiffness of one point that pairs of nodes are formed from, at po; columns: offset of z of the shape
-    whose variation the columns of the tangent are, MIDDLE or END."""
+    """Form the factors, at po, of the stiffness of one point from which those of pairs of nodes are formed; columns: offset of z
+    of the shape whose variation the columns of the tangent are, MIDDLE or END."""
 
 
 @generic
 def sum_pair(strains, constants, scratch, at, a, b):
-    """Sums of stresses times basis products over the points, for nodes a and b and for b and a, at at.pairs."""
+    """Sum stresses times basis products over the points, for nodes a and b and for b and a, at at.pairs."""
 
 
 @generic
 def add_geometric(strains, krr, scratch, qa, qb, sums, q2, q3):
-    """krr and the part of directors against directors from the sums of a pair: qa, qb: mid coordinates of a and end coordinates
-    of b; q2, q3: inertia of the directors."""
+    """Return krr plus the part of directors against directors from the sums of a pair: qa, qb: mid coordinates of a and end
+    coordinates of b; q2, q3: inertia of the directors."""
 
 
 # --- one state, a lane --------------------------------------------------------------------------------------------------
 @generic
 def strains_of_state(strains, f, d, k, out):
-    """Six strains from phi', the three directors and their derivatives; `d`, `k`: triples of vectors."""
+    """Form six strains from phi', the three directors and their derivatives; `d`, `k`: triples of vectors."""
 
 
 # --- in a plane ---------------------------------------------------------------------------------------------------------
 @generic
 def planar_strains(strains, shape):
-    """Stretch, shear and curvature."""
+    """Return stretch, shear and curvature."""
 
 
 @generic
 def planar_extrapolated(strains, shape, step):
-    """The strains of a shape plus their derivative along a step."""
+    """Return the strains of a shape plus their derivative along a step."""
 
 
 @generic
 def planar_point_data(strains, middle, start, end):
-    """What derivatives of the strains need."""
+    """Return the data for derivatives of the strains."""
 
 
 @generic
 def planar_changes(strains, data, middle, step):
-    """As `strain_changes`."""
+    """Return changes of the strains, as `strain_changes`."""
 
 
 @generic
 def planar_form_stresses(strains, data, s):
-    """From three stresses to those that multiply the derivatives of the quadratic forms, theory.md (4.7)."""
+    """Return the stresses that multiply the derivatives of the quadratic forms, theory.md (4.7), from three stresses."""
 
 
 @generic
 def planar_director_forces(strains, data, middle, s):
-    """(x, y): forces on the director of a node are dir x + dir_s y."""
+    """Return (x, y): forces on the director of a node are dir x + dir_s y."""
 
 
 @generic
 def planar_position_force(strains, data, middle, s):
-    """x: the force on the position of a node is phi_s x."""
+    """Return x: the force on the position of a node is phi_s x."""
 
 
 @generic
 def planar_point_stiffness(strains, data, middle, end, law, t, forces, constants, to, scratch, at, po):
-    """What pairs of nodes share of the stiffness of a point, at po, from stresses t; and add the forces of the point."""
+    """Form the stiffness of a point for pairs of nodes, at po, from stresses t; add the forces of the point."""
 
 
 @generic
 def planar_no_sums(strains):
-    """What sums of stresses times basis products begin with."""
+    """Return zero sums of stresses times basis products."""
 
 
 @generic
 def planar_sums(strains, sums, scratch, po, a, b):
-    """Sums of stresses times basis products of two nodes, with those of one point more."""
+    """Return sums of stresses times basis products of two nodes, with those of one point more."""
 
 
 @generic
 def planar_reversed(strains, sums):
-    """The same for these nodes in the other order."""
+    """Return the sums of these nodes in the other order."""
 
 
 @generic
 def planar_geometric(strains, sums, ua, ub):
-    """Rotation against rotation from the sums of a pair."""
+    """Return the block rotation against rotation from the sums of a pair."""

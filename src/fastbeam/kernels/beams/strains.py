@@ -1,7 +1,7 @@
-"""Strains and stresses at the quadrature points of a part of a group of 8 elements, and those that the tangent uses (theory.md
-(4.6)). Loads, stores and zeros are those of `vectors.WIDTH` lanes; offsets are those of the first of them.
+"""Strains and stresses at the quadrature points of a part of a group of 8 elements, and those of the tangent (theory.md (4.6)).
+Loads, stores and zeros are those of `vectors.WIDTH` lanes; offsets are those of the first of them.
 
-What differs between the strain sets is in simo_reissner.py and green_lagrange.py, what between methods here.
+Differences between the strain sets are in simo_reissner.py and green_lagrange.py, those between methods here.
 
 Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
 lanes: layout.py has their places.
@@ -20,7 +20,7 @@ from fastbeam.kernels.terms import Conserving, Midpoint
 
 @kernel
 def interpolate(constants, to, nn, node, scratch, qo, zo):
-    """z = (phi', d1, d2, d3, d1', d2', d3') at one point into zo; qo: offset of the first of nn nodes, `node` doubles from one
+    """Form z = (phi', d1, d2, d3, d1', d2', d3') at one point in zo; qo: offset of the first of nn nodes, `node` doubles from one
     to the next."""
     f = vzero3(); d1 = vzero3(); d2 = vzero3(); d3 = vzero3(); k1 = vzero3(); k2 = vzero3(); k3 = vzero3()
     for a in range(nn):
@@ -74,7 +74,7 @@ def whole_share(method):
 @share_of_end.register(Conserving)
 @kernel
 def half_share(method):
-    """Of the mean of both ends of a step only the end changes."""
+    """Return 1/2: only the end changes in the mean of both ends of a step."""
     return 0.5
 
 
@@ -100,9 +100,9 @@ def increment_of_middle(method, scratch, zo, gathered):
 # --- strains of stresses, and of the tangent ----------------------------------------------------------------------------
 @kernel
 def mean_strains(method, strains, reference, e0, scratch, zo, ao):
-    """(E_n + E_n+1)/2 - E0 at STRAINS, with damping half of E_n+1 - E_n behind them; for the midpoint rule E(z_mid) - E0. From
-    the shapes in the middle and at the end of the step; e0: offset of E0; ao: offset of what derivatives of the strains need,
-    `layout.SHAPES_AT`."""
+    """Form (E_n + E_n+1)/2 - E0 at STRAINS, with damping half of E_n+1 - E_n behind them; for the midpoint rule E(z_mid) - E0.
+    Both come from the shapes in the middle and at the end of the step; e0: offset of E0; ao: offset of the data for derivatives
+    of the strains, `layout.SHAPES_AT`."""
     eo = zo + STRAINS
     end = put_forms.call(method, strains, scratch, zo)
     mean_of_forms.call(strains, scratch, eo, zo + end, ao)
@@ -112,10 +112,9 @@ def mean_strains(method, strains, reference, e0, scratch, zo, ao):
 
 @kernel
 def excess_strains(method, strains, reference, e0, scratch, zo, gathered, ao):
-    """The difference between the strains to which the last increment led in a straight line and those of the present shape, to
-    be added for the tangent, theory.md (4.6); written to STRAINS, where the mean strains stood. BEFORE: the shape before the
-    last increment, STEP: that increment; where not `gathered`, there was none in this step and the shape before is that of its
-    start."""
+    """Form at STRAINS the difference between the strains to which the last increment led in a straight line and those of the
+    present shape, which the tangent adds to the mean strains, theory.md (4.6). BEFORE: the shape before the last increment, STEP:
+    that increment; if not `gathered`, there was none in this step and the shape before is that of its start."""
     eo = zo + STRAINS
     present = zo + TEMPORARY
     present_strains.call(strains, scratch, zo + columns.call(method), ao, present)
@@ -133,8 +132,8 @@ def excess_strains(method, strains, reference, e0, scratch, zo, gathered, ao):
 
 @kernel
 def stresses(law, strains, constants, to, coupled, scratch, eo, so, ao):
-    """sbar of theory.md (4.7), times the weight of the point, into the lanes at `so`, from the strains at `eo`; law:
-    that of the strain set, or for the stresses of the tangent its `tangent_law`."""
+    """Form sbar of theory.md (4.7), times the weight of the point, in the lanes at `so`, from the strains at `eo`; law: that of
+    the strain set, or for the stresses of the tangent its `tangent_law`."""
     w = vld(constants, to, 0)
     for i in range(6):
         # C of a section without coupling is diagonal

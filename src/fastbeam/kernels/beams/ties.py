@@ -1,7 +1,7 @@
-"""Ties between nodes in space: coordinates of tied nodes, and their rows, columns and blocks brought to those they follow.
+"""Ties between nodes in space: coordinates of tied nodes, and their rows, columns and blocks moved to their master nodes.
 
-Arrays: q, q_mid, q_end, x_out [12 N]; dphi, theta, off_out [3 N]; r [8 (rows + 1)]; blocks [48 (blocks + 1)], blocks of 6 rows
-of 8; panel [rows, 6, width] flat; scratch [*].
+Arrays: q, q_mid, q_end, x_out [12 N]; dphi, theta, off_out [3 N]; r [8 (rows + 1)]; blocks [48 (blocks + 1)], blocks of 6 rows of
+8; panel [rows, 6, width] flat; scratch [*].
 """
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ SOURCE, ROW_ENTRY, COLUMN_ENTRY, TARGET = range(4)
 
 
 class Ties(NamedTuple):
-    """Nodes whose coordinates are linear in those of others: rigid and ball connections.
+    """Slave nodes, whose coordinates are linear in those of master nodes (targets): rigid and ball connections.
 
-    The position or the triad of slave k is the sum of its entries: POSITION, that of the target; ARM, an
-    offset in the triad of the target; TRIAD, that of the target turned by a constant matrix.
+    The position or the triad of slave k is the sum of its entries: POSITION, that of the target; ARM, an offset in the triad of
+    the target; TRIAD, that of the target turned by a constant matrix.
     """
 
     slave: np.ndarray      # int64 [K]: node
@@ -44,7 +44,7 @@ class Ties(NamedTuple):
 
 @kernel
 def tie_coordinates(ties, x_out):
-    """Coordinates, or their rates, of the tied nodes from those of their targets; linear, so one function serves both."""
+    """Set coordinates, or their rates, of the tied nodes from those of their masters; linear, so one function serves both."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         e0 = ties.start[i]
@@ -91,7 +91,7 @@ def tie_increments_in_space(ties, q, theta, dphi, off_out):
 @tied_arm.register(Ties)
 @kernel
 def tie_arm(ties, e, q):
-    """Offset of an entry of kind 1 in space."""
+    """Return the offset of an entry of kind ARM in space."""
     t = 12 * ties.target[e]
     x = zero3()
     for b in range(3):
@@ -129,13 +129,14 @@ def apply_ties_in_space(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
 
 @inlined
 def follows(ties, e, part):
-    """Whether the position (part 0) or the spin (1) of a tied node follows its target by entry e; -1: the node is not tied."""
+    """Return whether the position (part 0) or the spin (1) of a tied node depends on its master by entry e; -1: the node is not
+    tied."""
     return e < 0 or (ties.kind[e] == TRIAD) == (part == 1)
 
 
 @inlined
 def move_part(ties, p, rows, columns, q_mid, q_end, blocks):
-    """Add L_a^T K L_b to the block of the targets, for the rows and columns of K on a position (0) or spin (1)."""
+    """Add L_a^T K L_b to the block of the masters, for the rows and columns of K on a position (0) or spin (1)."""
     e, f = ties.moves[p, ROW_ENTRY], ties.moves[p, COLUMN_ENTRY]
     o = 48 * ties.moves[p, SOURCE] + 24 * rows + 3 * columns
     x, y, z = ld3(blocks, o, 1), ld3(blocks, o + 8, 1), ld3(blocks, o + 16, 1)

@@ -13,9 +13,9 @@ from fastbeam.kernels.terms import Midpoint, assemble
 
 @kernel
 def add_collocated_slider(term, system, k, share):
-    """A slider of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the
-    step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
-    then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
+    """Add a slider of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of
+    the step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node
+    matrix then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
     curves, state, work, contact, dofs = term.curves, system.state, system.work, system.contact, system.dofs
     near = 0.5 / share    # derivative of s and q at that instant by those at the end of the step
     c = term.sliders.curve[k]

@@ -38,12 +38,12 @@ class Curves(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """The same of scenes in which a slider runs on a path of several beams; a beam is a path of one."""
+    """Contact curves of scenes in which a slider runs on a path of several beams; a beam is a path of one."""
 
-    meta: np.ndarray        # int64 [C, 5]: as of `Curves`, but the first is an offset in node
+    meta: np.ndarray        # int64 [C, 5]: as in `Curves`, but the first column is an offset in node
     shape: np.ndarray       # int64 [C, 3]
     ends: np.ndarray        # float64 [*]
-    first: np.ndarray       # int64 [*]: on a closed path those of the last beam may come before the first, as negative numbers
+    first: np.ndarray       # int64 [*]: on a closed path nodes of the last beam may come before the first, as negative numbers
     count: np.ndarray       # int64 [*]
     coef: np.ndarray        # float64 [*]
     gauss_x: np.ndarray     # float64 [G]
@@ -61,46 +61,46 @@ class NodesOfBeam(NamedTuple):
 class NodesOfPath(NamedTuple):
     """Nodes of a path."""
 
-    node: np.ndarray        # int64 [*]: as of `Paths`
-    first: int              # where they begin there
+    node: np.ndarray        # int64 [*]: as in `Paths`
+    first: int              # index in `node` of the first one
     count: int
 
 
 @generic
 def nodes_of(curves, c):
-    """Nodes of curve c, for `slot` and `node_of`."""
+    """Return the nodes of curve c, for `slot` and `node_of`."""
 
 
 @generic
 def slot(nodes, a):
-    """Where the shape functions of node a of a curve stand in work arrays."""
+    """Return the index in work arrays of the shape functions of node a of a curve."""
 
 
 @generic
 def node_of(nodes, a):
-    """Number in the scene of node a of a curve."""
+    """Return the number in the scene of node a of a curve."""
 
 
 @generic
 def nodes_under(curves, c, e0, e1):
-    """First node that elements e0 to e1 of curve c have, and the one behind the last."""
+    """Return the first node of elements e0 to e1 of curve c, and the one behind the last."""
 
 
 @generic
 def find_element(curves, c, s, hint):
-    """Element of arc length s on curve c; ends outside a beam or an open path belong to the outer elements."""
+    """Return the element of arc length s on curve c; ends outside a beam or an open path belong to the outer elements."""
 
 
 @generic
 def add_basis(curves, c, e, s, derivative, factor, next_factor, table, basis_out, position):
-    """basis_out[position, A] += factor d^k N_A / ds^k at s, from the polynomials of element e, and basis_out[position + 1, A] +=
-    next_factor d^(k+1) N_A / ds^(k+1); k = derivative, 0 or 1."""
+    """Add factor d^k N_A / ds^k at s, from the polynomials of element e, to basis_out[position, A], and next_factor d^(k+1) N_A /
+    ds^(k+1) to basis_out[position + 1, A]; k = derivative, 0 or 1."""
 
 
 @generic
 def add_mean_slopes(curves, c, s0, s1, e0, e1, table, basis_out):
-    """basis_out[3] += N[s0, s1] for a step that crosses element ends: N[a, b] = 1/(b - a) int_a^b N' ds, a Gauss rule on the part
-    of each element, theory.md (5.3)."""
+    """Add N[s0, s1] to basis_out[3] for a step that crosses element ends: N[a, b] = 1/(b - a) int_a^b N' ds, a Gauss rule on the
+    part of each element, theory.md (5.3)."""
 
 
 @nodes_of.register(Curves)
@@ -159,7 +159,7 @@ def find_on_path(curves, c, s, hint):
     if period == 0.0:
         return find_in_table(curves, c, s, hint)
     rounds = np.floor(s / period)
-    # of a Newton iteration that diverges
+    # a diverging Newton iteration may give such s
     if not abs(rounds) < 1e9:
         return hint
     n = curves.meta[c, ELEMENTS]
@@ -168,7 +168,7 @@ def find_on_path(curves, c, s, hint):
 
 @inlined
 def begin_of_round(curves, c, e):
-    """Arc length at which the round of element e of a path begins."""
+    """Return the arc length at which the round of element e of a path begins."""
     return curves.period[c] * (e // curves.meta[c, ELEMENTS])
 
 
@@ -190,13 +190,13 @@ def nodes_under_on_path(curves, c, e0, e1):
     nodes = curves.shape[c, NODES_OF_CURVE]
     lo = curves.first[p + low % n] + nodes * (low // n)
     hi = curves.first[p + high % n] + curves.count[p + high % n] + nodes * (high // n)
-    # once around, each node counts once
+    # a step of a whole round or more touches each node once
     return lo, min(hi, lo + nodes)
 
 
 @kernel
 def legendre(xi, n, table_out):
-    """P_k, P_k', P_k'' for k < n."""
+    """Evaluate the Legendre polynomials P_k, P_k', P_k'' for k < n."""
     table_out[0, 0] = 1.0
     table_out[1, 0] = 0.0
     table_out[2, 0] = 0.0
@@ -242,7 +242,7 @@ def add_on_path(curves, c, e, s, derivative, factor, next_factor, table, basis_o
 
 @kernel
 def step_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
-    """Shape functions at both ends of the step and the divided difference between them, nodes lo..hi-1."""
+    """Evaluate shape functions at both ends of the step and the divided difference between them, nodes lo..hi-1."""
     basis = contact.basis
     table = contact.legendre
     nodes = nodes_of.call(curves, c)
@@ -268,7 +268,7 @@ def step_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
 
 @inlined
 def least_span(curves, c, e):
-    """Length of element e, of whatever round."""
+    """Return the length of element e, the same in all rounds."""
     o = curves.meta[c, ENDS] + e % curves.meta[c, ELEMENTS]
     return curves.ends[o + 1] - curves.ends[o]
 
@@ -320,7 +320,7 @@ def add_mean_slopes_on_path(curves, c, s0, s1, e0, e1, table, basis_out):
 
 @one_variant
 def point_on_curve(curves, c, s, q, element, contact, derivative, dofs):
-    """Position (derivative = 0) or its derivative by s (1) of curve c at s for node coordinates q."""
+    """Return the position (derivative = 0) or its derivative by s (1) of curve c at s for node coordinates q."""
     nodes = nodes_of.call(curves, c)
     lo, hi = nodes_under.call(curves, c, element, element)
     for a in range(lo, hi):

@@ -1,11 +1,13 @@
-"""Coulomb friction where the signs of a step go in circles (theory.md 5.6): for the rest of the step it acts against the
-increment Ds of the coordinate. At first the coordinate sticks. Where that takes more than the bound, or does not converge, the
-friction is -Ds/c as long as that is less than the bound, and the bound beyond. c is at first of the size of the compliance of the
-parts in the step; whenever Newton's method has converged with less than the bound, it is made smaller. Where a smaller c does not
-converge, one that is less so is tried from the one before, which stays at last, and where the first does not, it is made larger.
-What sticks within the bound, and what slips with all of it, is Coulomb's law in Ds, which does not depend on c.
+"""Fallback for Coulomb friction when the iteration on slip directions cycles (theory.md 5.6).
 
-Arrays: flips [n], judged [n], of n coordinates: changes of sign, and iterations that have asked for it, in a step.
+For the rest of the step friction acts against the increment Ds of the coordinate. At first the coordinate sticks. Where sticking
+takes more than the bound, or does not converge, the friction is -Ds/c as long as that is less than the bound, and the bound
+beyond. The compliance c is at first of the size of the compliance of the parts in the step. It is made smaller whenever Newton's
+method has converged with friction below the bound. If a smaller c does not converge, a c between it and the last one that
+converged is tried; after the second failure the last one stays. If the first c does not converge, it is made larger. A coordinate
+that sticks within the bound, or slips with friction at the bound, obeys Coulomb's law in Ds, whatever c is.
+
+Arrays: flips [n], judged [n], of n coordinates: changes of the slip direction in a step, and iterations that have evaluated it.
 """
 from __future__ import annotations
 
@@ -16,36 +18,36 @@ import numpy as np
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.state import CHANGED, IN_DOUBT
 
-# after so many changes of a sign in one step Newton's method goes in circles, and after so many iterations as well
+# changes of the slip direction in one step, or iterations of it, after which Newton's method counts as cycling
 MOST_FLIPS, LATE = 6, 12
-# columns of `Doubt.counts`: 0 where it sticks, then how many c were tried; iterations since then; whether the last one took less
-# than the bound; how many smaller c have not converged; how many steps of the run have missed Coulomb's law
+# columns of `Doubt.counts`: 0 while the coordinate sticks, then number of c tried; iterations since; 1 if friction of the last
+# one was below the bound; number of smaller c that have not converged; number of steps of the run that missed Coulomb's law
 LEVEL, TRIED, WITHIN, FAILED, MISSED = range(5)
 COUNTS = 5
-# so many c are tried, each smaller than the one before by this factor, and by the other once a c has not converged; behind the
-# second that has not, c stays. The first c is made larger by the other factor
+# most c that are tried; factor from one c to the next; divisor that takes its place once a smaller c has not converged, and
+# factor of a first c that has not; number of failures after which c stays
 LEVELS, SHARPER, SOFTER, MOST_FAILED = 5, 1.0 / 64.0, 8.0, 2
-# iterations after which sticking or a c has not converged; after which the force that it takes to stick is known; and iterations
+# iterations after which sticking, or a c, counts as not converged; after which the force that sticking needs is known; iterations
 # of a step after which no smaller c is tried
 PATIENCE, KNOWN, LATEST = 8, 2, 75
 
 
 class Doubt(NamedTuple):
-    """Of n coordinates."""
+    """Friction fallback of n coordinates (module docstring): compliance c and counters."""
 
-    compliance: np.ndarray  # float64 [n]: c of this iteration, m/N or rad/(N m); 0 where it is not known by now
+    compliance: np.ndarray  # float64 [n]: c of this iteration, m/N or rad/(N m); 0 until it is known
     counts: np.ndarray      # int64 [n, COUNTS]
-    inertia: np.ndarray     # float64 [n]: of the scene, kg, or of an angle times the square of its size, kg m^2
+    inertia: np.ndarray     # float64 [n]: mass of the scene, kg; for angles times the square of its size, kg m^2
 
 
 def no_doubt(inertia: np.ndarray) -> Doubt:
-    """At the start of a step."""
+    """Return the fallback record `Doubt` of coordinates with this inertia, none of which uses the fallback."""
     return Doubt(np.zeros(inertia.size), np.zeros((inertia.size, COUNTS), np.int64), inertia)
 
 
 @kernel
 def clear_doubt(doubt, i):
-    """At the start of a step."""
+    """Clear the fallback of coordinate i at the start of a step; the count MISSED of the run stays."""
     doubt.compliance[i] = 0.0
     for c in range(MISSED):
         doubt.counts[i, c] = 0
@@ -53,7 +55,8 @@ def clear_doubt(doubt, i):
 
 @kernel
 def is_in_doubt(flips, judged, i, increment):
-    """Whether signs of coordinate i go in circles; the step may then take more iterations."""
+    """Return whether the slip direction of coordinate i cycles, and flag it in IN_DOUBT: the step may then take more
+    iterations."""
     if judged[i] == LATE:
         flips[i] = MOST_FLIPS
     if flips[i] < MOST_FLIPS:
@@ -64,20 +67,20 @@ def is_in_doubt(flips, judged, i, increment):
 
 @kernel
 def note_change(changed, increment):
-    """Remember that friction has changed its law in this iteration."""
+    """Flag in CHANGED that friction has changed between sticking and slipping, or its direction, in this iteration."""
     if changed:
         increment.control[CHANGED] = 1.0
 
 
 @kernel
 def factor(doubt, i):
-    """By which the next c is smaller."""
+    """Return the factor from this c to the next smaller one."""
     return SHARPER if doubt.counts[i, FAILED] == 0 else 1.0 / SOFTER
 
 
 @kernel
 def go_back(doubt, i):
-    """To the last c with which Newton's method has converged."""
+    """Return to the last c with which Newton's method has converged, and count the failure."""
     counts = doubt.counts
     doubt.compliance[i] /= factor(doubt, i)
     counts[i, LEVEL] -= 1
@@ -87,9 +90,9 @@ def go_back(doubt, i):
 
 @kernel
 def sticks_in_doubt(doubt, i, h, found, way, most, breaks):
-    """Begin an iteration of coordinate i: whether it sticks in it, else c is in `compliance`. h: size of the step; found:
-    compliance that the solver has found last, 0 where there is none; way: Ds; most: the bound; breaks: whether what held it in
-    the last iteration is more than that, where it stuck."""
+    """Begin an iteration of coordinate i and return whether it sticks in it; if not, c is in `compliance`. h: size of the step;
+    found: compliance that the solver found last, 0 if there is none; way: increment Ds; most: bound of the friction; breaks:
+    whether the friction that sticking needed in the last iteration is above the bound."""
     counts = doubt.counts
     counts[i, TRIED] += 1
     tried = counts[i, TRIED]
@@ -102,7 +105,7 @@ def sticks_in_doubt(doubt, i, h, found, way, most, breaks):
     elif counts[i, LEVEL] > 1 and counts[i, FAILED] < MOST_FAILED and tried > PATIENCE:
         go_back(doubt, i)
     if counts[i, LEVEL] > 0 and doubt.compliance[i] == 0.0 and found > 0.0:
-        # next to the inertia the next power of 8: solvers find it to some digits, at best with the matrix with which it has stuck
+        # round the compliance up to h^2/inertia times a power of 8: solvers find it to a few digits only
         unit = h * h / doubt.inertia[i]
         doubt.compliance[i] = unit * 8.0 ** np.ceil(np.log2(found / unit) / 3.0)
     sticks = counts[i, LEVEL] == 0 or not doubt.compliance[i] > 0.0
@@ -115,12 +118,12 @@ def sticks_in_doubt(doubt, i, h, found, way, most, breaks):
 
 @kernel
 def is_sharp(doubt, i, iterations):
-    """Whether Newton's method, which has converged, has done so with Coulomb's law; else a smaller c is tried."""
+    """Return whether the converged step obeys Coulomb's law, or no smaller c is left to try; False asks for another iteration."""
     counts = doubt.counts
     if counts[i, LEVEL] == 0:
         if counts[i, TRIED] < KNOWN:
             return False
-        # it has converged: others may take longer
+        # this coordinate has converged; others may take longer
         counts[i, TRIED] = KNOWN
         if counts[i, WITHIN] == 0:
             counts[i, LEVEL] = 1
@@ -128,7 +131,7 @@ def is_sharp(doubt, i, iterations):
         return counts[i, WITHIN] == 1
     counts[i, TRIED] = 0
     if doubt.compliance[i] == 0.0:
-        # it sticks, as there is no c
+        # the coordinate sticks: no compliance was found
         return True
     if counts[i, FAILED] == MOST_FAILED or counts[i, WITHIN] == 0 or counts[i, LEVEL] == LEVELS or iterations > LATEST:
         return True
@@ -139,8 +142,7 @@ def is_sharp(doubt, i, iterations):
 
 @kernel
 def count_missed(doubt, flips, i):
-    """At the end of a step: whether it has missed Coulomb's law, as the coordinate moves with less friction than the bound, or
-    sticks with more."""
+    """Count a step that ends off Coulomb's law: the coordinate moves with less friction than the bound, or sticks with more."""
     counts = doubt.counts
     if flips[i] >= MOST_FLIPS and counts[i, LEVEL] > 0 and (counts[i, WITHIN] == 1 or doubt.compliance[i] == 0.0):
         counts[i, MISSED] += 1

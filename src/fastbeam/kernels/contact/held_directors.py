@@ -47,7 +47,7 @@ class Holder(NamedTuple):
 
 @generic
 def director(dofs, q, node, j):
-    """Director j = 0, 1, 2 of a node at coordinates q; in a plane 0 or 1."""
+    """Return director j = 0, 1, 2 of a node at coordinates q; in a plane 0 or 1."""
 
 
 @director.register(Space)
@@ -65,7 +65,7 @@ def director_in_plane(dofs, q, node, j):
 
 @generic
 def holder_director(dofs, sleeves, o, i, q, node):
-    """D_i of sleeve o from the triad of its holder."""
+    """Return D_i of sleeve o from the triad of its holder."""
 
 
 @holder_director.register(Space)
@@ -85,7 +85,7 @@ def holder_director_in_plane(dofs, sleeves, o, i, q, node):
 
 @kernel
 def sum_directors(basis, system, nodes, lo, hi, j):
-    """`Sums` of director j of lo to before hi of `nodes_of` a curve."""
+    """Return `Sums` of director j of lo to before hi of `nodes_of` a curve."""
     q, work, dofs = system.state.q, system.work, system.dofs
     mean = zero_vector(dofs); mean_s = zero_vector(dofs); mean_end = zero_vector(dofs)
     end = zero_vector(dofs); end_s = zero_vector(dofs)
@@ -109,7 +109,7 @@ def sum_directors(basis, system, nodes, lo, hi, j):
 
 @generic
 def sum_held_directors(dofs, basis, system, nodes, lo, hi):
-    """`Sums` of the two directors that sleeves hold, d_2 and d_3; in a plane twice d_2, the only one."""
+    """Return `Sums` of the two directors that sleeves fix, d_2 and d_3; in a plane twice d_2, the only one."""
 
 
 @sum_held_directors.register(Space)
@@ -127,7 +127,7 @@ def sum_directors_in_plane(dofs, basis, system, nodes, lo, hi):
 
 @kernel
 def holder_of(sleeves, term, system, k, o, held):
-    """`Holder` of sleeve o, slider k, with the first `held` of three moments."""
+    """Return `Holder` of sleeve o, slider k, with the first `held` of three moments."""
     contact, dofs, q, work = system.contact, system.dofs, system.state.q, system.work
     point = term.sliders.point[k]
     c = sleeves.first[0] + o
@@ -151,13 +151,14 @@ def holder_of(sleeves, term, system, k, o, held):
 
 @inlined
 def twist_between(key, side, second, third):
-    """(D_2 . d_3 - D_3 . d_2)/2, the sine of the angle from D_2, D_3 to d_2, d_3, which no turn of both about D_1 changes."""
+    """Return (D_2 . d_3 - D_3 . d_2)/2, the sine of the angle from D_2, D_3 to d_2, d_3, which no turn of both about D_1
+    changes."""
     return 0.5 * (dot(key, third) - dot(side, second))
 
 
 @inlined
 def products(p, bore, key, side, second, third):
-    """Condition p of a sleeve between D_1, D_2, D_3 and d_2, d_3, or what stands in their places."""
+    """Return the value of condition p of a sleeve between D_1, D_2, D_3 and d_2, d_3, or vectors in their places."""
     return twist_between(key, side, second, third) if p == 2 else dot(bore, second if p == 0 else third)
 
 

@@ -1,12 +1,12 @@
-"""Points of the elements of a beam whose mesh moves with its contacts: what they add to element arrays, theory.md 5.12.
+"""Element arrays of points of beams whose mesh moves with its contacts, theory.md 5.12.
 
-Element ends are shares of the places s of two neighbouring contacts (or of an end of the beam), x = (1 - f) s_a + f s_b, so
-that with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, its length h, and xr = dx/dt at a point
+Element ends are shares of the places s of two neighbouring contacts (or of an end of the beam), x = (1 - f) s_a + f s_b, so that
+with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, its length h, and xr = dx/dt at a point
 
     velocity  a - xr g/h,   a = sum N_A q_A',       T = 1/2 int rho (h a.a - 2 xr a.g + xr^2 g.g/h)
 
-Its momenta by length of the reference are remembered, m = h a - xr g at every point: T = 1/2 int rho m.m/h. Derivatives of T, of
-the strains and of h are discrete ones: products of means and differences of what rigid motions do not change.
+The history keeps the momenta per reference length, m = h a - xr g at every point: T = 1/2 int rho m.m/h. Derivatives of T, of the
+strains and of h are discrete ones: products of means and differences of quantities that rigid motions do not change.
 
 Arrays: u, v, q [12 N]; shape [2, points, n]; reference [6]; stiffness [6, 6]; out [84 n].
 """
@@ -21,23 +21,23 @@ from fastbeam.kernels.jit.decorators import kernel
 
 
 class Scratch(NamedTuple):
-    """Of one element with n nodes: sums over its points. Coordinates of a node are numbered by field, 4 of 3."""
+    """Work arrays of one element with n nodes: sums over its points. Coordinates of a node are numbered by field, 4 of 3."""
 
     iso: np.ndarray      # float64 [4 n, 4 n]: multiples of the identity between fields
     force: np.ndarray    # float64 [12 n + 2]: on coordinates, and on the places at both ends
     column: np.ndarray   # float64 [24 n]: derivatives of forces on coordinates by both places
     line: np.ndarray     # float64 [24 n]: derivatives of forces on places by coordinates
-    corner: np.ndarray   # float64 [2, 2]: by places
+    corner: np.ndarray   # float64 [2, 2]: derivatives of forces on places by places
     left: np.ndarray     # float64 [84 n]: gradients of the forms of strain at the mean
-    right: np.ndarray    # float64 [84 n]: at the end
-    rows: np.ndarray     # float64 [42 n]: these for unknowns of the nodes
+    right: np.ndarray    # float64 [84 n]: gradients at the end
+    rows: np.ndarray     # float64 [42 n]: both gradients for unknowns of the nodes
     lines: np.ndarray    # float64 [42 n]
     d: np.ndarray        # float64 [7, 7]: derivatives of stresses on forms by forms
-    g: np.ndarray        # float64 [2, 6, 7]: derivatives of strains by forms, of means and at the end
+    g: np.ndarray        # float64 [2, 6, 7]: derivatives of strains by forms: means, and at the end
     form: np.ndarray     # float64 [2, 7]: forms by the coordinate of the element at both ends of the step
     scale: np.ndarray    # float64 [5, 7]: powers of 1/h at both ends, difference over Dh, its derivative, derivative at the end
     strain: np.ndarray   # float64 [3, 6]: strains less those of the reference at both ends, mean stress
-    stress: np.ndarray   # float64 [7]: on forms
+    stress: np.ndarray   # float64 [7]: stresses on forms
     k: np.ndarray        # float64 [6 n + 2, 6 n + 2]: the tangent
 
 
@@ -45,7 +45,7 @@ class MovingBeam(NamedTuple):
     """One beam with E elements of n nodes and S contacts."""
 
     node: np.ndarray     # int64 [E, n]
-    row: np.ndarray      # int64 [E, n + 2]: of nodes, then of places of contacts; -1 at an end of the beam
+    row: np.ndarray      # int64 [E, n + 2]: rows of nodes, then of places of contacts; -1 at an end of the beam
     block: np.ndarray    # int64 [E, n + 2, n + 2]
     place: np.ndarray    # int64 [4]: of the momenta in the history, first node, nodes; contacts and ends of beams before these.
     # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them the work of the weight
@@ -53,7 +53,7 @@ class MovingBeam(NamedTuple):
     places: np.ndarray   # int64 [S]: nodes whose first coordinate is s
     place_rows: np.ndarray  # int64 [S]
     share: np.ndarray    # float64 [E, 2]: f at both ends
-    length: np.ndarray   # float64 [2]: of the beam, and least between two contacts
+    length: np.ndarray   # float64 [2]: length of the beam, and least length between two contacts
     mass_shape: np.ndarray  # float64 [2, points, n]: shape functions and slopes
     mass_point: np.ndarray  # float64 [2, points]: coordinates and weights
     shape: np.ndarray    # float64 [2, points, n]: at points of the strain energy
@@ -63,14 +63,14 @@ class MovingBeam(NamedTuple):
     rho: np.ndarray      # float64 [4]: inertia of position and directors
     weighs: np.ndarray   # float64 [3]: rhoA times gravity
     held: np.ndarray     # int64 [H, 2]: nodes of contacts, and of points that multipliers hold there
-    held_row: np.ndarray  # int64 [H]: of the former
+    held_row: np.ndarray  # int64 [H]: rows of the nodes of contacts
     held_block: np.ndarray  # int64 [H, 2]: blocks contact-contact, contact-point
     scratch: Scratch
 
 
 @kernel
 def ends_of(beam, e, q, v):
-    """Places s and rates of both contacts of an element."""
+    """Return the places s and rates of both contacts of an element."""
     a = beam.slot[e, 0]
     b = beam.slot[e, 1]
     sa = 0.0; ra = 0.0; rb = 0.0
@@ -86,14 +86,14 @@ def ends_of(beam, e, q, v):
 
 @kernel
 def size_of(beam, e, q, v):
-    """Length of an element."""
+    """Return the length of an element."""
     sa, sb, _, _ = ends_of(beam, e, q, v)
     return (beam.share[e, 1] - beam.share[e, 0]) * (sb - sa)
 
 
 @kernel
 def rate_of(beam, e, g, q, v):
-    """dx/dt at mass point g of an element, and f there."""
+    """Return dx/dt at mass point g of an element, and f there."""
     _, _, ra, rb = ends_of(beam, e, q, v)
     f = beam.share[e, 0] + beam.mass_point[0, g] * (beam.share[e, 1] - beam.share[e, 0])
     return (1.0 - f) * ra + f * rb, f
@@ -101,7 +101,7 @@ def rate_of(beam, e, g, q, v):
 
 @kernel
 def sum_of(beam, e, shape, kind, g, q, field):
-    """Sum of shape functions (kind 0) or slopes (1) at point g times a field of the nodes."""
+    """Return the sum of shape functions (kind 0) or slopes (1) at point g times a field of the nodes."""
     x = zero3()
     for a in range(beam.node.shape[1]):
         x += shape[kind, g, a] * ld3(q, 12 * beam.node[e, a] + 3 * field, 1)
@@ -126,13 +126,13 @@ def clear_element(w):
 # --- kinetic energy -----------------------------------------------------------------------------------------------------
 @kernel
 def density_place(beam, e, g, k):
-    """Where the momentum of field k at mass point g stands in the history."""
+    """Return the index in the history of the momentum of field k at mass point g."""
     return beam.place[0] + 12 * (e * beam.mass_point.shape[1] + g) + 3 * k
 
 
 @kernel
 def means_of_point(beam, e, g, k, state, work, h):
-    """Of field k: mean rate a over the step, slopes g at both ends."""
+    """Return the mean rate a of field k over the step, and its slopes g at both ends."""
     a0 = sum_of(beam, e, beam.mass_shape, 0, g, state.v, k)
     a = a0 + 0.5 * h * sum_of(beam, e, beam.mass_shape, 0, g, work.u, k)
     g0 = sum_of(beam, e, beam.mass_shape, 1, g, state.q, k)
@@ -142,7 +142,7 @@ def means_of_point(beam, e, g, k, state, work, h):
 
 @kernel
 def rates_of_point(beam, e, g, state, work, h):
-    """Length of the element at both ends of the step, mean dx/dt, and f."""
+    """Return the length of the element at both ends of the step, mean dx/dt, and f."""
     h0 = size_of(beam, e, state.q, state.v)
     h1 = size_of(beam, e, work.q_end, state.v)
     x0, f = rate_of(beam, e, g, state.q, state.v)
@@ -152,7 +152,7 @@ def rates_of_point(beam, e, g, state, work, h):
 
 @kernel
 def mean_density(beam, e, g, k, state, work, h):
-    """Mean momentum of field k at mass point g over the step, by mass."""
+    """Return the mean momentum of field k at mass point g over the step, per mass."""
     h0, h1, x, _ = rates_of_point(beam, e, g, state, work, h)
     a, g0, g1 = means_of_point(beam, e, g, k, state, work, h)
     return (2.0 * h0 * h1 / (h0 + h1)) * a - (0.5 * x) * (g0 + g1)
@@ -160,7 +160,7 @@ def mean_density(beam, e, g, k, state, work, h):
 
 @kernel
 def add_inertia(beam, e, g, k, state, work, h):
-    """Changes of momenta less dT/dq and dT/ds of field k at point g, and all derivatives of these."""
+    """Add changes of momenta less dT/dq and dT/ds of field k at point g, and all derivatives of these."""
     w = beam.scratch
     n = beam.node.shape[1]
     h0, h1, x, f = rates_of_point(beam, e, g, state, work, h)
@@ -173,7 +173,7 @@ def add_inertia(beam, e, g, k, state, work, h):
     mean = (1.0 / im) * a - x * gm
     m0 = ld3(state.history, density_place(beam, e, g, k), 1)
     m1 = 2.0 * mean - m0
-    # of the mean momentum by x and h1
+    # derivatives of the mean momentum by x and h1
     mean_h = (-ih / (im * im)) * a
     before = dot(m0, g0); after = dot(m1, g1)
     rate = -0.5 * r * c * (after / h1 - before / h0)
@@ -188,7 +188,7 @@ def add_inertia(beam, e, g, k, state, work, h):
         add3(w.force, o, 1, (c * na * r) * (mean - m0) + (c * da * x * im) * mean)
         by_x = (-c * na * r) * gm + (c * da * im) * (mean - x * gm)
         by_h = (c * na * r) * mean_h + (c * da * x) * (im * mean_h + ih * mean)
-        # of the mean momentum by coordinates
+        # derivatives of the mean momentum by coordinates
         own = 0.5 * (r * na / im - x * da)
         to_rate = (-0.5 * r * c / h1) * ((2.0 * own) * g1 + da * m1)
         to_size = (-c * hh) * (own * m1 + (x * own) * g1 + (0.5 * x * da) * m1)
@@ -213,8 +213,8 @@ def add_inertia(beam, e, g, k, state, work, h):
 # --- stored energy ------------------------------------------------------------------------------------------------------
 @kernel
 def put_forms(beam, e, g, q, end, slope, out):
-    """Forms of strain by the coordinate of the element into scratch.form[end] (end 0, 1), and their gradients at q into out where
-    slope is not 0."""
+    """Store forms of strain by the coordinate of the element in scratch.form[end] (end 0, 1), and their gradients at q in out
+    where slope is not 0."""
     f = sum_of(beam, e, beam.shape, 1, g, q, 0)
     d1 = sum_of(beam, e, beam.shape, 0, g, q, 1); d2 = sum_of(beam, e, beam.shape, 0, g, q, 2)
     d3 = sum_of(beam, e, beam.shape, 0, g, q, 3)
@@ -253,7 +253,7 @@ def put_forms(beam, e, g, q, end, slope, out):
 
 @kernel
 def put_scales(w, h0, h1):
-    """Powers of 1/h of all forms."""
+    """Store the powers of 1/h of all forms."""
     for i in range(7):
         two = i == 0
         one = 0 < i < 6
@@ -266,7 +266,7 @@ def put_scales(w, h0, h1):
 
 @kernel
 def strains_at(w, end, reference):
-    """Strains less those of the reference into strain[end]; r and c."""
+    """Store strains less those of the reference in strain[end]; return r and c."""
     x2 = w.form[end, 1] * w.scale[end, 1]; x3 = w.form[end, 2] * w.scale[end, 2]
     r = (2.0 * w.form[end, 0] * w.scale[end, 0] - x2 * x2 - x3 * x3)**0.5
     c = 1.75 + w.form[end, 6]
@@ -282,7 +282,7 @@ def strains_at(w, end, reference):
 
 @kernel
 def put_slopes(w, at, r, c, first, second):
-    """Derivatives of strains by forms: g[at], with the means of the forms of ends `first` and `second`."""
+    """Store derivatives of strains by forms in g[at], with the means of the forms of ends `first` and `second`."""
     for i in range(6):
         for j in range(7):
             w.g[at, i, j] = 0.0
@@ -299,7 +299,7 @@ def put_slopes(w, at, r, c, first, second):
 
 @kernel
 def put_stresses(w, stiffness):
-    """Mean stress, stresses on forms, and derivatives of these by forms at the end."""
+    """Store the mean stress, stresses on forms, and derivatives of these by forms at the end."""
     for i in range(6):
         x = 0.0
         for j in range(6):
@@ -326,7 +326,7 @@ def put_stresses(w, stiffness):
 
 @kernel
 def add_shape_stiffness(beam, g, c):
-    """c/2 times the second derivatives of the forms, weighted with their stresses."""
+    """Add c/2 times the second derivatives of the forms, weighted with their stresses."""
     w = beam.scratch
     n = beam.node.shape[1]
     for i in range(7):
@@ -353,7 +353,7 @@ def add_shape_stiffness(beam, g, c):
 
 @kernel
 def energy_at(w, end, stiffness):
-    """E C E of the strains of one end."""
+    """Return E C E of the strains of one end."""
     x = 0.0
     for i in range(6):
         for j in range(6):

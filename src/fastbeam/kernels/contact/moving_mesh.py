@@ -1,7 +1,7 @@
-"""Beams whose elements move with their contacts, in a conserving step (theory.md 5.12).
+"""Conserving step of beams whose elements move with their contacts (theory.md 5.12).
 
-The momenta of points of the elements are remembered: their means over a step follow from mean rates, and what acts on nodes and
-places of contacts changes their sums. Energy and both momenta are kept by that.
+The history keeps momenta of points of the elements. Their means over a step follow from mean rates; forces on nodes and places of
+contacts change their sums. That conserves energy and both momenta.
 
 Arrays: q, q_mid, q_end, v [12 N]; raw [84 n], with n nodes an element; rows [42 n]; k [6 n + 2, 6 n + 2]; history [*]; p, p_out
 [12 N]; out [9], of `potential_energy` [1]; counts_out [5].
@@ -17,7 +17,8 @@ from fastbeam.kernels.terms import Conserving, account, assemble, potential_ener
 
 @kernel
 def put_rows(beam, e, q, raw, first, rows, at):
-    """Of coordinates, from `first` on, to unknowns, from `at` on: vectors, and sums of directors cross vectors."""
+    """Transform derivatives by coordinates, in raw from `first` on, to derivatives by unknowns, in rows from `at` on: vectors,
+    and sums of directors cross vectors."""
     for a in range(beam.node.shape[1]):
         moment = zero3()
         for d in range(3, 12, 3):
@@ -31,7 +32,8 @@ def put_rows(beam, e, q, raw, first, rows, at):
 
 @kernel
 def add_along(w, c, weight, way0, way1):
-    """What the length of an element has of one point with stored energy; c: weight times its mean."""
+    """Add the contribution of one point with stored energy to forces on the places at both ends, which change the length of the
+    element, and to their derivatives. c: weight times its mean; way0, way1: derivatives of the length by the places."""
     ways = (way0, way1)
     n = w.column.shape[0] // 2
     value = 0.0
@@ -64,7 +66,7 @@ def add_along(w, c, weight, way0, way1):
 
 @kernel
 def add_strains(beam, e, g, state, work):
-    """One point of the stored energy."""
+    """Add one point of the stored energy."""
     w = beam.scratch
     n = beam.node.shape[1]
     h0 = size_of(beam, e, state.q, state.v)
@@ -110,12 +112,12 @@ def add_strains(beam, e, g, state, work):
 
 @kernel
 def add_weight(beam, e, state, work):
-    """Weight: its force on nodes is a share of the length."""
+    """Add the weight: its force on nodes is a share of the length."""
     w = beam.scratch
     n = beam.node.shape[1]
     h = 0.5 * (size_of(beam, e, state.q, state.v) + size_of(beam, e, work.q_end, state.v))
     df = beam.share[e, 1] - beam.share[e, 0]
-    # of the load vectors, the mean factor of gravity over the step
+    # the row of a place in the load vectors has the mean factor of gravity over the step
     force = work.f_ext[8 * beam.place_rows[0] + 1] * ld3(beam.weighs, 0, 1)
     for g in range(beam.mass_point.shape[1]):
         for a in range(n):
@@ -131,7 +133,7 @@ def add_weight(beam, e, state, work):
 
 @kernel
 def height_of(beam, q, v):
-    """Work of the full weight on its way from the origin: sum of h m phi . rhoA g."""
+    """Return the work of the full weight on its way from the origin: sum of h m phi . rhoA g."""
     out = 0.0
     for e in range(beam.node.shape[0]):
         h = size_of(beam, e, q, v)
@@ -144,7 +146,7 @@ def height_of(beam, q, v):
 
 @kernel
 def add_iso(beam, e, work):
-    """Multiples of the identity between fields into the tangent of the unknowns."""
+    """Add multiples of the identity between fields to the tangent of the unknowns."""
     w = beam.scratch
     n = beam.node.shape[1]
     for a in range(n):
@@ -171,7 +173,7 @@ def add_iso(beam, e, work):
 
 @kernel
 def put_spins(k, row, column, s, q_mid, x, q_end, y):
-    """s times the derivative of x cross (spin cross y) by the spin, of vectors at offsets x and y."""
+    """Store s times the derivative of x cross (spin cross y) by the spin, of vectors at offsets x and y."""
     both = 0.0
     for c in range(3):
         both += q_mid[x + c] * q_end[y + c]
@@ -183,7 +185,7 @@ def put_spins(k, row, column, s, q_mid, x, q_end, y):
 
 @kernel
 def put_cross(k, row, column, s, q, x):
-    """s times the matrix of the cross product with the vector at offset x."""
+    """Store s times the matrix of the cross product with the vector at offset x."""
     for c in range(3):
         c1 = (c + 1) % 3
         c2 = (c + 2) % 3
@@ -193,7 +195,7 @@ def put_cross(k, row, column, s, q, x):
 
 @kernel
 def add_turn(beam, e, a, work, raw, first):
-    """Change of the moment of forces on directors, those of node a in raw from `first` on, as these turn."""
+    """Add the change of the moment of forces on the directors of node a, in raw from `first` on, as the directors turn."""
     blocks = work.blocks
     o = 48 * beam.block[e, a, a] + 27
     for i in range(3, 12, 3):
@@ -209,7 +211,7 @@ def add_turn(beam, e, a, work, raw, first):
 
 @kernel
 def scatter(beam, e, work):
-    """Element arrays into residual and tangent of the scene."""
+    """Add element arrays to residual and tangent of the scene."""
     w = beam.scratch
     n = beam.node.shape[1]
     put_rows(beam, e, work.q_mid, w.force, 0, w.rows, 0)
@@ -239,9 +241,9 @@ def scatter(beam, e, work):
 
 @kernel
 def stiffen_contacts(beam, work):
-    """Make the tangent of nodes regular that multipliers join to points. Where a node of a straight beam moves along it with its
-    place nothing changes, and only the joint says where both are: a spring between them, as stiff as the beam there, to the end
-    of the step, where the gap vanishes. A term of the conditions, it changes no solution of the equations."""
+    """Make the tangent regular at nodes that multipliers join to points. A node of a straight beam that moves along it with its
+    place changes no energy, and only the joint fixes both. A spring between node and point, as stiff as the beam there, acts to
+    the end of the step, where the gap vanishes. It multiplies the gap, so the solution of the equations stays."""
     for j in range(beam.held.shape[0]):
         o = 48 * beam.held_block[j, 0]
         other = 48 * beam.held_block[j, 1]
@@ -280,7 +282,7 @@ def assemble_moving(beam, method, system, h):
 @account.register(MovingBeam)
 @kernel
 def account_moving(beam, system, h):
-    """Momenta at the end of the step: twice their means less those at its start; work of the weight."""
+    """Update momenta to the end of the step, twice their means less those at its start, and the work of the weight."""
     state, work = system.state, system.work
     first = beam.place[1]
     spread_nodes.call(system.dofs, system.method, state, work, h, first, first + beam.place[2])
@@ -303,7 +305,7 @@ def account_moving(beam, system, h):
 @within_limits.register(MovingBeam)
 @kernel
 def contacts_keep_distance(beam, system, counts_out):
-    """False where a contact is as near to the next one, or to an end of the beam, as elements between them may be short."""
+    """Return whether contacts are at least `length[1]` from each other and from both ends of the beam."""
     q = system.state.q
     before = 0.0
     for j in range(beam.places.shape[0] + 1):
@@ -319,7 +321,7 @@ def contacts_keep_distance(beam, system, counts_out):
 
 @kernel
 def motion_of(beam, q, history, p_out):
-    """T, and momenta of nodes added to p_out [12 N]."""
+    """Return T, and add momenta of nodes to p_out [12 N]."""
     out = 0.0
     for e in range(beam.node.shape[0]):
         h = size_of(beam, e, q, q)
@@ -336,7 +338,7 @@ def motion_of(beam, q, history, p_out):
 @potential_energy.register(MovingBeam)
 @kernel
 def energy_of_moving(beam, q, dofs, out):
-    """Stored energy alone; that of the weight is another column."""
+    """Add the stored energy without that of the weight, which is another column."""
     w = beam.scratch
     for e in range(beam.node.shape[0]):
         h = size_of(beam, e, q, q)

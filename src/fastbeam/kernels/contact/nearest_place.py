@@ -1,7 +1,7 @@
-"""Where points are beside the curves of their sliders, theory.md 5.9: the nearest place by Newton's method, and the normal there.
+"""Nearest points on the curves of sliders, theory.md 5.9: the place by Newton's method, and the normal there.
 
-Arrays: q [12 N]; out [7]: arc length of the place; distance along the normal; how far the point lies beyond the place along the
-curve; what of the gap is neither; unit normal [3].
+Arrays: q [12 N]; out [7]: arc length of the place; distance along the normal; distance of the point beyond the place along the
+curve; rest of the gap, neither along the normal nor along the curve; unit normal [3].
 """
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from fastbeam.kernels.algebra.vectors import cross, dot, ld3, st3, zero3
 from fastbeam.kernels.contact.curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot
 from fastbeam.kernels.jit.decorators import kernel
 
-# the last step of the search is as short, as a share of the length
+# the search ends with a step shorter than this share of the length
 NEAR = 1e-8
 
 
 class Sides(NamedTuple):
-    """On which side of their curves points may lift off."""
+    """Sides of the curves on which points may lift off."""
 
     start: np.ndarray   # int64 [S + 1]: where the nodes of the curve of each slider begin
-    side: np.ndarray    # float64 [3 n]: direction in the triad of every node; nothing where a slider is not one-sided
+    side: np.ndarray    # float64 [3 n]: direction in the triad of every node; no entries for sliders that are not one-sided
 
 
 @kernel
 def shapes_at_place(curves, c, s, hint, contact):
-    """Shape functions of curve c at s and two derivatives, in rows of `contact.basis`; nodes lo to before hi, and the element."""
+    """Evaluate shape functions of curve c at s and two derivatives in rows of `contact.basis`; return lo and hi of the nodes lo
+    to before hi, and the element."""
     e = find_element.call(curves, c, s, hint)
     lo, hi = nodes_under.call(curves, c, e, e)
     nodes = nodes_of.call(curves, c)
@@ -40,7 +41,8 @@ def shapes_at_place(curves, c, s, hint, contact):
 
 @kernel
 def nearest_place_of(curves, sliders, contact, sides, k, q, s, low, high, length, steps, out):
-    """The place next to the point of slider k, from s on in at most so many steps, between arc lengths low and high."""
+    """Find the place nearest to the point of slider k, from s on in at most `steps` iterations, between arc lengths low and
+    high."""
     c = sliders.curve[k]
     nodes = nodes_of.call(curves, c)
     point = ld3(q, 12 * sliders.point[k], 1)
@@ -59,7 +61,7 @@ def nearest_place_of(curves, sliders, contact, sides, k, q, s, low, high, length
         slope = square - dot(gap, bend)
         before = s
         s = min(max(s + dot(gap, tangent) / (slope if slope > 0.5 * square else square), low), high)
-        # Newton's method squares what is left
+        # Newton's method squares the error
         if abs(s - before) <= NEAR * length:
             break
     lo, hi, contact.element[k] = shapes_at_place(curves, c, s, contact.element[k], contact)

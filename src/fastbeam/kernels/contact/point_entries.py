@@ -1,4 +1,4 @@
-"""Entries of joints with multipliers, theory.md 4: what their forces do to two points, and the derivatives of their gaps.
+"""Constraint entries of joints with multipliers, theory.md 4: forces of a joint on two points, and the derivatives of its gaps.
 
 A joint has some forces and as many gaps, functions of the positions of two nodes a and b. The gap of a ball joint is a vector:
 its derivative by a position is a number times the unit matrix. The gap of a distance joint is a number: its derivative is a
@@ -20,23 +20,23 @@ from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import ARM, POSITION
 from fastbeam.kernels.terms import NoTies
 
-# gaps that do not shrink any more may be so many times those of round-off
+# accepted size of gaps that do not shrink any more, in units of round-off
 STUCK = 1e3
 
 
 @generic
 def put_columns(column, line, contact, k, row, dofs):
-    """Entry of a position: derivative of its residual by the forces, and of the gaps by the position."""
+    """Store the entry of a position: derivative of its residual by the forces, and of the gaps by the position."""
 
 
 @generic
 def put_arm_columns(column, line, contact, k, row, arm_mid, arm_end, dofs):
-    """Entry of the spin of a node that carries such a position on an arm."""
+    """Store the entry of the spin of a node that carries such a position on an arm."""
 
 
 @inlined
 def spin_of_last(contact, k, row, dofs):
-    """Where the spin of a row stands in its entry: the last one where that has the row, else a new one."""
+    """Return the index of the spin of a row in its entry: the last entry if it has the row, else a new one."""
     m = contact.entries[k] - 1
     at = 8 * len(dofs) * m if m >= 0 and contact.row[k, m] == row else new_entry(contact, k, row, dofs)
     return at + 8 * dim(dofs)
@@ -79,7 +79,7 @@ def put_direction_arm(column, line, contact, k, row, arm_mid, arm_end, dofs):
 
 @generic
 def put_point(ties, column, line, contact, k, node, row, q_mid, q_end, dofs):
-    """Entries of one node; tied nodes pass them on."""
+    """Store the entries of one node; tied nodes pass them on."""
 
 
 @put_point.register(NoTies)
@@ -104,8 +104,8 @@ def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, dofs
 
 @kernel
 def begin_joint(contact, k, forces):
-    """Clear the entries of constraint k, a joint: its unknowns are so many forces, as many equations are gaps. The rest of its
-    own block is that of the identity since the start of a run, and the rest of its residual 0."""
+    """Clear the entries of constraint k, a joint with as many gap equations as forces. The rest of its own block is that of the
+    identity since the start of a run, and the rest of its residual 0."""
     contact.entries[k] = 0
     for i in range(8 * forces):
         contact.corner[k, i] = 0.0
@@ -119,17 +119,17 @@ def take_forces(joints, system):
 
 @kernel
 def take_forces_of(first, count, system):
-    """Add the increments of the forces of so many constraints from `first` on."""
+    """Add the increments of the forces of `count` constraints from `first` on."""
     contact, y, force = system.contact, system.work.y, system.state.force
     for k in range(first, first + count):
-        # not those of sleeves that are eliminated with their beams
+        # constraints without a row are eliminated with their beams
         for a in range(contact.forces[k] if contact.first[k] >= 0 else 0):
             force[contact.first_force[k] + a] += y[contact.first[k] + a]
 
 
 @kernel
 def forget_gaps(joints, system, h, c):
-    """Before the first iteration of a step."""
+    """Reset the gaps of the iteration before to infinity, ahead of the first iteration of a step."""
     contact = system.contact
     for k in range(joints.first[0], joints.first[0] + joints.node.shape[0]):
         contact.before[k] = np.inf
@@ -137,8 +137,8 @@ def forget_gaps(joints, system, h, c):
 
 @kernel
 def is_closed(contact, k, allowed):
-    """Whether the augmented Lagrangian leaves a gap of round-off size at constraint k, or one that does not shrink any more:
-    round-off of triads and arms makes redundant joints disagree, by some 1e-16 times the root of the number of steps."""
+    """Return whether the augmented Lagrangian leaves a gap of round-off size at constraint k, or one that does not shrink any
+    more: round-off of triads and arms makes redundant joints disagree, by some 1e-16 times the root of the number of steps."""
     left = contact.remaining[k]
     before = contact.before[k]
     contact.before[k] = left
@@ -147,7 +147,7 @@ def is_closed(contact, k, allowed):
 
 @kernel
 def joints_are_closed(joints, system):
-    """Whether the gaps of joints of one kind are closed."""
+    """Return whether the gaps of joints of one kind are closed."""
     contact, q, dofs = system.contact, system.state.q, system.dofs
     closed = True
     for j in range(joints.node.shape[0]):

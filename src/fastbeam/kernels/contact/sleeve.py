@@ -35,19 +35,19 @@ from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.terms import WithContact, account, first_guess, is_settled, take_unknowns
 
-# conditions that iterations leave open by round-off of directions
+# largest residual of the conditions that round-off of directions leaves
 SETTLED = 4e-15
 
 
 class Sleeves(NamedTuple):
-    """O sleeves."""
+    """O sleeves: axes of the holders, and edges of the bores."""
 
     of_slider: np.ndarray  # int64 [S]: number of the sleeve that a slider is, or -1
     first: np.ndarray      # int64 [1]: number of the first constraint of moments
-    keyed: np.ndarray      # int64 [O]: 1 where the twist is held, too
+    keyed: np.ndarray      # int64 [O]: 1 where the twist is fixed, too
     axes: np.ndarray       # float64 [9 O]: R with D_i = sum_k R_ik d_k of the holder; in a plane [2 O], D_1 = (a, b) stands for
     #                        a u + b J u
-    edges: np.ndarray      # float64 [2 O]: 2/length of the bore and 1/radius of the key, 1/m; 0 where that is not given
+    edges: np.ndarray      # float64 [2 O]: 2/length of the bore and 1/radius of the key, 1/m; 0 without length, or radius
     twist: Any             # sleeve_twist.Twist or NoTwist
 
 
@@ -56,15 +56,15 @@ Sleeves.stays_in_memory = True  # type: ignore[attr-defined]
 
 
 class NoTwist(NamedTuple):
-    """Of sleeves in which beams turn without friction."""
+    """Placeholder for sleeves in which beams turn without friction."""
 
 
 class KnownTwist(NamedTuple):
-    """Of sleeves whose moments of friction are those of the state."""
+    """Marker of sleeves whose moments of friction are those of the state."""
 
 
 class Rubbing(NamedTuple):
-    """The term of sleeves that rub on beams that turn in them: what needs the curves of their sliders."""
+    """Term of sleeves with friction on beams that turn in them, with the curves of their sliders."""
 
     sleeves: Any           # Sleeves with a Twist
     sliding: Sliding
@@ -75,23 +75,23 @@ Rubbing.reads = WithContact  # type: ignore[attr-defined]
 
 @generic
 def begin_twist(twist, sleeves, term, system, h):
-    """After the first guess of a step of size h."""
+    """Prepare the friction of twists after the first guess of a step of size h."""
 
 
 @generic
 def twist_rubs(twist, sleeves, term, system, k, o, nodes, lo, hi):
-    """Right-hand side, corner and moment of the twist of sleeve o, slider k, which is not keyed: 1 where it has a condition, 0
-    where its moment is known, -1 where there is none."""
+    """Form right-hand side, own block and moment of the twist of sleeve o, slider k, which is not keyed; return 1 if it has a
+    condition, 0 if its moment is known, -1 if there is none."""
 
 
 @generic
 def twist_is_settled(twist, sleeves, system):
-    """Whether friction of twists is that of the step, when Newton's method has converged."""
+    """Return whether friction of twists is that of the step, when Newton's method has converged."""
 
 
 @generic
 def account_twist(twist, sleeves, term, system, h):
-    """What friction of twists takes in a converged step, and where sections are."""
+    """Record the loss by friction of twists in a converged step, and the angles of sections."""
 
 
 @twist_rubs.register(NoTwist)
@@ -133,20 +133,21 @@ def add_double_cross_in_plane(a, b, factor, column, at):
 
 @inlined
 def put_condition(contact, c, p, at, weights, turned_mid, turned_end):
-    """Column and line of condition p of constraint c on a spin; turned: sums of products d_j x D_i."""
+    """Add column and line of condition p of constraint c on a spin; turned: sums of products d_j x D_i."""
     add_to(contact.column[c], at + p, 8, -weights.mean * turned_mid)
     add_to(contact.line[c], at + p, 8, weights.end * turned_end)
 
 
 @inlined
 def turned_by_key(key, side, second, third):
-    """The same sum of the twist."""
+    """Return the sum of products d_j x D_i of the twist condition."""
     return 0.5 * (cross_product.call(third, key) - cross_product.call(second, side))
 
 
 @inlined
 def put_conditions(contact, c, held, at, weights, holder, second_mid, second_end, third_mid, third_end):
-    """The first `held` of three conditions on a spin that turns d_2 and d_3, those in the middle and at the end of the step."""
+    """Add the first `held` of three conditions on a spin that turns d_2 and d_3, those in the middle and at the end of the
+    step."""
     put_condition(contact, c, 0, at, weights, cross_product.call(second_mid, holder.bore_mid),
                   cross_product.call(second_end, holder.bore_end))
     if held > 1:
@@ -167,8 +168,8 @@ def add_turning(column, at, factor, held_mid, held_end, turner_mid, turner_end):
 
 @kernel
 def put_moments(term, system, k, c, held, holder, sums, share, nodes, lo, hi):
-    """The first `held` of three conditions of constraint c, the moments of slider k, on its holder and the nodes under it: rows
-    of the residual and entries. share: of the sliding equation as in `SlidingLaw`."""
+    """Add the first `held` of the three moments of constraint c, of slider k, on its holder and the nodes under it: rows of the
+    residual and entries. share: of the sliding equation as in `SlidingLaw`."""
     contact, work, dofs = system.contact, system.work, system.dofs
     d = dim(dofs)
     copy = len(dofs) - d
@@ -244,7 +245,7 @@ def note_nothing(along, sleeves, term, system, k, nodes, lo, hi):
 @last_passage.register(Sleeves)
 @kernel
 def passage_of_triads(sleeves, along, term, system, k):
-    """The moments of sleeves need the directors of the nodes, too."""
+    """Return `last_passage` from the directors of the nodes, which the moments of sleeves need."""
     nodes, lo, hi = begin_passage(term, system, k)
     lead_passage(system, nodes, lo, hi, term.sliders.point[k], along.clock[0])
     tangent = mean_tangent(pass_along(system.contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
@@ -255,7 +256,7 @@ def passage_of_triads(sleeves, along, term, system, k):
 @sums_of_sections.register(Sleeves)
 @kernel
 def sums_in_sleeve(sleeves, system, k, nodes, lo, hi):
-    # nothing is under a slider that is no sleeve
+    # the sum is empty for a slider that is no sleeve
     return sum_held_directors.call(system.dofs, system.contact.basis, system, nodes, lo, hi if sleeves.of_slider[k] >= 0 else lo)
 
 
@@ -276,7 +277,7 @@ def push_of_sleeve(sleeves, sums, term, system, k):
 
 @kernel
 def bending_of(system, c):
-    """Size of the moments of constraint c that hold the bore's direction, and the one that holds the twist."""
+    """Return the size of the moments of constraint c that hold the bore's direction, and the moment that holds the twist."""
     contact, force = system.contact, system.state.force
     first = contact.first_force[c]
     across = force[first] * force[first]
@@ -297,7 +298,7 @@ def force_of_edges_of_bore(sleeves, system, k):
 
 @kernel
 def edge_by_moment(sleeves, system, o, c, p):
-    """Derivative of `force_of_edges` by moment p of constraint c, of sleeve o."""
+    """Return the derivative of `force_of_edges` by moment p of constraint c, of sleeve o."""
     across, twist = bending_of(system, c)
     if p == 2:
         return sleeves.edges[2 * o + 1] * np.sign(twist)
@@ -306,7 +307,7 @@ def edge_by_moment(sleeves, system, o, c, p):
 
 @kernel
 def let_go(contact, c, p, dofs):
-    """Equation p of constraint c depends on no node."""
+    """Clear the line of equation p of constraint c, which then depends on no node."""
     n = 8 * len(dofs)
     for m in range(contact.entries[c]):
         for i in range(n * m + p, n * m + n, 8):
@@ -329,7 +330,7 @@ def hold_section_in_sleeve(sleeves, sums, term, system, k, nodes, lo, hi, law):
     rubs = held > 2 and not sleeves.keyed[o]
     twist = 1.0
     if rubs:
-        # before its moment is read: friction that slips sets it
+        # called before the moment is read, because slipping friction sets it
         twist = twist_rubs.call(sleeves.twist, sleeves, term, system, k, o, nodes, lo, hi)
         if twist < 0.0:
             # a multiplier that stays zero
@@ -366,7 +367,7 @@ def take_moments(sleeves, system):
 @is_settled.register(Sleeves)
 @kernel
 def sections_are_held(sleeves, system):
-    """Whether the augmented Lagrangian of the last iteration leaves errors of directions of round-off size only."""
+    """Return whether the augmented Lagrangian of the last iteration leaves errors of directions of round-off size only."""
     for c in range(sleeves.first[0], sleeves.first[0] + sleeves.keyed.shape[0]):
         if not system.contact.remaining[c] <= SETTLED:
             return False

@@ -1,9 +1,9 @@
 """Friction of beams that turn in unkeyed sleeves, theory.md 5.8.
 
-The moment mu_23 of such a sleeve holds nothing, it rubs. Its condition (5.8) is taken with D_2 and D_3 turned to the section by
-an angle that stays what it is in the step: h = (D_2* . d_3(s) - D_3* . d_2(s))/2 = sin(x - x*), x the angle of the section in the
-sleeve, so that the moment does exactly the work mu_23 Dh, whatever the step. With x* = x_n + rest and rest = h x'_n/2, the one
-increment that leaves the section at rest,
+The moment mu_23 of such a sleeve is friction and fixes nothing. Its condition (5.8) is taken with D_2 and D_3 turned to the
+section by an angle that is constant in the step: h = (D_2* . d_3(s) - D_3* . d_2(s))/2 = sin(x - x*), x the angle of the section
+in the sleeve, so that the moment does exactly the work mu_23 Dh, whatever the step. With x* = x_n + rest and rest = h x'_n/2, the
+one increment that leaves the section at rest,
 
     it sticks   h = 0 at the end of the step, |mu_23| <= mu r F_n
     it slips    mu_23 Dh = -sign mu r F_n Dx,   sign that of the velocity at the end of the step, which is that of h      (5.14)
@@ -36,21 +36,21 @@ TWIST = 4
 ANGLE, SIGN, STICKS, MOST = range(TWIST)
 # increment, rad, below which a section that sticks is at rest
 LEFT = 1e-12
-# of the compliance that was found: rows of moments that are known are written in this unit, which is to be the smaller one
+# share of the found compliance in whose unit rows of known moments are written; it has to be the smaller one
 UNIT = 1e-3
 # Dh up to which (x* in the middle of the step) Dx/Dh is taken from its series
 SHORT_WAY = 1e-4
 
 
 class Twist(NamedTuple):
-    """O sleeves, of which some rub on beams that turn in them."""
+    """Friction of twists in O sleeves, some of which rub on beams that turn in them."""
 
-    arm: np.ndarray     # float64 [O]: coefficient of friction times the radius at which they rub, m; 0: they do not
-    place: np.ndarray   # int64 [O]: where their numbers stand in the history
-    axes: np.ndarray    # float64 [9 O]: as of `Sleeves` at t = 0; those of `Sleeves` turn
+    arm: np.ndarray     # float64 [O]: coefficient of friction times the radius at which sleeves rub, m; 0 without friction
+    place: np.ndarray   # int64 [O]: offset of their numbers in the history
+    axes: np.ndarray    # float64 [9 O]: `Sleeves.axes` at t = 0; those of `Sleeves` turn
     start: np.ndarray   # float64 [O]: angle at the start of the step, rad
     rest: np.ndarray    # float64 [O]: increment that leaves the section at rest at the end of the step, rad
-    soft: np.ndarray    # float64 [O]: compliance of what a sleeve joins, where the section stuck in this step
+    soft: np.ndarray    # float64 [O]: compliance of the parts that a sleeve joins, where the section stuck in this step
     way: np.ndarray     # float64 [O]: Dh of the last iteration
     most: np.ndarray    # float64 [O]: largest moment of friction in the last iteration, N m
     before: np.ndarray  # float64 [2 O]: moment and largest moment of the step before where it stuck, N m
@@ -72,7 +72,7 @@ def aim(twist, sleeves, o, angle):
 
 @kernel
 def most_of_twist(twist, sleeves, term, system, k, o):
-    """The largest moment of friction, N m."""
+    """Return the largest moment of friction, N m."""
     dofs = system.dofs
     force = vector(system.state.force, system.contact.first_force[k], 1, dofs)
     axis = holder_director.call(dofs, sleeves, o, 0, system.work.q_mid, term.sliders.point[k])
@@ -82,7 +82,7 @@ def most_of_twist(twist, sleeves, term, system, k, o):
 
 @kernel
 def angle_per_way(start, end):
-    """Dx/Dh of a step, for h at its start and at its end: friction does the work mu r F_n Dx."""
+    """Return Dx/Dh of a step, for h at its start and at its end: friction does the work mu r F_n Dx."""
     way = end - start
     if abs(way) < SHORT_WAY or abs(start) >= 1.0 or abs(end) >= 1.0:
         return 1.0 + way * way / 24.0
@@ -91,7 +91,7 @@ def angle_per_way(start, end):
 
 @kernel
 def section_of(basis, row, dofs, q, nodes, lo, hi, j):
-    """d_j + 1 of the section over lo to before hi of `nodes_of` a curve, with the shape functions of a row of basis."""
+    """Return d_j + 1 of the section over lo to before hi of `nodes_of` a curve, with the shape functions of a row of basis."""
     out = zero_vector(dofs)
     for a in range(lo, hi):
         out += basis[row, slot.call(nodes, a)] * director.call(dofs, q, node_of.call(nodes, a), j)
@@ -100,7 +100,7 @@ def section_of(basis, row, dofs, q, nodes, lo, hi, j):
 
 @kernel
 def sine_of_section(sleeves, o, point, basis, row, dofs, q, nodes, lo, hi):
-    """h at coordinates q."""
+    """Return h, the sine of the angle from D_2*, D_3* to the section, at coordinates q."""
     second = section_of(basis, row, dofs, q, nodes, lo, hi, 1)
     third = section_of(basis, row, dofs, q, nodes, lo, hi, 2)
     return twist_between(holder_director.call(dofs, sleeves, o, 1, q, point), holder_director.call(dofs, sleeves, o, 2, q, point),
@@ -109,7 +109,7 @@ def sine_of_section(sleeves, o, point, basis, row, dofs, q, nodes, lo, hi):
 
 @kernel
 def cosine_of_section(sleeves, o, point, basis, row, dofs, q, nodes, lo, hi):
-    """(D_2* . d_2 + D_3* . d_3)/2 at coordinates q."""
+    """Return (D_2* . d_2 + D_3* . d_3)/2 at coordinates q."""
     key = holder_director.call(dofs, sleeves, o, 1, q, point)
     side = holder_director.call(dofs, sleeves, o, 2, q, point)
     return 0.5 * (dot(key, section_of(basis, row, dofs, q, nodes, lo, hi, 1))
@@ -119,7 +119,7 @@ def cosine_of_section(sleeves, o, point, basis, row, dofs, q, nodes, lo, hi):
 @begin_twist.register(Twist)
 @kernel
 def begin_rubbing(twist, sleeves, term, system, h):
-    """Velocities tell which sections may come to rest."""
+    """Find from the velocities which sections may come to rest."""
     state = system.state
     twist.clock[0] = h
     for k in range(state.s.shape[0]):
@@ -143,7 +143,7 @@ def begin_rubbing(twist, sleeves, term, system, h):
 
 @kernel
 def rate_of_twist(sleeves, term, system, k, o):
-    """Velocity of the angle at the start of the step, rad/s, with D_2 and D_3 at the section."""
+    """Return the velocity of the angle at the start of the step, rad/s, with D_2 and D_3 at the section."""
     state, contact, dofs = system.state, system.contact, system.dofs
     point = term.sliders.point[k]
     e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], contact.element[k])
@@ -167,9 +167,8 @@ def rate_of_twist(sleeves, term, system, k, o):
 @twist_rubs.register(Twist)
 @kernel
 def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
-    """Decide whether the section sticks or slips. Moment 23 of the state becomes that of friction where it slips; its equation,
-    before the entries of that pair are there: 1 where it has a condition, 0 where the moment is known, -1 of a sleeve that does
-    not rub."""
+    """Decide whether the section sticks or slips, before the entries of the pair are formed. A slipping section sets moment 23 of
+    the state to that of friction. Return 1 if it has a condition, 0 if the moment is known, -1 for a sleeve without friction."""
     if not twist.arm[o] > 0.0:
         return -1.0
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
@@ -210,15 +209,15 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
             return 1.0
     state.force[f] = -twist.sign[o] * most * angle_per_way(end - twist.way[o], end)
     contact.residual[c, 2] = 0.0
-    # the compliance of a step before is not part of the state
+    # a compliance kept from the step before would not be part of the state
     contact.corner[c, 18] = UNIT * contact.compliance[c] if twist.judged[o] > 1 and contact.compliance[c] > 0.0 else 1.0
     return 0.0
 
 
 @kernel
 def judge(twist, o, moment, most, end):
-    """Sign of the velocity at the end of the step, from the moment of the last iteration and its bound, with those of the step
-    before where it stuck, and h at the end. The mean of two steps decides, as moments alternate from step to step, (4.5)."""
+    """Return the slip direction at the end of the step, from the moment of the last iteration and its bound, with those of the
+    step before if it stuck, and h at the end. The mean of two steps decides, as moments alternate from step to step, (4.5)."""
     sign = twist.sign[o]
     if twist.judged[o] == 1:
         return sign
@@ -234,8 +233,8 @@ def judge(twist, o, moment, most, end):
 @twist_is_settled.register(Twist)
 @kernel
 def twist_takes_energy(twist, sleeves, system):
-    """False where no iteration has judged signs by now, or friction put energy in; there the sign of the increment is to
-    decide."""
+    """Return True if slip directions were evaluated in this step and friction dissipates; otherwise let the slip increment decide
+    the direction."""
     settled = True
     for o in range(twist.arm.shape[0]):
         if not twist.arm[o] > 0.0:
@@ -247,7 +246,7 @@ def twist_takes_energy(twist, sleeves, system):
         moment = system.state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
         bound = (twist.most[o] + twist.before[2 * o + 1]) * (1.0 + 1e-12)
         if twist.sign[o] == 0 and abs(moment + twist.before[2 * o]) > bound:
-            # it slips: the next iteration takes the other branch
+            # the section slips: the next iteration takes the other branch
             settled = False
         if twist.rest[o] != 0.0 and twist.clock[0] > 0.0:
             if (moment if twist.sign[o] == 0 else -1.0 * twist.sign[o]) * twist.way[o] > 0.0:
@@ -261,7 +260,7 @@ def twist_takes_energy(twist, sleeves, system):
 @account_twist.register(Twist)
 @kernel
 def account_rubbing(twist, sleeves, term, system, h):
-    """What friction takes, and the angle: where the section sticks that at the start, to the last bit."""
+    """Record the loss by friction, and the angle: a section that sticks keeps that at the start, to the last bit."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     for k in range(state.s.shape[0]):
         o = sleeves.of_slider[k]

@@ -37,7 +37,7 @@ END_SLACK = 1e-12
 
 
 class Sliders(NamedTuple):
-    """One row a slider."""
+    """Table of S sliders: contact curve, and node of the sliding point."""
 
     curve: np.ndarray       # int64 [S]
     point: np.ndarray       # int64 [S]: node of the sliding point
@@ -49,7 +49,7 @@ SLACK = 2
 
 
 class Sliding(NamedTuple):
-    """The term of all sliders; their work arrays are `System.contact`."""
+    """Term of all sliders; their work arrays are `System.contact`."""
 
     curves: Any             # curves.Curves or curves.Paths
     sliders: Sliders
@@ -65,32 +65,33 @@ Sliding.stays_in_memory = True  # type: ignore[attr-defined]
 
 
 class NoForceAlong(NamedTuple):
-    """Of sliders without friction, drives and stops."""
+    """Placeholder for sliders without friction, drives and stops."""
 
 
 class NoSleeves(NamedTuple):
-    """Of sliders that hold no direction of the section."""
+    """Placeholder for sliders that do not fix the direction of the section."""
 
 
 class SlidingLaw(NamedTuple):
     """Sliding equation (5.6) of one slider, force . T + rest = 0, with T of the step."""
 
-    force: Any      # the contact force; with friction also what changes with T
-    tangent: Any    # derivative of the equation by the contact force: T, with friction also what changes with the force
-    rest: float     # minus the forces along the beam
-    slope: float    # derivative of what is not force . T by s at the end of the step
-    share: float    # of (5.6) in it: 1, or 0 where the increment of s is given
-    rub: float      # derivative by `force_of_edges`
+    force: Any      # contact force; with friction also its derivative by T
+    tangent: Any    # derivative of the equation by the contact force: T, with friction also that of friction
+    rest: float     # minus the slider force, N
+    slope: float    # derivative of `rest` by s at the end of the step
+    share: float    # factor of (5.6) in the equation: 1, or 0 where the increment of s is prescribed
+    rub: float      # derivative of the equation by `force_of_edges`
 
 
 @generic
 def sliding_law(along, term, system, k, force, tangent, push):
-    """The `SlidingLaw` of slider k for its contact force, the tangent T of the step and the push of moments along the beam."""
+    """Return the `SlidingLaw` of slider k for its contact force, the tangent T of the step and the push of moments along the
+    beam."""
 
 
 @generic
 def in_step(method, x):
-    """A vector that a step has and an equilibrium has not: the lever arm of the mean gap, and what the turn of the frame does."""
+    """Return x in a step, zero in an equilibrium: for the lever arm of the mean gap, and the turn of the frame."""
 
 
 @in_step.register(object)
@@ -102,28 +103,28 @@ def of_step(method, x):
 @in_step.register(Equilibrium)
 @inlined
 def none_at_rest(method, x):
-    """What an iteration leaves of a gap is no lever: forces without moments are the gradient of the energy."""
+    """Return zero: the gap that an iteration leaves is no lever arm, as forces without moments are the gradient of the energy."""
     return 0.0 * x
 
 
 @generic
 def begin_along(along, term, system, h):
-    """Forces along the beam: after the first guess of a step of size h."""
+    """Prepare forces along the beam after the first guess of a step of size h."""
 
 
 @generic
 def is_settled_along(along, term, system):
-    """Whether forces along the beam are those of the step, when Newton's method has converged."""
+    """Return whether forces along the beam are those of the step, when Newton's method has converged."""
 
 
 @generic
 def account_along(along, term, system, h):
-    """Work of forces along the beam in a converged step."""
+    """Record the work of forces along the beam in a converged step."""
 
 
 @generic
 def note_passage(along, sleeves, term, system, k, nodes, lo, hi):
-    """Keep what an iteration has formed of the curve under slider k, for the account of the step."""
+    """Keep shape functions of the curve under slider k from an iteration, for the energy account of the step."""
 
 
 @note_passage.register(NoForceAlong)
@@ -134,7 +135,7 @@ def note_no_passage(along, sleeves, term, system, k, nodes, lo, hi):
 
 @generic
 def add_contact(along, term, system, k):
-    """Rows of slider k: `add_slider`, or those of one that has left its beam."""
+    """Add the rows of slider k: `add_slider`, or those of one that has left its beam."""
 
 
 @sliding_law.register(NoForceAlong)
@@ -158,17 +159,17 @@ def no_force_is_settled(along, term, system):
 
 @generic
 def sums_of_sections(sleeves, system, k, nodes, lo, hi):
-    """Sums that the moments of slider k need: lo to before hi of `nodes_of` its curve are under it."""
+    """Return the sums that the moments of slider k need: lo to before hi of `nodes_of` its curve are under it."""
 
 
 @generic
 def push_of_moments(sleeves, sums, term, system, k):
-    """What the moments of slider k add to the force along the beam, (5.10), N, from `sums_of_sections`."""
+    """Return the force along the beam, N, by the moments of slider k, (5.10), from `sums_of_sections`."""
 
 
 @generic
 def hold_section(sleeves, sums, term, system, k, nodes, lo, hi, law):
-    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; law: its `SlidingLaw`."""
+    """Add conditions on the direction of the section if slider k is a sleeve, after `add_slider`; law: its `SlidingLaw`."""
 
 
 @sums_of_sections.register(NoSleeves)
@@ -191,7 +192,7 @@ def hold_no_section(sleeves, sums, term, system, k, nodes, lo, hi, law):
 
 @kernel
 def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_out, dofs):
-    """First guess of s and force: as `nodes.predict`; where c is NaN the rate by least squares of v_S - sum N_A v_A = c' ds/dt
+    """Predict s and force as `nodes.predict` does; where c is NaN the rate by least squares of v_S - sum N_A v_A = c' ds/dt
     (theory.md 5.4) and the force of the last step."""
     d = dim(dofs)
     m = (d + 1) * s.shape[0]
@@ -210,7 +211,8 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
 
 @kernel
 def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
-    """Derivative by s of the curve under slider k at s, in element e, and the velocity of the sliding point relative to it."""
+    """Return the derivative by s of the curve under slider k at s, in element e, and the velocity of the sliding point relative
+    to it."""
     b = sliders.curve[k]
     nodes = nodes_of.call(curves, b)
     lo, hi = nodes_under.call(curves, b, e, e)
@@ -230,7 +232,7 @@ def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
 
 
 class Passage(NamedTuple):
-    """The curve under a slider in one step, theory.md (5.3), (5.4)."""
+    """Contact curve of a slider in one step, theory.md (5.3), (5.4)."""
 
     end: Any        # position at the end of the step, and its derivative by s there
     end_s: Any
@@ -246,7 +248,7 @@ class Passage(NamedTuple):
 
 @inlined
 def pass_along(basis, nodes, lo, hi, system, spin_root):
-    """The `Passage` of a slider over nodes lo to before hi of a curve; nodes: `nodes_of` the curve."""
+    """Return the `Passage` of a slider over nodes lo to before hi of a curve; nodes: `nodes_of` the curve."""
     q, work, dofs = system.state.q, system.work, system.dofs
     end = zero_vector(dofs); end_s = zero_vector(dofs); mean = zero_vector(dofs); mean_s = zero_vector(dofs)
     t0 = zero_vector(dofs); t1 = zero_vector(dofs); dt0 = zero_vector(dofs); dt1 = zero_vector(dofs)
@@ -270,7 +272,8 @@ def pass_along(basis, nodes, lo, hi, system, spin_root):
 
 @inlined
 def begin_passage(term, system, k):
-    """`nodes_of` the curve of slider k, the first of them under it in the step and the one behind the last; their basis."""
+    """Form the basis of the nodes under slider k in the step; return `nodes_of` its curve, the first of them and the one behind
+    the last."""
     curves, state, work, contact = term.curves, system.state, system.work, system.contact
     c = term.sliders.curve[k]
     e0 = find_element.call(curves, c, state.s[k], contact.element[k])
@@ -282,7 +285,7 @@ def begin_passage(term, system, k):
 
 @kernel
 def put_curve(term, system, k, nodes, lo, hi, frame):
-    """Rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean."""
+    """Add rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean."""
     work, contact, dofs, row_of = system.work, system.contact, system.dofs, system.row_of
     d = dim(dofs)
     basis = contact.basis
@@ -302,7 +305,7 @@ def put_curve(term, system, k, nodes, lo, hi, frame):
 @add_contact.register(NoForceAlong)
 @separate
 def add_slider(along, term, system, k):
-    """Forces of slider k into the residual and its border into `system.contact`."""
+    """Add forces of slider k to the residual and its border to `system.contact`."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     nodes, lo, hi = begin_passage(term, system, k)
     f = vector(state.force, contact.first_force[k], 1, dofs)
@@ -320,7 +323,7 @@ def add_slider(along, term, system, k):
     gap = in_step.call(system.method, position(work.q_mid, point, dofs) - way.mean)
     put_curve(term, system, k, nodes, lo, hi,
               Frame(f, gap, cross_product.call(gap, f), slide, cross_product.call(law.force, jump)))
-    # -F on the point
+    # force -F on the point
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
     put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-1.0, -1.0, 0.0, 0.0), f,
                          zero_vector(dofs), dofs)
@@ -334,13 +337,13 @@ def add_slider(along, term, system, k):
 
 @kernel
 def mean_tangent(way):
-    """T of (5.3): F . T = F . (T_n + T_n+1)/2 + 1/4 (theta x F) . (T_n+1 - T_n)."""
+    """Return T of (5.3): F . T = F . (T_n + T_n+1)/2 + 1/4 (theta x F) . (T_n+1 - T_n)."""
     return 0.5 * (way.t0 + way.t1) - 0.25 * spin_cross.call(way.turn, way.t1 - way.t0)
 
 
 @kernel
 def put_residual(contact, k, gap, sliding, dofs):
-    """Residuals of the border of slider k, and the equation g_mean = mean gap, which holds whatever the increment."""
+    """Store residuals of the border of slider k, and the equation g_mean = mean gap, which holds whatever the increment."""
     d = dim(dofs)
     residual = contact.residual[k]
     put(residual, 0, 1, gap)
@@ -363,7 +366,7 @@ def predict_sliding(term, system, h, c):
 @kernel
 def assemble_sliding(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
-        # not those that are eliminated with their beams
+        # sliders that are eliminated with their beams are skipped
         if system.contact.first[k] >= 0:
             add_contact.call(term.along, term, system, k)
 
@@ -371,7 +374,7 @@ def assemble_sliding(term, method, system, h):
 @assemble.register(Sliding, Equilibrium)
 @kernel
 def assemble_sliding_at_rest(term, method, system, h):
-    """Both ends of the step are the present shape."""
+    """Add the sliders of an equilibrium, where both ends of the step are the present shape."""
     state, work = system.state, system.work
     for k in range(state.s.shape[0]):
         work.s_end[k] = state.s[k]
@@ -397,7 +400,7 @@ def move_sliders(term, system):
 @is_settled.register(Sliding)
 @kernel
 def gaps_are_closed(term, system):
-    """Whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
+    """Return whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
     contact, q, dofs = system.contact, system.state.q, system.dofs
     for k in range(term.sliders.point.shape[0]):
         p = coordinates(dofs) * term.sliders.point[k]
@@ -418,8 +421,8 @@ def account_sliding(term, system, h):
 @within_limits.register(Sliding)
 @kernel
 def sliders_are_within(term, system, counts_out):
-    """False where a slider is beyond the end of its curve or a rigid stop by more than round-off; its number goes to
-    counts_out[3]."""
+    """Return whether all sliders are within the ends of their curves and rigid stops, to round-off; the number of one that is not
+    goes to counts_out[3]."""
     s = system.state.s
     for k in range(s.shape[0]):
         slack = term.limits[k, SLACK]

@@ -1,14 +1,14 @@
-"""Forces along the beam on sliders, theory.md 5.6: friction, drives and elastic stops, as the right-hand side of (5.3).
+"""Slider forces along the beam, theory.md 5.6: friction, drives and elastic stops, as the right-hand side of (5.3).
 
     sliding     F . T = Q,   T of the step, Q the force along the beam on the sliding point; its work in the step is Q Ds
 
-Q is a function of s_n, s_n+1 and the size of the step: of drives, elastic stops, viscous and smoothed friction. Coulomb friction
-takes |Q| <= mu F_n |T|, F_n = |F_across| and what moments of a sleeve press on its edges, (5.11), and its sign is that of the
-velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the velocity there is zero, Ds = h ds/dt_n / 2 takes the place of
-(5.3). What a stop beside others that move leaves of ds/dt is taken away in the same way in the steps behind it; from then on the
-slider stays where it is to the last bit. Which of the three holds is decided anew in every iteration (a semismooth Newton
-method). A force that would put energy in, as where the velocity is turned around within a step, is refused: then the sign of
-the increment of s decides.
+Drives, elastic stops, viscous and smoothed friction give Q as a function of s_n, s_n+1 and the size of the step. Coulomb friction
+takes |Q| <= mu F_n |T|. Its F_n is |F_across| and the force that moments of a sleeve press on its edges, (5.11). Its sign is that
+of the velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the velocity there is zero, Ds = h ds/dt_n / 2 takes the
+place of (5.3). Against a stop, if other parts move, a remaining ds/dt is removed in the same way in the following steps; from
+then on the slider stays where it is to the last bit. Every iteration decides anew which of the three cases holds (a semismooth
+Newton method). A friction force that would put energy in, for example if the velocity reverses within a step, is rejected: then
+the sign of the increment of s decides.
 """
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ from fastbeam.kernels.terms import known, put_loads, spread_nodes
 
 # kinds of drives
 NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
-# numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
-# away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
-# impacts, J; where friction holds it since how many steps, RESTS at most, else 0; FREE, LOCKED or OFF; how many times its locks
+# numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy lost to friction, J;
+# work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
+# impacts, J; number of steps since it sticks, RESTS at most, else 0; FREE, LOCKED or OFF; how many times its locks
 # have taken hold or let go; energy lost where they took hold, J; on switches arc length of the way less s, m, and -1 or 1 where
 # it came onto its track by the end or the start, 0 where it began
 HISTORY = 11
 SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_LOSS, OFFSET, CAME_BY = range(HISTORY)
-# a slider slides, is held where it is, or has left its beam
+# a slider slides, is locked where it is, or has left its beam
 FREE, LOCKED, OFF = range(3)
-# a part of the contact force across the beam that is round-off of the force
+# share of the contact force across the beam below which that is round-off
 ALONG_ONLY = 1e-12
-# so many iterations of a step judge signs before they count
+# iterations of a step that evaluate slip directions before convergence counts
 JUDGED = 2
-# a slider that friction holds since so many steps is at rest, whatever the beam does; before, what is left of its velocity is
-# taken away, down to an increment of s that is this share of the size of the scene
+# number of steps after which a slider that sticks counts as at rest, whatever the beam does; before, its remaining velocity is
+# removed, down to an increment of s that is this share of the size of the scene
 RESTS, LEFT = 8, 1e-12
-# nodes under a slider whose shape functions are kept: in steps that cross more element ends they are formed anew
+# most nodes under a slider whose shape functions are kept: in steps that cross more element ends they are formed anew
 MOST_KEPT = 16
 BY_PLACE, BY_RATE, MOST, STIFFNESS = 0, 1, 2, 2  # columns of `gains`, the last one of `stops`
-# columns of `asked`: what a law is given, s and ds/dt; its force; where it has failed, as in user_force.FAILED: 1, time, s, ds/dt
+# columns of `asked`: arguments of a law, s and ds/dt; its force; failure as in user_force.FAILED: 1, time, s, ds/dt
 ASKED_FORCE, ASKED_FAILED, ASKED = 2, 3, 7
 
 
 class Along(NamedTuple):
-    """Forces along the beam on S sliders, and what a run keeps of them."""
+    """Slider forces along the beam of S sliders, and their numbers of one run."""
 
     friction: np.ndarray    # float64 [S]: coefficient of Coulomb friction
     viscous: np.ndarray     # float64 [S]: N s/m
@@ -63,8 +63,8 @@ class Along(NamedTuple):
     drive: np.ndarray       # int64 [S]: NO_DRIVE, POSITION, INCREMENT, FORCE, LAW or CONTROL
     gains: np.ndarray       # float64 [S, 3]: of a controller, N/m, N s/m and the largest force, N
     law: np.ndarray         # int64 [S]: address of a compiled function as of user_force.Laws, of a force, N
-    asked: np.ndarray       # float64 [S, ASKED]: what it is given and gives
-    given: np.ndarray       # float64 [S, 2]: what a drive is given in a step: s at its end, or the increment of s, m; the force,
+    asked: np.ndarray       # float64 [S, ASKED]: arguments and result of the law
+    given: np.ndarray       # float64 [S, 2]: prescribed value of a drive in a step: s at its end or increment of s, m; the force,
     #                         N; or of a controller s in the middle, m, and ds/dt, m/s
     clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; mass of the scene, kg
     sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
@@ -75,17 +75,17 @@ class Along(NamedTuple):
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
     doubt: Doubt            # of S sliders
     held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
-    offset: np.ndarray      # float64 [S]: arc length of the way less s, m: on switches, else 0
+    offset: np.ndarray      # float64 [S]: arc length travelled less s, m: on switches, else 0
     under: np.ndarray       # int64 [S, 2]: first of the nodes under the slider in the last iteration, and the one behind the last
-    taken: np.ndarray       # float64 [S]: s at the end of the step for which that iteration has formed shape functions
-    shapes: np.ndarray      # float64 [S, MOST_KEPT, 4]: of these nodes mean and mean slope over the step, their derivatives by s
+    taken: np.ndarray       # float64 [S]: s at the end of the step at which that iteration has formed shape functions
+    shapes: np.ndarray      # float64 [S, MOST_KEPT, 4]: mean and mean slope of shape functions over the step, derivatives by s
 
 
 Along.stays_in_memory = True  # type: ignore[attr-defined]
 
 
 class DriveSchedule(NamedTuple):
-    """What drives are given in every substep, in the tuple of terms ahead of the sliders."""
+    """Prescribed values of drives in every substep; stands ahead of the sliders in the tuple of terms."""
 
     along: Along
     given: np.ndarray       # float64 [substeps, S, 2]
@@ -103,7 +103,7 @@ def put_drives(term, system, k):
 
 
 class Force(NamedTuple):
-    """A force along the beam and its derivative by s at the end of the step."""
+    """Force along the beam and its derivative by s at the end of the step."""
 
     value: float
     slope: float
@@ -111,7 +111,7 @@ class Force(NamedTuple):
 
 @inlined
 def stop_force(along, k, s0, s1):
-    """Elastic stops: minus the divided difference of their energy."""
+    """Return the force of elastic stops: minus the divided difference of their energy."""
     stiffness = along.stops[k, STIFFNESS]
     if not stiffness > 0.0:
         return Force(0.0, 0.0)
@@ -134,7 +134,7 @@ def stop_force(along, k, s0, s1):
 
 @kernel
 def law_force(along, k, s, rate):
-    """Of a drive with a law."""
+    """Return the force, N, of a drive with a law at s and ds/dt = rate, in the middle of the step."""
     asked = along.asked
     asked[k, 0] = s
     asked[k, 1] = rate
@@ -145,7 +145,7 @@ def law_force(along, k, s, rate):
 
 @inlined
 def drive_force(along, k, s0, s1):
-    """Of a drive that does not prescribe the motion."""
+    """Return the `Force` of a drive that does not prescribe the motion; zero for other drives."""
     kind = along.drive[k]
     h = along.clock[0]
     if kind == FORCE:
@@ -169,7 +169,7 @@ def drive_force(along, k, s0, s1):
 
 @inlined
 def other_forces(along, k, s0, s1):
-    """Everything but Coulomb friction and drives that prescribe the motion."""
+    """Return the sum of all slider forces but Coulomb friction and drives that prescribe the motion."""
     stop = stop_force(along, k, s0, s1)
     drive = drive_force(along, k, s0, s1)
     viscous = along.viscous[k] / along.clock[0]
@@ -192,7 +192,7 @@ def add_if_on_beam(along, term, system, k):
 
 @kernel
 def add_idle_slider(term, system, k):
-    """The rows of a slider that has left its beam: no force, and s stays. It touches its point alone, with zeros."""
+    """Add the rows of a slider that has left its beam: no force, and s stays. Its only entry is its point, with zeros."""
     contact, work, dofs = system.contact, system.work, system.dofs
     point = term.sliders.point[k]
     force = vector(system.state.force, contact.first_force[k], 1, dofs)
@@ -205,7 +205,7 @@ def add_idle_slider(term, system, k):
 
 @inlined
 def prescribed_end(along, k, s0):
-    """s at the end of the step of a slider whose motion is prescribed, or that is locked."""
+    """Return s at the end of the step of a slider whose motion is prescribed, or that is locked."""
     if along.held[k] != FREE:
         return s0
     return along.given[k, 0] - along.offset[k] if along.drive[k] == POSITION else s0 + along.given[k, 0]
@@ -213,13 +213,13 @@ def prescribed_end(along, k, s0):
 
 @inlined
 def has_signs(along, k):
-    """Whether the sign of the velocity of a slider decides: with Coulomb friction, and at rest against a stop."""
+    """Return whether the slip direction of a slider matters: with Coulomb friction, and at rest against a stop."""
     return along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0
 
 
 @generic
 def force_of_edges(sleeves, system, k):
-    """What the moments of slider k press on the edges of its bore, (5.11), N."""
+    """Return the force that the moments of slider k press on the edges of its bore, (5.11), N."""
 
 
 @force_of_edges.register(NoSleeves)
@@ -229,12 +229,12 @@ def force_of_no_edges(sleeves, system, k):
 
 
 class Pressing(NamedTuple):
-    """What presses a slider on its beam."""
+    """Normal force of a slider on its beam, and quantities formed with it."""
 
     across: Any     # F_across, the part of the contact force across the beam
-    part: float     # F less that, by T
+    part: float     # F less F_across, in units of T
     normal: float   # |F_across|
-    edges: float    # what moments press on the edges of a bore
+    edges: float    # force that moments press on the edges of a bore, N
     long: float     # |T|
 
 
@@ -248,13 +248,13 @@ def pressing(force, tangent, edges):
 
 @inlined
 def most_of_friction(along, k, press):
-    """The bound of Coulomb friction in (5.6)."""
+    """Return the bound of Coulomb friction in (5.6)."""
     return along.friction[k] * (press.normal + press.edges) * press.long
 
 
 @inlined
 def rub(factor, press, law):
-    """A law without friction with -factor (|F_across| + edges) |T|, one that keeps `factor` constant."""
+    """Add friction -factor (|F_across| + edges) |T| to a law without friction; `factor` is constant in the derivatives."""
     force, tangent = law.force, law.tangent
     across, part, normal, edges, long = press
     if not normal > ALONG_ONLY * np.sqrt(dot(force, force)):
@@ -268,15 +268,16 @@ def rub(factor, press, law):
 
 @inlined
 def hold(along, way, force):
-    """The law of a slider whose increment of s is given: so much of it is missing; in the unit of a force, as rows are scaled."""
+    """Return the law of a slider whose increment of s is prescribed: `way` is missing of it; in the unit of a force, as rows are
+    scaled."""
     unit = along.clock[2] / (along.clock[0] * along.clock[0])
     return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit, 0.0, 0.0)
 
 
 @inlined
 def sign_of_velocity(along, k, needed, most, ds):
-    """-1, 0 or 1 for the velocity at the end of the step, from what friction and a rigid stop have to give, the most that
-    friction can, and the increment of s of this iteration."""
+    """Return the slip direction -1, 0 or 1 at the end of the step, from the force that friction and a rigid stop have to give,
+    the bound of friction, and the increment of s of this iteration."""
     sign = along.sign[k]
     if along.judged[k] == 1:
         return sign
@@ -318,7 +319,7 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
     if is_in_doubt(along.flips, along.judged, k, system.work.increment):
         if along.against[k] == 0:
             return rub_in_doubt(along, k, s1 - s0, system.contact.compliance[k], most, press, law)
-        # at the stop it stays for this step
+        # a slider at a stop stays there for this step
         along.sign[k] = 0
         return hold(along, s1 - s0, force)
     sign = sign_of_velocity(along, k, along.needed[k], most, s1 - s0)
@@ -332,8 +333,7 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
 
 @kernel
 def rub_in_doubt(along, k, ds, found, most, press, law):
-    """The law with Coulomb friction where signs go in circles, see friction_fallback.py. found: compliance of the parts in the
-    last iteration."""
+    """Return the law of the friction fallback, see friction_fallback.py. found: compliance of the parts in the last iteration."""
     along.rest[k] = 0.0
     if sticks_in_doubt(along.doubt, k, along.clock[0], found, ds, most, abs(along.needed[k]) > most):
         along.sign[k] = 0
@@ -349,7 +349,7 @@ def rub_in_doubt(along, k, ds, found, most, press, law):
 @begin_along.register(Along)
 @kernel
 def begin_forces(along, term, system, h):
-    """Velocities along the beams tell which sliders may come to rest."""
+    """Find from the velocities along the beams which sliders may come to rest."""
     state = system.state
     along.clock[0] = h
     for k in range(state.s.shape[0]):
@@ -380,8 +380,8 @@ def begin_forces(along, term, system, h):
 @is_settled_along.register(Along)
 @kernel
 def friction_takes_energy(along, term, system):
-    """False where no iteration has judged signs by now, or Coulomb friction put energy in; there the sign of the increment of s
-    is to decide."""
+    """Return True if slip directions were evaluated in this step and Coulomb friction dissipates; otherwise let the slip
+    increment decide the direction."""
     settled = True
     for k in range(along.sign.shape[0]):
         if is_prescribed(along, k) or not has_signs(along, k):
@@ -402,14 +402,14 @@ def friction_takes_energy(along, term, system):
 
 @inlined
 def sign_of_given(ds, system):
-    """Sign of a given increment of s; 0 where that is round-off, as where a prescribed motion rests."""
+    """Return the sign of a prescribed increment of s; 0 within round-off, as while a prescribed motion rests."""
     return np.sign(ds) if abs(ds) > LEFT * system.length else 0.0
 
 
 @account_along.register(Along)
 @kernel
 def account_forces(along, term, system, h):
-    """Work of friction and drives, from the converged step, and whether sliders are at rest."""
+    """Record work of friction and drives in a converged step, and which sliders are at rest."""
     state = system.state
     for k in range(state.s.shape[0]):
         if system.work.s_end[k] != state.s[k]:
@@ -429,7 +429,7 @@ def account_forces(along, term, system, h):
 
 @kernel
 def lead_passage(system, nodes, lo, hi, point, h):
-    """Coordinates of the nodes under a slider, and of its point, where the last increments led them."""
+    """Update the coordinates of the nodes under a slider, and of its point, from the last increments."""
     dofs, method, state, work = system.dofs, system.method, system.state, system.work
     for a in range(lo, hi):
         node = node_of.call(nodes, a)
@@ -458,15 +458,15 @@ def note_shapes(along, sleeves, term, system, k, nodes, lo, hi):
 
 @generic
 def last_passage(sleeves, along, term, system, k):
-    """T of slider k in a converged step, from where the last increment led the nodes under it, and what moments of a sleeve add
-    to the force along the beam."""
+    """Return T of slider k in a converged step, from the last increments of the nodes under it, and the force of the moments of a
+    sleeve along the beam."""
 
 
 @last_passage.register(NoSleeves)
 @inlined
 def tangent_of_positions(sleeves, along, term, system, k):
-    """From positions and Cayley vectors alone. Shape functions follow those of the last iteration, whose increment of s has a
-    square below round-off where Newton's method has converged."""
+    """Return T from positions and Cayley vectors alone, and 0. Shape functions follow from those of the last iteration, whose
+    increment of s has a square below round-off when Newton's method has converged."""
     basis, q, work, dofs = system.contact.basis, system.state.q, system.work, system.dofs
     c = term.sliders.curve[k]
     nodes = nodes_of.call(term.curves, c)
@@ -495,7 +495,7 @@ def tangent_of_positions(sleeves, along, term, system, k):
 
 @separate
 def account_work(along, term, system, k):
-    """Of friction and the drive of a slider that moves."""
+    """Record the work of friction and of the drive of a slider that moves."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     h = along.clock[0]
     tangent, push = last_passage.call(term.sleeves, along, term, system, k)

@@ -1,11 +1,11 @@
-"""Work arrays of constraints with multipliers, and their entries: what their forces do to a row of the residual (its columns),
-and the derivatives of their equations by the unknowns of the row (its lines).
+"""Work arrays of constraints with multipliers, and their entries: derivatives of a row of the residual by the forces (its
+columns), and of the constraint equations by the unknowns of the row (its lines).
 
 `Contact` keeps every entry as two blocks of numbers, whatever a constraint is. Where all constraints are sliders,
 `FactoredContact` of factored.py keeps the few numbers that the blocks of an entry are made of.
 
-Arrays: out, block [*], blocks of rows of 8 numbers, of `add_column_times` numbers; y [7 S], unknowns of all constraints;
-q [12 N], in a plane [4 N].
+Arrays: out, block [*], blocks of rows of 8 numbers, of `add_column_times` numbers; y [7 S], unknowns of all constraints; q [12
+N], in a plane [4 N].
 """
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class Contact(NamedTuple):
     residual: np.ndarray    # float64 [S, 8]
     element: np.ndarray     # int64 [S]: element of s_n, a hint
     forces: np.ndarray      # int64 [S]: number of forces, as many equations come first, gaps
-    first: np.ndarray       # int64 [S]: number of the first unknown among those of all constraints; -1 of those that are
+    first: np.ndarray       # int64 [S]: number of the first unknown among those of all constraints; -1 for sliders that are
     #                         eliminated with their beams (linalg/carriers.py)
     first_force: np.ndarray  # int64 [S]: number of the first force
-    compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
+    compliance: np.ndarray  # float64 [S]: compliance of the parts that each slider joins, in a step
     softness: np.ndarray    # float64 [S]: share of augmented[0] that it has
     remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
     full: np.ndarray        # int64 [1]: 1 where a slider had more entries than there is room for
@@ -47,7 +47,7 @@ class Contact(NamedTuple):
     pair: np.ndarray        # int64 [O, 2]: of every sleeve its slider and the constraint of its moments
     cross: np.ndarray       # float64 [O, 2, 8]: derivatives of the sliding equation by the unknowns of the moments, and of the
     #                         equations of the moments by s
-    before: np.ndarray = np.zeros(0)  # float64 [S]: of joints the gap that was left when it was last looked at in this step
+    before: np.ndarray = np.zeros(0)  # float64 [S]: for joints the remaining gap at the last check in this step
 
 
 class ContactInRows(Contact):
@@ -66,33 +66,33 @@ class ContactOfCarriers(Contact):
 
 
 class Weights(NamedTuple):
-    """How a node takes part in a contact."""
+    """Weights of a node in a contact."""
 
     mean: float     # share of the force; the mean gap changes with -mean/2 of its position
     end: float      # the gap at the end of the step changes with -end of its position
     slope: float    # derivative of `mean` by the place of the slider at the end
-    along: float    # its share in the derivative of the sliding equation by a position
+    along: float    # share of the node in the derivative of the sliding equation by a position
 
 
 class Frame(NamedTuple):
-    """What the nodes under a slider share."""
+    """Quantities that all nodes under a slider share."""
 
     force: Any      # contact force F
     gap: Any        # g_mean
     moment: Any     # g_mean x F
     slide: Any      # derivative of the sliding equation by a position, for `Weights.along` = 1
-    across: Any     # 4 times that by the Cayley vector of the frame
+    across: Any     # 4 times the derivative of the sliding equation by the Cayley vector of the frame
 
 
 @generic
 def tied_arm(ties, e, q):
-    """Offset of entry e of tied nodes of kind 1, a point carried on an arm, at coordinates q."""
+    """Return the offset of entry e of tied nodes of kind ARM, a point carried on an arm, at coordinates q."""
 
 
 @kernel
 def new_entry(contact, k, row, dofs):
-    """Offset of a new entry of slider k, filled with zeros. Where the arrays are full it is the last entry again, and `full` is
-    set."""
+    """Return the offset of a new entry of slider k, filled with zeros. If the arrays are full it is the last entry again, and
+    `full` is set."""
     m = contact.entries[k]
     if m == contact.row.shape[1]:
         contact.full[0] = 1
@@ -108,7 +108,7 @@ def new_entry(contact, k, row, dofs):
 
 @kernel
 def entry_of(contact, k, row, dofs):
-    """Offset of an entry of constraint k for a row: the one that it has, or a new one."""
+    """Return the offset of the entry of constraint k for a row, the present one or a new one."""
     for m in range(contact.entries[k]):
         if contact.row[k, m] == row:
             return 8 * len(dofs) * m
@@ -117,8 +117,8 @@ def entry_of(contact, k, row, dofs):
 
 @generic
 def put_position(contact, k, row, weights, f, slide, dofs):
-    """Entry of a position, which takes weights.mean of the force f; weights.along slide: derivative of the sliding equation by
-    the position. Returns its offset or place."""
+    """Store the entry of a position, which takes weights.mean of the force f; weights.along slide: derivative of the sliding
+    equation by the position. Return its offset or place."""
 
 
 @put_position.register(Contact)
@@ -139,7 +139,7 @@ def put_position_blocks(contact, k, row, weights, f, slide, dofs):
 
 @generic
 def put_arm(contact, k, row, arm_mid, arm_end, weights, f, slide, dofs):
-    """Entry of the spin of a node that carries the position of `put_position` on an arm."""
+    """Store the entry of the spin of a node that carries the position of `put_position` on an arm."""
 
 
 @put_arm.register(Contact)
@@ -158,8 +158,8 @@ def put_arm_blocks(contact, k, row, arm_mid, arm_end, weights, f, slide, dofs):
 
 @generic
 def put_translation(ties, contact, k, node, row, work, weights, f, slide, dofs):
-    """Entry of the position of one node as in `put_position`; tied nodes pass it on. Returns what `put_position` does for the
-    node's own entry, -1 where it is tied."""
+    """Store the entry of the position of one node as in `put_position`; tied nodes pass it on. Return the value of `put_position`
+    for the node's own entry, -1 for a tied node."""
 
 
 @put_translation.register(NoTies)
@@ -170,7 +170,7 @@ def put_free_translation(ties, contact, k, node, row, work, weights, f, slide, d
 
 @kernel
 def put_tied_translation(ties, contact, k, node, row, work, weights, f, slide, dofs):
-    """`put_translation` where there are tied nodes."""
+    """Run `put_translation` in a scene with tied nodes."""
     if ties.start[node + 1] > ties.start[node]:
         for t in range(ties.start[node], ties.start[node + 1]):
             if ties.kind[t] == POSITION:
@@ -184,7 +184,7 @@ def put_tied_translation(ties, contact, k, node, row, work, weights, f, slide, d
 
 @generic
 def put_frame(contact, k, frame, dofs):
-    """What the nodes under slider k share, before `put_node`."""
+    """Store quantities that all nodes under slider k share, before `put_node`."""
 
 
 @put_frame.register(Contact)
@@ -195,8 +195,8 @@ def put_frame_nowhere(contact, k, frame, dofs):
 
 @generic
 def put_node(contact, k, row, entry, turned, weights, frame, dofs):
-    """What a node under slider k has in the frame: its moment weights.mean g_mean x F, its theta in the sliding equation,
-    `turned`; row: of its spin; entry: of its position as in `put_translation`, -1 where that belongs to other rows."""
+    """Store the share of a node under slider k in the frame: its moment weights.mean g_mean x F, its theta in the sliding
+    equation, `turned`; row: of its spin; entry: of its position as in `put_translation`, -1 if that belongs to other rows."""
 
 
 @put_node.register(Contact)
@@ -215,13 +215,13 @@ def put_node_blocks(contact, k, row, entry, turned, weights, frame, dofs):
 
 @generic
 def put_corner(contact, k, end_s, mean_s, tangent, by_s, dofs):
-    """The block of slider k by itself, rows gap, sliding, g_mean against F, s, g_mean: derivatives by s of the curve at the end
+    """Store the own block of slider k, rows gap, sliding, g_mean against F, s, g_mean: derivatives by s of the curve at the end
     and of the mean of it, of the sliding equation by the force and by s."""
 
 
 @kernel
 def unit_corner(contact, k, first, last):
-    """Zeros in the block of a constraint, but ones on the diagonal from `first` to before `last`."""
+    """Set the own block of a constraint to zeros, but ones on the diagonal from `first` to before `last`."""
     for i in range(64):
         contact.corner[k, i] = 0.0
     for i in range(first, last):
@@ -242,7 +242,7 @@ def put_corner_block(contact, k, end_s, mean_s, tangent, by_s, dofs):
 
 @generic
 def put_idle_corner(contact, k, dofs):
-    """That of a slider that has left its beam: its force and s stay."""
+    """Store the own block of a slider that has left its beam: its force and s stay."""
 
 
 @put_idle_corner.register(Contact)
@@ -251,10 +251,10 @@ def put_unit_corner(contact, k, dofs):
     unit_corner(contact, k, 0, 2 * dim(dofs) + 1)
 
 
-# --- blocks of entries, for those who solve -------------------------------------------------------------------------------
+# --- blocks of entries, for solvers ---------------------------------------------------------------------------------------
 @generic
 def add_column(contact, k, m, out, at, dofs):
-    """Columns of entry m of constraint k, n rows of 8, to out [*] from `at` on."""
+    """Add columns of entry m of constraint k, n rows of 8, to out [*] from `at` on."""
 
 
 @add_column.register(Contact)
@@ -267,7 +267,7 @@ def add_column_block(contact, k, m, out, at, dofs):
 
 @generic
 def add_line(contact, k, m, out, at, dofs):
-    """Its lines, transposed like the columns."""
+    """Add lines of entry m of constraint k, transposed like the columns, to out [*] from `at` on."""
 
 
 @add_line.register(Contact)
@@ -280,7 +280,7 @@ def add_line_block(contact, k, m, out, at, dofs):
 
 @inlined
 def add_transposed(out, at, block, o, n, m):
-    """n rows of 8 in block [*] from o on, transposed to m rows in out [*] from `at` on."""
+    """Add n rows of 8 in block [*] from o on, transposed, to m rows in out [*] from `at` on."""
     for a in range(m):
         for c in range(n):
             out[at + 8 * a + c] += block[o + 8 * c + a]
@@ -288,7 +288,7 @@ def add_transposed(out, at, block, o, n, m):
 
 @generic
 def add_line_rows(contact, k, m, out, at, unknowns, dofs):
-    """Its lines as rows; unknowns: of the constraint."""
+    """Add lines of entry m of constraint k as rows; unknowns: number of unknowns of the constraint."""
 
 
 @add_line_rows.register(Contact)
@@ -300,7 +300,8 @@ def add_line_block_rows(contact, k, m, out, at, unknowns, dofs):
 
 @generic
 def add_column_times(contact, k, m, y, first, unknowns, out, at, dofs):
-    """Its columns times the unknowns of the constraint in y [*] from `first` on, to n numbers in out [*] from `at` on."""
+    """Add columns of entry m times the unknowns of the constraint in y [*] from `first` on, to n numbers in out [*] from `at`
+    on."""
 
 
 @add_column_times.register(Contact)
@@ -316,7 +317,8 @@ def add_column_block_times(contact, k, m, y, first, unknowns, out, at, dofs):
 
 @generic
 def largest_share(contact, k, m, held, forces, dofs):
-    """Largest share of the forces of a constraint in the free unknowns of the row of entry m; bit c of `held` set: not free."""
+    """Return the largest share of the forces of a constraint in the free unknowns of the row of entry m; bit c of `held` set:
+    fixed."""
 
 
 @largest_share.register(Contact)
@@ -333,7 +335,7 @@ def largest_of_columns(contact, k, m, held, forces, dofs):
 
 @generic
 def put_own_block(contact, k, out, at, unknowns, dofs):
-    """The block of constraint k by itself, rows of 8 in out [*] from `at` on."""
+    """Store the own block of constraint k, rows of 8 in out [*] from `at` on."""
 
 
 @put_own_block.register(Contact)
@@ -345,7 +347,7 @@ def copy_corner(contact, k, out, at, unknowns, dofs):
 
 @generic
 def first_of_own_block(contact, k):
-    """The first number of that block."""
+    """Return the first number of the own block of constraint k."""
 
 
 @first_of_own_block.register(Contact)

@@ -1,6 +1,6 @@
-"""Entries of sliders as the few numbers that they are made of, a twelfth of the memory of their blocks, which are written where
-they are needed. With w the weights of a node, s the slide of the frame and t what its theta takes of the sliding
-equation, columns and lines against F, s, g_mean are
+"""Factored entries of sliders: the few numbers of an entry take a twelfth of the memory of its blocks, which are formed where
+they are needed. With w the weights of a node, s the slide of the frame and t the share of its theta in the sliding equation,
+columns and lines against F, s, g_mean are
 
     position        [w.mean I, w.slope F, 0]                             [-w.end I, w.along s, w.mean/2 I]
     spin            [w.mean g_mean^, w.slope g_mean x F, -w.mean F^]     [0, t, 0]
@@ -24,7 +24,7 @@ from fastbeam.kernels.entries.dense import (add_column, add_column_times, add_li
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.terms import System
 
-# what an entry of `FactoredContact` has: the position of a node, its spin, both, or the spin of one that carries it on an arm
+# kinds of entries of `FactoredContact`: the position of a node, its spin, both, or the spin of one that carries it on an arm
 POSITION, SPIN, BOTH, ON_ARM = 1.0, 2.0, 3.0, 4.0
 # numbers of such an entry: those of `Weights`, then from TURNED on a vector, the kind last; with ties two arms behind them
 TURNED, KIND, ARM_MID, ARM_END = 4, 7, 8, 11
@@ -37,7 +37,7 @@ FORCE, GAP, SLIDE, MOMENT, END_S, MEAN_S, TANGENT, BY_S, IDLE, FRAME = 0, 3, 6, 
 class FactoredContact(NamedTuple):
     """Contact of scenes whose constraints are all sliders, rows of the block matrix, without sleeves; E entries each at most."""
 
-    basis: np.ndarray       # float64 [5, n]: this and what is not explained here as in `Contact`
+    basis: np.ndarray       # float64 [5, n]: this and all fields without a comment as in `Contact`
     legendre: np.ndarray    # float64 [3, n_coef]
     entries: np.ndarray     # int32 [S]
     row: np.ndarray         # int32 [S, E]
@@ -61,7 +61,7 @@ FactoredContact.reads = System  # type: ignore[attr-defined]
 
 @kernel
 def new_place(contact, k, row, weights, kind):
-    """Place of a new entry of slider k. Where the arrays are full it is the last again, and `full` is set."""
+    """Return the place of a new entry of slider k. If the arrays are full it is the last again, and `full` is set."""
     m = contact.entries[k]
     if m == contact.row.shape[1]:
         contact.full[0] = 1
@@ -229,8 +229,8 @@ def add_factored_product(contact, k, m, y, first, unknowns, out, at, dofs):
 
 @kernel
 def largest_across(of, first, held, dofs):
-    """Largest number of the free rows of the matrix x cross, x in of [*] from `first` on; bit i of `held` set: row i is not
-    free."""
+    """Return the largest number of the free rows of the matrix x cross, x in of [*] from `first` on; bit i of `held` set: row i
+    is not free."""
     d = dim(dofs)
     largest = 0.0
     for i in range(3 if d == 3 else 1):

@@ -10,13 +10,14 @@ from fastbeam.kernels.jit.decorators import kernel
 
 @kernel
 def difference(link, k, q, dofs):
-    """x_b - x_a of link k at coordinates q."""
+    """Return x_b - x_a of link k at coordinates q."""
     return position(q, link.node[k, 1], dofs) - position(q, link.node[k, 0], dofs)
 
 
 @kernel
 def add_pair(link, k, force, iso, x, y, work, dofs):
-    """`force` on b and its opposite on a into the residual, and iso I + x y^T, its derivative by the end position of b."""
+    """Add `force` on b and its opposite on a to the residual, and iso I + x y^T, its derivative by the end position of b, to the
+    tangent."""
     add_to(work.r, 8 * link.row[k, 1], 1, force)
     add_to(work.r, 8 * link.row[k, 0], 1, -1.0 * force)
     for e in range(4):

@@ -17,31 +17,31 @@ from fastbeam.kernels.terms import Conserving, account, assemble, spread_nodes
 
 
 class AddedMass(NamedTuple):
-    """A nodes with added mass, coefficients of whole nodes."""
+    """Table of A nodes with added mass, coefficients of whole nodes."""
 
     node: np.ndarray     # int64 [A]
     row: np.ndarray      # int64 [A]
     block: np.ndarray    # int64 [A]: diagonal block
     normal: np.ndarray   # float64 [A]: mass across d1, kg
     along: np.ndarray    # float64 [A]: mass along d1 less that across, kg
-    place: np.ndarray    # int64 [A]: where the momentum along d1 that `along` has stands in `State.history`
+    place: np.ndarray    # int64 [A]: offset in `State.history` of the momentum along d1 of the mass `along`
 
 
 class Flow(NamedTuple):
-    """Motion of a node in a step."""
+    """Velocity and momentum of a node in a step."""
 
     velocity: Any     # mean
     before: Any       # d1 at the start
     axis: Any         # d1 at the end
-    change: Any       # of d1
-    direction: Any    # along which the mean velocity counts
+    change: Any       # change of d1
+    direction: Any    # direction along which the mean velocity counts
     start: float      # momentum along d1 at the start
-    end: float        # and at the end
+    end: float        # momentum along d1 at the end
 
 
 @kernel
 def flow(added, k, system, h):
-    """Where a step leads the momentum along d1."""
+    """Return the `Flow` of node k in a step, with the momentum along d1 at its end."""
     work, dofs = system.work, system.dofs
     n, d = added.node[k], dim(dofs)
     velocity = (1.0 / h) * vector(work.dphi, d * n, 1, dofs)
@@ -56,7 +56,7 @@ def flow(added, k, system, h):
 
 @generic
 def add_turned_force(dofs, blocks_out, o, factor, velocity, axis):
-    """factor times the derivative of velocity x (spin x axis) by the spin."""
+    """Add factor times the derivative of velocity x (spin x axis) by the spin."""
 
 
 @add_turned_force.register(Space)
@@ -84,7 +84,7 @@ def assemble_added(added, method, system, h):
                + (1.0 / h) * (x.end * x.axis - x.start * x.before))
         mean = 0.5 * (x.end * x.axis + x.start * x.before)
         add_to(work.r, r + d, 1, cross_product.call(x.velocity, mean))
-        # change of the momentum at the end, by position and by spin
+        # derivatives of the momentum at the end by position and by spin
         theta = cayley_vector(work.theta, n, dofs)
         by_position = (2.0 * added.along[k] / h) * x.direction
         by_spin = (2.0 * added.along[k]) * (
@@ -105,7 +105,7 @@ def assemble_added(added, method, system, h):
 @kernel
 def account_added(added, system, h):
     for k in range(added.node.shape[0]):
-        # where the last increments led d1
+        # update d1 to the last increments
         n = added.node[k]
         spread_nodes.call(system.dofs, system.method, system.state, system.work, h, n, n + 1)
         system.state.history[added.place[k]] = flow(added, k, system, h).end

@@ -32,50 +32,50 @@ class Bushings(NamedTuple):
     node: np.ndarray       # int64 [L, 2]
     row: np.ndarray        # int64 [L, 2]
     block: np.ndarray      # int64 [L, 4]: a-a, a-b, b-a, b-b
-    axes: np.ndarray       # float64 [18 L], in a plane [12 L]: as of `JointConditions`
+    axes: np.ndarray       # float64 [18 L], in a plane [12 L]: as in `JointConditions`
     start: np.ndarray      # float64 [3 L]: r . D_i at t = 0, m
     stiffness: np.ndarray  # float64 [36 L]: K, C; C^T, M
     tilt: np.ndarray       # float64 [9 L]: G
     viscosity: np.ndarray  # float64 [9 L]: B
     drag: np.ndarray       # float64 [9 L]: P
-    parts: np.ndarray      # int64 [L, 2]: whether C, and whether P are there
-    place: np.ndarray      # int64 [L]: of the loss in the history, -1: no damping
+    parts: np.ndarray      # int64 [L, 2]: 1 where C, and where P are not zero
+    place: np.ndarray      # int64 [L]: offset of the loss in the history, -1: no damping
 
 
 @kernel
 def arm(link, k, q, dofs):
-    """r of bushing k."""
+    """Return r of bushing k."""
     return position(q, link.node[k, 1], dofs) - position(q, link.node[k, 0], dofs)
 
 
 @kernel
 def shift(link, k, i, q, dofs):
-    """u_i."""
+    """Return u_i."""
     return dot(arm(link, k, q, dofs), direction.call(dofs, link, k, 0, i, q)) - link.start[3 * k + i]
 
 
 @kernel
 def product(link, k, i, j, q, dofs):
-    """c_ij, in a plane without what the normal adds."""
+    """Return c_ij, in a plane without the part of the normal."""
     return dot(direction.call(dofs, link, k, 0, i, q), direction.call(dofs, link, k, 1, j, q))
 
 
 @kernel
 def sine(link, k, i, q, dofs):
-    """w_i."""
+    """Return w_i."""
     j, l = (i + 1) % 3, (i + 2) % 3
     return 0.5 * (product(link, k, l, j, q, dofs) - product(link, k, j, l, q, dofs))
 
 
 @kernel
 def turning(link, k, i, j, q, dofs):
-    """D_i x E_j: derivative of c_ij by the spin of a, and with a minus by that of b."""
+    """Return D_i x E_j: derivative of c_ij by the spin of a, and with a minus by that of b."""
     return cross_product.call(direction.call(dofs, link, k, 0, i, q), direction.call(dofs, link, k, 1, j, q))
 
 
 @kernel
 def turning_of_sine(link, k, i, q, dofs):
-    """The same of w_i."""
+    """Return the derivative of w_i by the spin of a, and with a minus by that of b."""
     j, l = (i + 1) % 3, (i + 2) % 3
     return 0.5 * (turning(link, k, l, j, q, dofs) - turning(link, k, j, l, q, dofs))
 
@@ -83,7 +83,7 @@ def turning_of_sine(link, k, i, q, dofs):
 # --- forces of products -------------------------------------------------------------------------------------------------
 @kernel
 def force_of_shift(link, k, i, system, over_h):
-    """Mean force of u_i over the step."""
+    """Return the mean force of u_i over the step."""
     q0, q1, dofs = system.state.q, system.work.q_end, system.dofs
     force = 0.0
     for j in range(3):
@@ -97,7 +97,7 @@ def force_of_shift(link, k, i, system, over_h):
 
 @kernel
 def moment_of_sine(link, k, i, system):
-    """Mean moment of w_i over the step: that of the displacements."""
+    """Return the mean moment of w_i over the step: that of the displacements."""
     q0, q1, dofs = system.state.q, system.work.q_end, system.dofs
     moment = 0.0
     for j in range(3):
@@ -107,7 +107,7 @@ def moment_of_sine(link, k, i, system):
 
 @kernel
 def moment_of_product(link, k, i, j, system, over_h):
-    """Mean moment of c_ij over the step."""
+    """Return the mean moment of c_ij over the step."""
     q0, q1, dofs = system.state.q, system.work.q_end, system.dofs
     moment = -link.tilt[9 * k + 3 * i + j]
     if link.parts[k, 1]:
@@ -124,7 +124,7 @@ def moment_of_product(link, k, i, j, system, over_h):
 # --- residual and tangent -----------------------------------------------------------------------------------------------
 @kernel
 def pull(link, k, system, mid, end):
-    """The force `mid` on b and its opposite on a with its moment, and half their derivative by the end of the step, as far as
+    """Add the force `mid` on b and its opposite on a with its moment, and half their derivative by the end of the step, as far as
     the direction, `end` there, and the arm turn."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
@@ -142,8 +142,8 @@ def pull(link, k, system, mid, end):
 
 @kernel
 def twist(link, k, j, system, mid, end):
-    """The moment mid x E_j on a and its opposite on b, and half their derivative by the end of the step; mid, end: a direction
-    that a carries."""
+    """Add the moment mid x E_j on a and its opposite on b, and half their derivative by the end of the step; mid, end: a
+    direction fixed to a."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     n = 8 * len(dofs)
@@ -161,8 +161,8 @@ def twist(link, k, j, system, mid, end):
 
 @kernel
 def add_dyad(link, k, system, force, moment, lead, turn):
-    """Derivatives of forces: b gets `force`, a its opposite with the moment force x r, and besides them a gets `moment` and b its
-    opposite, times the change of a product with the derivatives lead, lead x r and turn in the same places."""
+    """Add derivatives of forces: b gets `force`, a its opposite with the moment force x r, and besides them a gets `moment` and b
+    its opposite, times the change of a product with the derivatives lead, lead x r and turn in the same places."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     n = 8 * len(dofs)
@@ -193,7 +193,7 @@ def add_dyad(link, k, system, force, moment, lead, turn):
 
 @kernel
 def stiffen_shifts(link, k, system, over_h):
-    """Derivatives by u_j at the end."""
+    """Add derivatives by u_j at the end."""
     work, dofs = system.work, system.dofs
     for j in range(3):
         force = zero_vector(dofs)
@@ -208,7 +208,7 @@ def stiffen_shifts(link, k, system, over_h):
 
 @kernel
 def stiffen_sines(link, k, system):
-    """Derivatives by w_j at the end."""
+    """Add derivatives by w_j at the end."""
     work, dofs = system.work, system.dofs
     for j in range(3):
         force = zero_vector(dofs)
@@ -219,7 +219,7 @@ def stiffen_sines(link, k, system):
 
 @kernel
 def stiffen_products(link, k, system, over_h):
-    """Derivatives by c_lj at the end."""
+    """Add derivatives by c_lj at the end."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     for j in range(3):
@@ -266,19 +266,19 @@ def assemble_bushings(link, method, system, h):
 @assemble.register(Bushings, Equilibrium)
 @kernel
 def assemble_bushings_at_rest(link, method, system, h):
-    """The middle and both ends of a step are the present shape."""
+    """Add the bushings of an equilibrium: the middle and both ends of a step are the present shape."""
     add_bushings(link, system, 0.0)
 
 
 @account.register(Bushings)
 @kernel
 def account_bushings(link, system, h):
-    """What dampers take."""
+    """Record the loss by dampers."""
     state, work, dofs = system.state, system.work, system.dofs
     for k in range(link.row.shape[0]):
         if link.place[k] >= 0:
             for side in range(2):
-                # where the last increment led them
+                # update the nodes to the last increment
                 node = link.node[k, side]
                 spread_nodes.call(dofs, system.method, state, work, h, node, node + 1)
             loss = 0.0
@@ -297,7 +297,7 @@ def account_bushings(link, system, h):
 @potential_energy.register(Bushings)
 @kernel
 def energy_of_bushings(link, q, dofs, out):
-    """The sum over c_ij is w.M w/(1 + cos), which keeps its digits where the angle is small."""
+    """Add the energy; the sum over c_ij is w.M w/(1 + cos), which keeps its digits for small angles."""
     for k in range(link.row.shape[0]):
         # in a plane the normal has its part in the trace
         trace = 3.0 - dim(dofs)

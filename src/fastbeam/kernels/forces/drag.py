@@ -1,5 +1,5 @@
-"""Drag of nodes in still or moving air (theory.md (4.12)): force, tangent and energy taken, in space and in a plane. At rest,
-with h = 0, what moves is the air alone.
+"""Drag of nodes in still or moving air (theory.md (4.12)): force, tangent and energy loss, in space and in a plane. In statics,
+with h = 0, only the air moves.
 
 Arrays: blocks_out [8 n (blocks + 1)].
 """
@@ -19,13 +19,13 @@ from fastbeam.kernels.terms import Conserving, Equilibrium, account, assemble, k
 
 
 class NoWind(NamedTuple):
-    """Where the air has the same velocity everywhere."""
+    """Placeholder for air with the same velocity everywhere."""
 
 
 class Wind(NamedTuple):
-    """Functions of the user's own for the velocity of the air."""
+    """User functions for the velocity of the air."""
 
-    laws: Laws              # of every node; 0: the velocity that stands in `Drag.air`
+    laws: Laws              # law of every node; 0: the velocity in `Drag.air`
     first: np.ndarray       # int64 [D]: first of its parameters
     parameters: np.ndarray  # float64 [*]
     work: np.ndarray        # float64 [SIZE]: of one run, as of user forces
@@ -38,31 +38,31 @@ class Drag(NamedTuple):
     row: np.ndarray         # int64 [D]
     block: np.ndarray       # int64 [D]: diagonal block
     normal: np.ndarray      # float64 [D]: force over square of the velocity across d1, N s^2/m^2, or of all of it
-    tangential: np.ndarray  # float64 [D]: the same along d1
+    tangential: np.ndarray  # float64 [D]: force over square of the velocity along d1, N s^2/m^2
     linear: np.ndarray      # float64 [D]: force over velocity, N s/m
     slender: np.ndarray     # int64 [D]: 1 where d1 counts
     air: np.ndarray         # float64 [3 D], in a plane [2 D]: velocity of the air, m/s
-    place: np.ndarray       # int64 [D]: where the energy stands in `State.history`
+    place: np.ndarray       # int64 [D]: offset of the energy in `State.history`
     wind: Any               # Wind or NoWind
 
 
 class AirSchedule(NamedTuple):
-    """Air whose velocity changes in time."""
+    """Velocity of the air as a function of time."""
 
-    air: np.ndarray      # float64 [3 D], in a plane [2 D]: as in `Drag`, of this run
+    air: np.ndarray      # float64 [3 D], in a plane [2 D]: `Drag.air` of this run
     given: np.ndarray    # float64 [3 D], in a plane [2 D]: that of the scene
     part: np.ndarray     # int64 [D]: column of factors
     factors: np.ndarray  # float64 [substeps, drags]: means over every substep
 
 
 class Flow(NamedTuple):
-    """What the air does to a node in a step."""
+    """Flow of air past a node in a step."""
 
     direction: Any    # d1 in the middle of the step as a unit vector, or zero
     short: float      # length of d1 there
-    along: float      # velocity against the air along it
-    across: Any       # and across
-    speed: float      # size of that
+    along: float      # velocity against the air along d1
+    across: Any       # velocity against the air across d1
+    speed: float      # size of `across`
 
 
 @put_loads.register(AirSchedule)
@@ -75,7 +75,7 @@ def put_air(air, system, k):
 
 @generic
 def air_at(wind, drag, k, system):
-    """Velocity of the air at node k in the middle of the step."""
+    """Return the velocity of the air at node k in the middle of the step."""
 
 
 @air_at.register(NoWind)
@@ -98,7 +98,7 @@ def air_here(wind, drag, k, system):
 
 @kernel
 def blow(wind, k):
-    """Velocity at the place in the work array; without a function what stands there."""
+    """Return the velocity at the place in the work array; without a function the velocity stored there."""
     w = wind.work
     if wind.laws.address[k] != 0:
         base = w.ctypes.data
@@ -108,7 +108,7 @@ def blow(wind, k):
 
 @generic
 def add_gradient(wind, drag, k, x, across, mixed, over, system):
-    """What the change of the air along the way of a node adds to its block."""
+    """Add to the block of a node the derivative of its drag by its position, due to the gradient of the air velocity."""
 
 
 @add_gradient.register(NoWind)
@@ -120,7 +120,7 @@ def add_no_gradient(wind, drag, k, x, across, mixed, over, system):
 @add_gradient.register(Wind)
 @kernel
 def add_gradient_of_wind(wind, drag, k, x, across, mixed, over, system):
-    """Central differences; half a change of the end of the step is in its middle."""
+    """Add the gradient by central differences; half a change of the end of the step is in its middle."""
     w = wind.work
     o = 12 * drag.node[k]
     size = INCREMENT * system.length
@@ -145,13 +145,13 @@ def add_gradient_of_wind(wind, drag, k, x, across, mixed, over, system):
 
 @kernel
 def per_step(h):
-    """1/h, 0 at rest."""
+    """Return 1/h, 0 in statics."""
     return 1.0 / h if h != 0.0 else 0.0
 
 
 @kernel
 def flow(drag, k, system, h):
-    """Mean velocity of the step against the air, split by the direction of the beam."""
+    """Return the mean velocity of the step against the air, split by the direction of the beam."""
     work, dofs = system.work, system.dofs
     n = drag.node[k]
     d = dim(dofs)
@@ -166,14 +166,15 @@ def flow(drag, k, system, h):
 
 @kernel
 def resistance(drag, k, x):
-    """Minus the force on the node."""
+    """Return minus the force on the node."""
     return ((drag.normal[k] * x.speed + drag.linear[k]) * x.across
             + (drag.tangential[k] * abs(x.along) * x.along + drag.linear[k] * x.along) * x.direction)
 
 
 @generic
 def add_spin_columns(dofs, blocks_out, o, x, y, c, axis, direction):
-    """x (y . Dd) + c (Dd - direction (direction . Dd)) for the change Dd of d1, `axis` at the end of the step, with a spin."""
+    """Add x (y . Dd) + c (Dd - direction (direction . Dd)) for the change Dd of d1, `axis` at the end of the step, with a
+    spin."""
 
 
 @add_spin_columns.register(Space)
@@ -204,13 +205,13 @@ def assemble_drag(drag, method, system, h):
         across = drag.normal[k] * x.speed
         along = drag.tangential[k] * abs(x.along)
         over = drag.normal[k] / x.speed if x.speed > 0.0 else 0.0
-        # by the velocity
+        # derivatives by the velocity
         add_stiffness(work.blocks, o, rate * (across + drag.linear[k]), (rate * over) * x.across, x.across)
         mixed = drag.slender[k] * (2.0 * along - across)
         add_gradient.call(drag.wind, drag, k, x, across, mixed, over, system)
         if drag.slender[k] != 0:
             add_stiffness(work.blocks, o, 0.0, (rate * mixed) * x.direction, x.direction)
-            # by the direction; only half of it is at the end of the step, and half the tangent is formed at rest
+            # derivatives by the direction, half of which is at the end of the step; statics forms half the tangent
             share = 0.5 / x.short
             axis = vector(work.q_end, coordinates(dofs) * drag.node[k] + d, 1, dofs)
             add_spin_columns.call(dofs, work.blocks, o + d, share * (mixed * x.direction - (over * x.along) * x.across), x.across,
@@ -223,7 +224,7 @@ def account_drag(drag, system, h):
     dofs, history = system.dofs, system.state.history
     d = dim(dofs)
     for k in range(drag.node.shape[0]):
-        # where the last increments led d1
+        # update d1 to the last increments
         n = drag.node[k]
         spread_nodes.call(dofs, system.method, system.state, system.work, h, n, n + 1)
         x = flow(drag, k, system, h)

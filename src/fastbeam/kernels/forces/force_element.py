@@ -28,7 +28,7 @@ class ForceElements(NamedTuple):
     node: np.ndarray       # int64 [L, 2]
     row: np.ndarray        # int64 [L, 2]
     block: np.ndarray      # int64 [L, 4]: a-a, a-b, b-a, b-b
-    place: np.ndarray      # int64 [L]: of what it takes in the history
+    place: np.ndarray      # int64 [L]: offset of its work in the history
     axes: np.ndarray       # float64 [18 L]: as of `JointConditions`
     first: np.ndarray      # int64 [L]: first of its parameters
     parameters: np.ndarray  # float64 [*]
@@ -38,7 +38,7 @@ class ForceElements(NamedTuple):
 
 @kernel
 def give_both(term, k, q0, q1, h, dofs):
-    """Position and rotation of b in the axes of a and their rates into the work array."""
+    """Store position and rotation of b in the axes of a and their rates in the work array."""
     w = term.work
     over = 1.0 / h if h != 0.0 else 0.0
     a, b = term.node[k, 0], term.node[k, 1]
@@ -61,7 +61,8 @@ def give_both(term, k, q0, q1, h, dofs):
 
 @kernel
 def evaluate_both(term, k, q0, q1, h, dofs, is_linear):
-    """Force and moment on a, then on b, in space, into the work array; of the law, or of its linear form about the origin."""
+    """Evaluate force and moment on a, then on b, in space, in the work array; by the law, or by its linear form about the
+    origin."""
     w = term.work
     give_both(term, k, q0, q1, h, dofs)
     for i in range(12):
@@ -106,7 +107,7 @@ def displace(q1, o, c, size, turn):
 
 @kernel
 def add_differences(term, k, side, system, h):
-    """The derivative by the end of the step of one node, by central differences; of the law in its linear form where its
+    """Add the derivative by the end of the step of one node, by central differences; of the law in its linear form where its
     derivative is given."""
     work, w = system.work, term.work
     is_linear = term.laws.slopes[k] != 0
@@ -142,7 +143,7 @@ def assemble_force_elements(term, method, system, h):
             work.r[8 * term.row[k, i // 6] + i % 6] -= w[WRENCH + i]
         if term.laws.slopes[k] != 0:
             find_slopes(term, k)
-            # what was given and found stands side by side
+            # arguments and results stand side by side
             for i in range(24):
                 w[ORIGIN + i] = w[GIVEN + i]
         for side in range(2):
@@ -152,11 +153,11 @@ def assemble_force_elements(term, method, system, h):
 @account.register(ForceElements)
 @kernel
 def account_force_elements(term, system, h):
-    """Minus F . Dphi + M . theta of both nodes."""
+    """Record the work: minus F . Dphi + M . theta of both nodes."""
     state, work, w = system.state, system.work, term.work
     for k in range(term.place.shape[0]):
         for side in range(2):
-            # where the last increment led them
+            # update the nodes to the last increment
             n = term.node[k, side]
             spread_nodes.call(system.dofs, system.method, state, work, h, n, n + 1)
         evaluate_both(term, k, state.q, work.q_end, h, system.dofs, False)

@@ -1,9 +1,9 @@
-"""Forces along the line of two points by functions of the user's own, theory.md (4.29).
+"""Forces along the line of two points by user functions, theory.md (4.29).
 
 The law gives the tension from the time in the middle of the step, the mean of the lengths at both ends and their difference over
-the step. With these a linear spring and a damper written as laws are those of theory.md (4.9) and (4.18); the force lies along
-the mean of both ends, so that both momenta stay, and what it takes from the energy is accounted. In statics it acts in full at
-every load factor, as springs do.
+the step. With these a linear spring and a damper written as laws are those of theory.md (4.9) and (4.18). The force lies along
+the mean of both ends, so that both momenta are conserved, and its work is accounted. In statics it acts in full at every load
+factor, as springs do.
 
 Arrays: q [12 N], in a plane [4 N].
 """
@@ -26,7 +26,7 @@ class LineForces(NamedTuple):
     node: np.ndarray       # int64 [L, 2]
     row: np.ndarray        # int64 [L, 2]
     block: np.ndarray      # int64 [L, 4]: a-a, a-b, b-a, b-b
-    place: np.ndarray      # int64 [L]: of what it takes in the history
+    place: np.ndarray      # int64 [L]: offset of the work in the history
     first: np.ndarray      # int64 [L]: first of its parameters
     parameters: np.ndarray  # float64 [*]
     laws: Laws
@@ -35,7 +35,7 @@ class LineForces(NamedTuple):
 
 @kernel
 def tension_at(lines, k, length, rate):
-    """The law of line k."""
+    """Return the tension of line k by its law."""
     w = lines.work
     w[GIVEN] = length
     w[GIVEN + 1] = rate
@@ -48,7 +48,7 @@ def tension_at(lines, k, length, rate):
 @assemble.register(LineForces)
 @kernel
 def assemble_lines(lines, method, system, h):
-    """At rest, where h = 0, of one shape, with half the derivative."""
+    """Add forces and stiffness of all lines; in statics, with h = 0, of one shape, with half the derivative."""
     work, dofs = system.work, system.dofs
     over = 1.0 / h if h != 0.0 else 0.0
     for k in range(lines.place.shape[0]):
@@ -73,11 +73,11 @@ def assemble_lines(lines, method, system, h):
 @account.register(LineForces)
 @kernel
 def account_lines(lines, system, h):
-    """Tension times the change of the length."""
+    """Record the work, tension times the change of the length."""
     state, work, dofs = system.state, system.work, system.dofs
     for k in range(lines.place.shape[0]):
         for side in range(2):
-            # where the last increment led them
+            # update the nodes to the last increment
             node = lines.node[k, side]
             spread_nodes.call(dofs, system.method, state, work, h, node, node + 1)
         start, end = difference(lines, k, state.q, dofs), difference(lines, k, work.q_end, dofs)

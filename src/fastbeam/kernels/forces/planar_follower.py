@@ -35,7 +35,7 @@ class PlanarFollowers(NamedTuple):
 
 @kernel
 def evaluate_in_plane(term, k, q0, q1):
-    """Force and moment of node k into the work array."""
+    """Store force and moment of node k in the work array."""
     w = term.work
     o = 4 * term.node[k]
     for i in range(18):
@@ -66,7 +66,7 @@ def assemble_planar_followers(term, method, system, h):
         work.r[r] -= factor * w[FOUND]
         work.r[r + 1] -= factor * w[FOUND + 1]
         work.r[r + 2] -= factor * w[FOUND + 5]
-        # from the mean u to that of the end, as complex numbers
+        # rotation from the mean u to that of the end, as a complex number
         o = 4 * term.node[k]
         x, y = w[GIVEN + 3], w[GIVEN + 4]
         size = x * x + y * y
@@ -80,7 +80,7 @@ def assemble_planar_followers(term, method, system, h):
 @account.register(PlanarFollowers)
 @kernel
 def account_planar_followers(term, system, h):
-    """F . Dphi + M theta."""
+    """Record the work F . Dphi + M theta."""
     work, w = system.work, term.work
     for k in range(term.node.shape[0]):
         n = term.node[k]

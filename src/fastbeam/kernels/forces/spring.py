@@ -52,7 +52,7 @@ def assemble_springs(springs, method, system, h):
 @assemble.register(Springs)
 @kernel
 def assemble_springs_at_once(springs, method, system, h):
-    """The force at one shape and half its derivative."""
+    """Add the force at one shape and half its derivative."""
     work, dofs = system.work, system.dofs
     for k in range(springs.stiffness.shape[0]):
         r = difference(springs, k, work.q_mid, dofs)

@@ -5,8 +5,8 @@ the mean of f over the elongations of the step,
 
     D = 1/(e_n+1 - e_n) int f de = int_0^1 f(e_n + t (e_n+1 - e_n)) dt,
 
-exact by two points of Gauss in each piece, without a division by the elongation. With a damper c Dl/h it acts along the mean
-r = x_b - x_a as the force 2 (D + c Dl/h)/(l_n + l_n+1) (r_n + r_n+1)/2, whose work is the change of the energy and c Dl^2/h.
+exact by two points of Gauss in each piece, without a division by the elongation. With a damper c Dl/h it acts along the mean r =
+x_b - x_a as the force 2 (D + c Dl/h)/(l_n + l_n+1) (r_n + r_n+1)/2, whose work is the change of the energy and c Dl^2/h.
 
 Arrays: q [12 N], in a plane [4 N]; out [1].
 """
@@ -31,20 +31,20 @@ class SpringLaws(NamedTuple):
     node: np.ndarray      # int64 [L, 2]
     row: np.ndarray       # int64 [L, 2]
     block: np.ndarray     # int64 [L, 4]: a-a, a-b, b-a, b-b
-    length: np.ndarray    # float64 [L]: without elongation, m
+    length: np.ndarray    # float64 [L]: length without elongation, m
     damping: np.ndarray   # float64 [L], N s/m
-    side: np.ndarray      # int64 [L]: 1: damps where it is longer than `length`, -1: shorter, 0: always
-    place: np.ndarray     # int64 [L]: of the loss in the history, -1: no damping
+    side: np.ndarray      # int64 [L]: 1: damps while longer than `length`, -1: shorter, 0: always
+    place: np.ndarray     # int64 [L]: offset of the loss in the history, -1: no damping
     first: np.ndarray     # int64 [L + 1]: pieces of every spring
     begin: np.ndarray     # float64 [P]: elongation where a piece begins, -inf for the first of a spring, m
     origin: np.ndarray    # float64 [P]: elongation from which its polynomial counts, m
-    energy: np.ndarray    # float64 [P]: at its origin, J
+    energy: np.ndarray    # float64 [P]: energy at the origin of the piece, J
     force: np.ndarray     # float64 [4 P]: coefficients of the force, N, N/m, ...
 
 
 @kernel
 def piece_at(laws, k, e):
-    """The piece of spring k that elongation e lies in."""
+    """Return the piece of spring k that elongation e lies in."""
     lo = laws.first[k]
     hi = laws.first[k + 1] - 1
     while lo < hi:
@@ -58,7 +58,7 @@ def piece_at(laws, k, e):
 
 @kernel
 def force_in(laws, j, e):
-    """Force and stiffness at elongation e by the polynomial of piece j."""
+    """Return force and stiffness at elongation e by the polynomial of piece j."""
     x = e - laws.origin[j]
     c1, c2, c3 = laws.force[4 * j + 1], laws.force[4 * j + 2], laws.force[4 * j + 3]
     return laws.force[4 * j] + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + x * 3.0 * c3)
@@ -66,7 +66,7 @@ def force_in(laws, j, e):
 
 @kernel
 def share_of(laws, j, e0, way, t0, t1):
-    """What piece j adds to (int f dt, int t f' dt) from t0 to t1, with e = e0 + t way."""
+    """Return the contribution of piece j to (int f dt, int t f' dt) from t0 to t1, with e = e0 + t way."""
     middle, half = 0.5 * (t0 + t1), GAUSS * (t1 - t0)
     ta, tb = middle - half, middle + half
     fa, ka = force_in(laws, j, e0 + ta * way)
@@ -77,7 +77,7 @@ def share_of(laws, j, e0, way, t0, t1):
 
 @kernel
 def mean_force(laws, k, e0, e1):
-    """Mean of the force over the elongations from e0 to e1, and its derivative by e1."""
+    """Return the mean of the force over the elongations from e0 to e1, and its derivative by e1."""
     way = e1 - e0
     j = piece_at(laws, k, e0)
     last = piece_at(laws, k, e1)
@@ -85,7 +85,7 @@ def mean_force(laws, k, e0, e1):
     slope = 0.0
     t = 0.0
     while j != last:
-        # on to the next piece, whose border lies between e0 and e1, so that there is a way
+        # the border of the next piece lies between e0 and e1, so that e1 - e0 is not zero
         border = laws.begin[j + 1] if last > j else laws.begin[j]
         until = min(max((border - e0) / way, t), 1.0)
         df, dk = share_of(laws, j, e0, way, t, until)
@@ -99,7 +99,8 @@ def mean_force(laws, k, e0, e1):
 
 @kernel
 def damped_way(laws, k, e0, e1):
-    """Which part of the way from e0 to e1 the damper of spring k goes along, m, this as a share, and its derivative by e1."""
+    """Return the part of the elongation from e0 to e1 on which the damper of spring k acts, m, this as a share, and its
+    derivative by e1."""
     s = laws.side[k]
     before, after = s * e0 >= 0.0, s * e1 >= 0.0
     if before and after:
@@ -113,7 +114,7 @@ def damped_way(laws, k, e0, e1):
 
 @kernel
 def damping_force(laws, k, e0, e1, h):
-    """Mean force of the damper over a step, and its derivative by e1."""
+    """Return the mean force of the damper over a step, and its derivative by e1."""
     if laws.damping[k] == 0.0:
         return 0.0, 0.0
     c = laws.damping[k] / h
@@ -140,7 +141,7 @@ def assemble_laws(laws, method, system, h):
             lead = lead / after if after > 0.0 else 0.0
             add_pair(laws, k, 0.0 * mean, 0.0, lead * mean, end, work, dofs)
         else:
-            # both ends in one point: the limit of short lengths
+            # both ends in one point: use the limit of short lengths
             share = 2.0 * (slope + steeper)
         add_pair(laws, k, share * mean, 0.5 * share, 0.0 * mean, end, work, dofs)
 
@@ -148,7 +149,7 @@ def assemble_laws(laws, method, system, h):
 @assemble.register(SpringLaws)
 @kernel
 def assemble_laws_at_once(laws, method, system, h):
-    """The force at one shape and half its derivative; no dampers."""
+    """Add the force at one shape and half its derivative; no dampers."""
     work, dofs = system.work, system.dofs
     for k in range(laws.length.shape[0]):
         r = difference(laws, k, work.q_mid, dofs)
@@ -165,12 +166,12 @@ def assemble_laws_at_once(laws, method, system, h):
 @account.register(SpringLaws)
 @kernel
 def account_laws(laws, system, h):
-    """What dampers take."""
+    """Record the loss by dampers."""
     state, work, dofs = system.state, system.work, system.dofs
     for k in range(laws.length.shape[0]):
         if laws.place[k] >= 0:
             for side in range(2):
-                # where the last increment led them
+                # update the nodes to the last increment
                 node = laws.node[k, side]
                 spread_nodes.call(dofs, system.method, state, work, h, node, node + 1)
             start = difference(laws, k, state.q, dofs)

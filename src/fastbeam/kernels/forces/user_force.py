@@ -16,14 +16,14 @@ from fastbeam.kernels.algebra.vectors import add3, call_law, cross, dot, ld3, st
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.terms import account, assemble, known, put_loads, spread_nodes
 
-# places in the work array: time, load factor in statics, what a law is given, force and moment, rates; then what differences
-# keep: triads, coordinates, force and moment; of force elements what acts on both nodes, twice, and rates of their rotation;
-# slopes of the six numbers that a law finds by the 18 that it is given, and where these are taken
+# places in the work array: time, load factor in statics, arguments of a law, force and moment, rates; then data of differences:
+# triads, coordinates, force and moment; for force elements the forces on both nodes, twice, and rates of rotation;
+# derivatives of the six results of a law by its 18 arguments, and the arguments at which they are taken
 TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SLOPES, ORIGIN = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97, 205
-# what code that takes differences is given: as the law; 1/h and increments of positions and turns; changes of nine components of
-# directors and three of the spin by three turns, [3, 12]; room for 24 numbers, force and moment
+# arguments of code that takes differences: those of the law; 1/h and increments of positions and turns; changes of nine
+# components of directors and three of the spin by three turns, [3, 12]; room for 24 numbers, force and moment
 DIFFERENCE, STEPS, TURNS, BEFORE = 229, 247, 250, 310
-# of the first law that failed, which gives NaN: address of its parameters, 0 where none has failed; time; what it was given
+# first law that failed, by returning NaN: address of its parameters, 0 if none has failed; time; its arguments
 FAILED, SIZE = 316, 336
 # increments of central differences and of one-sided ones, of positions relative to the size of the scene, and of turns
 INCREMENT, ONE_SIDED = 1e-6, 1e-7
@@ -72,7 +72,7 @@ def put_time(term, system, k):
 
 @kernel
 def evaluate(term, k, q0, q1, h):
-    """Force and moment of node k into the work array."""
+    """Evaluate force and moment of node k in the work array."""
     w, o = term.work, 12 * term.node[k]
     over = 1.0 / h if h != 0.0 else 0.0
     st3(w, GIVEN, 1, 0.5 * (ld3(q0, o, 1) + ld3(q1, o, 1)))
@@ -107,7 +107,7 @@ def assemble_user_forces(term, method, system, h):
 
 @kernel
 def find_slopes(term, k):
-    """The derivative of law k by what it was given, [6, 18] into the work array."""
+    """Form the derivative of law k by its arguments, [6, 18], in the work array."""
     w = term.work
     for i in range(108):
         w[SLOPES + i] = 0.0
@@ -118,8 +118,8 @@ def find_slopes(term, k):
 
 @kernel
 def add_slopes(term, k, factor, system, h):
-    """The derivative by the end of the step, from that of the law: position and directors enter as means of both ends. A turn e
-    of the end changes directors d there by e x d, and the spin, half the sum of D x r with their means D and rates r."""
+    """Add the derivative by the end of the step, from that of the law: position and directors enter as means of both ends. A turn
+    e of the end changes directors d there by e x d, and the spin, half the sum of D x r with their means D and rates r."""
     work, w = system.work, term.work
     q0, q1, o = system.state.q, work.q_end, 12 * term.node[k]
     over = 1.0 / h if h != 0.0 else 0.0
@@ -141,7 +141,7 @@ def add_slopes(term, k, factor, system, h):
 
 @kernel
 def turned(w, q0, q1, o, d, over, c):
-    """Changes of the mean of director d, and of the spin, by turn c of the end of the step."""
+    """Return changes of the mean of director d, and of the spin, by turn c of the end of the step."""
     unit = triple(1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
     change = cross(unit, ld3(q1, o + d, 1))
     rate = over * (ld3(q1, o + d, 1) - ld3(q0, o + d, 1))
@@ -150,7 +150,7 @@ def turned(w, q0, q1, o, d, over, c):
 
 @kernel
 def add_differences(term, k, factor, system, h):
-    """The derivative by the end of the step, by differences. In time, where inertia is the larger part of a tangent, they are
+    """Add the derivative by the end of the step, by differences. In time, where inertia is the larger part of a tangent, they are
     one-sided, which takes half as many evaluations."""
     work, w = system.work, term.work
     q0, q1, o = system.state.q, work.q_end, 12 * term.node[k]
@@ -181,7 +181,7 @@ def add_differences(term, k, factor, system, h):
 @account.register(UserForces)
 @kernel
 def account_user_forces(term, system, h):
-    """F . Dphi + M . theta."""
+    """Record the work F . Dphi + M . theta."""
     work, w = system.work, term.work
     for k in range(term.node.shape[0]):
         n = term.node[k]

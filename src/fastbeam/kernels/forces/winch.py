@@ -37,23 +37,23 @@ class Winches(NamedTuple):
     row: np.ndarray        # int64 [G, 3]
     block: np.ndarray      # int64 [G, 9]: of all pairs of these
     below: np.ndarray      # float64 [G]: number of segments from this one to the load
-    segments: np.ndarray   # float64 [G]: of its rope
+    segments: np.ndarray   # float64 [G]: number of segments of its rope
     length: np.ndarray     # float64 [G]: free length at t = 0, m
-    origin: np.ndarray     # float64 [G]: coordinate of the drum there, m
+    origin: np.ndarray     # float64 [G]: coordinate of the drum at t = 0, m
     stiffness: np.ndarray  # float64 [G]: EA, N
     mass: np.ndarray       # float64 [G]: kg/m
     first: np.ndarray      # int64 [W]: the segment at the drum
     total: np.ndarray      # float64 [W]: all rope, m; infinite where the drum has no rope of its own
     stored: np.ndarray     # float64 [W]: kg/m of the rope on the drum
-    inertia: np.ndarray    # float64 [W]: of the drum over the square of its radius, kg
+    inertia: np.ndarray    # float64 [W]: moment of inertia of the drum over the square of its radius, kg
     gravity: np.ndarray    # float64 [3]
     work: np.ndarray       # float64 [*]: of one run, as of user forces: the load factor
 
 
 class Step(NamedTuple):
-    """A segment at the start and the end of a step."""
+    """Segment of rope at the start and the end of a step."""
 
-    r0: Any      # from the upper to the lower node
+    r0: Any      # vector from the upper to the lower node at the start
     r1: Any
     x: Any       # upper node in the middle
     l0: float    # free length of the whole rope
@@ -68,25 +68,25 @@ class Step(NamedTuple):
 
 
 class Pull(NamedTuple):
-    """Elastic force: `share` times the mean of r, what acts on the length, and their derivatives by the end."""
+    """Elastic force: `share` times the mean of r, the force `along` on the length, and their derivatives by the end."""
 
     share: float
-    lead: float      # of share, along r at the end
-    by_length: float  # of share, by L
+    lead: float      # derivative of share along r at the end
+    by_length: float  # derivative of share by L
     along: float
-    along_lead: float  # of it, along r at the end
+    along_lead: float  # derivative of along, along r at the end
     along_by_length: float
 
 
 @kernel
 def free_length(rope, k, q):
-    """Of the rope of segment k, m."""
+    """Return the free length of the rope of segment k, m."""
     return rope.length[k] + (q[12 * rope.node[k, 2]] - rope.origin[k])
 
 
 @kernel
 def mean_stretch(e0, e1):
-    """Mean of max(e, 0) from e0 to e1, and its derivative by e1."""
+    """Return the mean of max(e, 0) from e0 to e1, and its derivative by e1."""
     if e0 >= 0.0 and e1 >= 0.0:
         return 0.5 * (e0 + e1), 0.5
     if e0 <= 0.0 and e1 <= 0.0:
@@ -99,8 +99,8 @@ def mean_stretch(e0, e1):
 
 @kernel
 def pull_of(rope, k, step):
-    """Discrete gradient of EA max(e, 0)^2/(2 y) in e = l - y and y = L/N: on the length l it is the mean of the force over the
-    elongations of the step, however far l and y have gone together."""
+    """Return the discrete gradient of EA max(e, 0)^2/(2 y) in e = l - y and y = L/N: on the length l it is the mean of the force
+    over the elongations of the step, however far l and y have gone together."""
     n, ea = rope.segments[k], rope.stiffness[k]
     a, b = dot(step.r0, step.r0)**0.5, dot(step.r1, step.r1)**0.5
     y0, y1 = step.l0 / n, step.l1 / n
@@ -120,7 +120,7 @@ def pull_of(rope, k, step):
 
 @kernel
 def add_pull(rope, k, step, work):
-    """Elastic forces of a segment."""
+    """Add elastic forces of a segment."""
     pull = pull_of(rope, k, step)
     mean = 0.5 * (step.r0 + step.r1)
     add3(work.r, 8 * rope.row[k, 1], 1, pull.share * mean)
@@ -138,7 +138,7 @@ def add_pull(rope, k, step, work):
 
 @kernel
 def add_weight(rope, k, x, step, work):
-    """Weight of the half of a segment at the place x in it."""
+    """Add the weight of the half of a segment at the place x in it."""
     mu = 0.5 * rope.mass[k] / rope.segments[k]
     g = rope.work[FACTOR] * ld3(rope.gravity, 0, 1)
     place = step.x + (0.5 * x) * (step.r0 + step.r1)
@@ -152,7 +152,7 @@ def add_weight(rope, k, x, step, work):
 
 @kernel
 def add_flow(rope, k, x, step, work):
-    """Inertia of the half of a segment at the place x in it."""
+    """Add the inertia of the half of a segment at the place x in it."""
     mu = 0.5 * rope.mass[k] / rope.segments[k]
     kappa = rope.below[k] - x
     over, l0, l1 = step.over, step.l0, step.l1
@@ -166,7 +166,7 @@ def add_flow(rope, k, x, step, work):
     product = kappa / (l0 * l1)
     work.r[8 * rope.row[k, 2]] += (mu * kappa * over * (dot(w1, step.r1) - dot(w0, step.r0)) + product * dot(c, mean)
                                    - 0.5 * mu * dot(w0, w1))
-    # derivatives of w1 by both nodes and L
+    # derivatives of w_1 by both nodes and L
     along = kappa * step.rate1 / l1
     by_length = (kappa * 2.0 * over) * s1 - along * s1
     momentum_by_length = (mu * l1) * by_length + mu * w1
@@ -191,7 +191,7 @@ def add_flow(rope, k, x, step, work):
 
 @kernel
 def step_of(rope, k, q0, q1, system, over):
-    """Segment k from coordinates q0 to q1; over: 1/h, 0 at rest."""
+    """Return segment k from coordinates q0 to q1; over: 1/h, 0 in statics."""
     a, b, drum = rope.node[k, 0], rope.node[k, 1], rope.node[k, 2]
     v, dphi = system.state.v, system.work.dphi
     xa0, xa1 = ld3(q0, 12 * a, 1), ld3(q1, 12 * a, 1)
@@ -203,7 +203,7 @@ def step_of(rope, k, q0, q1, system, over):
 
 @kernel
 def add_store(rope, i, step, work):
-    """What is on the drum: rope that moves with it, and the drum itself."""
+    """Add inertia and weight of the rope on the drum, which moves with it, and inertia of the drum itself."""
     k = rope.first[i]
     rho, over = rope.stored[i], step.over
     drum, column, line, corner = 8 * rope.row[k, 2], 48 * rope.block[k, 2], 48 * rope.block[k, 6], 48 * rope.block[k, 8]
@@ -223,7 +223,7 @@ def add_store(rope, i, step, work):
 
 @kernel
 def add_ropes(rope, q0, q1, system, over):
-    """All forces over a step of size 1/over; 0: at rest."""
+    """Add all forces over a step of size 1/over; 0: statics."""
     work = system.work
     for k in range(rope.below.shape[0]):
         step = step_of(rope, k, q0, q1, system, over)
@@ -246,14 +246,14 @@ def assemble_ropes(rope, method, system, h):
 @assemble.register(Winches, Equilibrium)
 @kernel
 def assemble_ropes_at_rest(rope, method, system, h):
-    """With both ends of the step in one shape: the derivative by one of them is half of that of the force."""
+    """Add forces with both ends of the step in one shape: the derivative by one of them is half of that of the force."""
     add_ropes(rope, system.work.q_mid, system.work.q_mid, system, 0.0)
 
 
 @is_regular.register(Winches)
 @kernel
 def lengths_are_possible(rope, system):
-    """No less rope than none, and no more than there is."""
+    """Return whether the free length of each rope at the end is above zero, and not above all rope."""
     good = True
     for i in range(rope.first.shape[0]):
         k = rope.first[i]
@@ -267,7 +267,7 @@ def lengths_are_possible(rope, system):
 @potential_energy.register(Winches)
 @kernel
 def energy_of_ropes(rope, q, dofs, out):
-    """Elastic, without the weight."""
+    """Add the elastic energy, without the weight."""
     for k in range(rope.below.shape[0]):
         r = ld3(q, 12 * rope.node[k, 1], 1) - ld3(q, 12 * rope.node[k, 0], 1)
         rest = free_length(rope, k, q) / rope.segments[k]
@@ -277,7 +277,7 @@ def energy_of_ropes(rope, q, dofs, out):
 
 @kernel
 def add_momentum(p, x, out):
-    """Linear momentum p at x."""
+    """Add the linear momentum p at x to the momenta."""
     add3(out, 1, 1, p)
     out[7] += dot(p, p)**0.5
     turn = cross(x, p)

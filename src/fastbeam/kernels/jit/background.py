@@ -1,7 +1,7 @@
-"""A second process that compiles part of the entries of a table, while the first compiles the rest.
+"""Second process that compiles part of the entries of a table, while the first compiles the rest.
 
-Both processes share the folder of compiled kernels. Nothing depends on the second: what it does not deliver the first compiles
-itself.
+Both processes share the folder of compiled kernels. Nothing depends on the second: the first compiles itself any entry that the
+second does not deliver.
 """
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ Job = tuple[Any, tuple[Any, ...]]
 PATIENCE = 60.0
 PROGRAM = ("import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
            "from fastbeam.kernels.jit.decorators import work; work(sys.stdin.buffer)")
-# of each part: when it is there, when it is begun
+# events of each part: it is there, it is begun
 _COMING: dict[Any, tuple[threading.Event, threading.Event | None]] = {}
 
 
 def missing(jobs: list[Job]) -> list[Job]:
-    """Those that are not on the disk yet, and not in the works."""
+    """Return the jobs that are not on the disk yet, nor being compiled."""
     return [(kernel, some) for kernel, some in jobs if (kernel.py_func, some) not in _COMING and not kernel.part.is_kept(some)]
 
 
 def start(jobs: list[Job], folder: str) -> None:
-    """Start the second process where there is a processor for it."""
+    """Start the second process if there is a processor for it."""
     if _processors() < 2 or not os.path.basename(sys.executable or "").lower().startswith("python"):
         return
     modules = _outside.modules([x for _, some in jobs for x in some])
@@ -55,7 +55,8 @@ def start(jobs: list[Job], folder: str) -> None:
 
 
 def wait(function: Any, arguments: tuple[Any, ...]) -> None:
-    """Until a part that the second process works on stands on the disk, or will not. What it has not begun is not waited for."""
+    """Wait until a part that the second process compiles is on the disk, or has failed; return at once if it has not begun the
+    part."""
     event, before = _COMING.pop((function, arguments), (None, None))
     if event is not None and (before is None or before.is_set()):
         event.wait(PATIENCE)

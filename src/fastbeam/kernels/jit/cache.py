@@ -1,4 +1,4 @@
-"""The folder of compiled kernels: its name is a hash of their sources, and nobody else can write to it."""
+"""Folder of compiled kernels: its name is a hash of their sources, and nobody else can write to it."""
 from __future__ import annotations
 
 import hashlib
@@ -45,12 +45,12 @@ def _usable(folder: Path) -> bool:
 
 
 def is_private(found: os.stat_result) -> bool:
-    """Whether nobody but this user and the administrator can write to it."""
+    """Return whether only this user and the administrator can write to a file."""
     return not hasattr(os, "getuid") or (found.st_uid in (0, os.getuid()) and not found.st_mode & 0o022)
 
 
 def _is_safe(folder: Path) -> bool:
-    """Whether nobody else can put kernels into this folder."""
+    """Return whether nobody else can put kernels into this folder."""
     try:
         above = folder.parent.stat()
         # entries of others cannot be removed from a sticky folder
@@ -61,7 +61,8 @@ def _is_safe(folder: Path) -> bool:
 
 
 def _fallback_root() -> Path:
-    """A folder in the system's temporary folder that nobody else can write to: cached machine code is run as it is found."""
+    """Return a folder in the system's temporary folder that nobody else can write to: cached machine code is run as it is
+    found."""
     root = Path(tempfile.gettempdir()) / f"fastbeam-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
     try:
         root.mkdir(mode=0o700, exist_ok=True)
@@ -88,9 +89,9 @@ def _take_over(source: Path, target: Path) -> None:
 
 
 def cache_folder(way: str = "") -> str:
-    """Folder of the kernels that are compiled in this way: in `$FASTBEAM_CACHE_DIR`, else the user's cache folder. Where that
-    cannot be written, or others can write to it, one in the system's temporary folder takes its place, with a copy of what can be
-    read and trusted."""
+    """Return the folder of the kernels that are compiled in this way: in `$FASTBEAM_CACHE_DIR`, else the user's cache folder. If
+    that cannot be written, or others can write to it, a folder in the system's temporary folder takes its place, with a copy of
+    all kernels that can be read and trusted."""
     name = _source_hash(way)
     folder = _cache_root() / name
     usable = _usable(folder)

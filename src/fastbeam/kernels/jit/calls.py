@@ -1,12 +1,12 @@
-"""Calls through tables of addresses: what a loop asks of the terms of a scene, without being compiled for them.
+"""Calls through tables of addresses: questions of a loop to the terms of a scene, without being compiled for them.
 
 Machine code that is compiled for a tuple of terms exists once for every kind of scene. A loop that takes a table is compiled
-once: `f.each(terms, ...)`, where `terms` is of type `CALLS`, calls what a list in memory says, and `f.call(x, ...)`, where x is
-`Unknown`, the only entry of such a list. Entries (kernels/questions.py) are compiled for the types of one term and of what they
-read of the system, whatever else a scene has.
+once. `f.each(terms, ...)`, where `terms` is of type `CALLS`, calls all entries of a list in memory. `f.call(x, ...)`, where x is
+`Unknown`, calls the only entry of such a list. Entries (kernels/questions.py) are compiled for the types of one term and of the
+part of the system that they read, whatever else a scene has.
 
-A table is an array of words: the address of the system, then for every question where its list begins and how many entries it
-has; an entry is the address of machine code and that of the term. An entry takes the term, the system, and further arguments.
+A table is an array of words: the address of the system, then for every question the begin of its list and the number of its
+entries; an entry is the address of machine code and that of the term. An entry takes the term, the system, and further arguments.
 """
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _I64, _BYTES = ir.IntType(64), ir.IntType(8).as_pointer()
 
 
 class CallsType(types.Type):  # type: ignore[misc]
-    """Address of a table, which stands for all terms."""
+    """Type of the address of a table, which stands for all terms."""
 
     def __init__(self) -> None:
         super().__init__("fastbeam.calls")
 
 
 CALLS = CallsType()
-# types of what entries are given and return, and of the term where the scene is asked
+# types of arguments and results of entries, and of the term in questions to the scene
 NUMBER, INTEGER, TRUTH, PAIR, COUNTS, NOTHING = (types.float64, types.int64, types.boolean, types.UniTuple(types.float64, 2),
                                                  types.Array(types.int64, 1, "C"), types.void)
 NO_TERM: Any = types.voidptr
@@ -53,14 +53,14 @@ def _unbox(kind: Any, found: Any, c: Any) -> Any:
 
 
 class Unknown(NamedTuple):
-    """Stands for what code does not know the type of, with the table of calls that do."""
+    """Placeholder for a value of unknown type, with the table of calls that know it."""
 
     calls: int
 
 
 @intrinsic
 def contents(typingctx, record):  # type: ignore[no-untyped-def]
-    """What stands in memory, as a term is handed to its implementation."""
+    """Return the value in memory, as a term is handed to its implementation."""
     if isinstance(item_type(record.of), RecordType):
         return record(record), lambda context, builder, signature, values: values[0]
 
@@ -70,7 +70,7 @@ def contents(typingctx, record):  # type: ignore[no-untyped-def]
 
 
 class Question:
-    """A generic function as tables have it.
+    """Generic function as tables have it.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Question:
     names : list of str
         Its arguments.
     given : dict
-        Types of those that entries take besides term and system.
+        Types of the arguments that entries take besides term and system.
     returns : numba type
     contact : bool
         Whether every entry may read `System.contact`.
@@ -94,7 +94,7 @@ class Question:
         Question.all.append(self)
 
     def ask(self, arguments: tuple[Any, ...], way: str) -> tuple[Any, Callable[..., Any]]:
-        """Signature and code of a call; way: 'each', 'backward', 'all', or 'one' where the first argument is `Unknown`."""
+        """Return signature and code of a call; way: 'each', 'backward', 'all', or 'one' if the first argument is `Unknown`."""
         kinds = tuple(self.given.values())
         places = [self.names.index(name) for name in self.given]
         outer = self.returns if way == "one" else types.boolean if way == "all" else types.void
@@ -118,8 +118,8 @@ class Question:
 
 
 def _caller(context: Any, builder: Any, table: Any, returns: Any, kinds: tuple[Any, ...], given: list[Any]) -> Callable[..., Any]:
-    """What calls the entry at a place of a table, as numba's functions are called: with addresses of the result and of an
-    exception, which kernels do not raise."""
+    """Return a function that emits the call of the entry at a place of a table, as numba calls functions: with addresses of the
+    result and of an exception, which kernels do not raise."""
     arguments = (types.voidptr, types.voidptr, *kinds)
     of = context.call_conv.get_function_type(returns, arguments)
     result = cgutils.alloca_once(builder, of.args[0].pointee)
@@ -133,7 +133,7 @@ def _caller(context: Any, builder: Any, table: Any, returns: Any, kinds: tuple[A
     def call(at: Any) -> Any:
         code = word(at)
         if returns == types.void:
-            # nothing to do
+            # address 0: the entry does nothing
             with builder.if_then(builder.icmp_unsigned("!=", code, _I64(0)), likely=True):
                 go(code, at)
             return context.get_dummy_value()

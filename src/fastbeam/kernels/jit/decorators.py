@@ -1,14 +1,14 @@
-"""The only file that names compiler options: how kernels are compiled and where their machine code is cached.
+"""Compiler options of kernels, and the cache of their machine code; no other file names compiler options.
 
-Every kernel is cached on disk at first use. Numba's own cache does not notice an edit in a file that a kernel calls
-into, so the folder carries a hash of all kernel sources: any edit starts a new folder. What is found there is run as it is:
-entries carry a checksum, and what others could have written is not touched.
+Every kernel is cached on disk at first use. Numba's own cache does not notice an edit in a file that a kernel calls into, so the
+folder carries a hash of all kernel sources: any edit starts a new folder. Kernels found there are run as they are: entries carry
+a checksum, and files that others could have written are not used.
 
-There are two ways. The fast one (`_parts`, `_sealed`, `_background`) builds on numba's interior, which may change with any
-version. The plain one uses what numba's manual describes: the same functions and flags of arithmetic, and the same results to
+There are two ways to compile. The fast one (`_parts`, `_sealed`, `_background`) builds on numba's interior, which may change with
+any version. The plain one uses features of numba's manual: the same functions and flags of arithmetic, and the same results to
 round-off, but compilation takes four times as long, and kernels count references, which makes iterations of small scenes a
-quarter slower. `FASTBEAM_PLAIN_NUMBA=1` asks for it, and it is taken where the fast one was not tested with the installed numba
-or cannot be loaded; `FASTBEAM_PLAIN_NUMBA=0` tries the fast one in any case.
+quarter slower. `FASTBEAM_PLAIN_NUMBA=1` asks for it, and it is taken if the fast one was not tested with the installed numba or
+cannot be loaded; `FASTBEAM_PLAIN_NUMBA=0` tries the fast one in any case.
 """
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ TESTED = (0, 61), (0, 68)
 
 
 def _why_numba_only(setting: str, version: tuple[int, ...]) -> str | None:
-    """What speaks for the plain way before the other is tried; empty where the user asks for it."""
+    """Return the reason for the plain way before the other is tried; empty if the user asks for it, None if there is none."""
     if setting in ("0", "1"):
         return "" if setting == "1" else None
     low, high = (".".join(map(str, x)) for x in TESTED)
@@ -50,7 +50,7 @@ def _why_numba_only(setting: str, version: tuple[int, ...]) -> str | None:
 
 
 def _fast_way() -> Any:
-    """What the fast way consists of, or None for the plain one."""
+    """Return the modules of the fast way, or None for the plain one."""
     reason = _why_numba_only(os.environ.get("FASTBEAM_PLAIN_NUMBA", ""), version_info.short)
     if reason is None:
         try:
@@ -99,12 +99,12 @@ def separate(function: F) -> F:
 
 
 def table_entry(function: F) -> F:
-    """Compile like `separate`: what tables of calls point to (`calls.py`)."""
+    """Compile like `separate`, as an entry that tables of calls point to (`calls.py`)."""
     return _compiled(function, one=True, alone=True, is_entry=True)
 
 
 def address_of(entry: Any, arguments: tuple[Any, ...]) -> int:
-    """Where the machine code of a table's entry for argument types begins."""
+    """Return the address of the machine code of a table's entry for argument types."""
     if NUMBA_ONLY:
         entry.compile(arguments)
         found = entry.overloads[arguments]
@@ -113,8 +113,8 @@ def address_of(entry: Any, arguments: tuple[Any, ...]) -> int:
 
 
 def prepare(jobs: list[tuple[Any, tuple[Any, ...]]], name: str) -> Any:
-    """A context in which entries (kernel, types of its arguments) are about to be compiled: a second process compiles half of
-    those that are not on the disk. name: what they are for, of `parts.STAGES`."""
+    """Return a context in which entries (kernel, types of its arguments) are about to be compiled: a second process compiles half
+    of those that are not on the disk. name: their purpose, of `parts.STAGES`."""
     if NUMBA_ONLY:
         return contextlib.nullcontext()
     missing = _background.missing(jobs)
@@ -137,14 +137,14 @@ def _compiled(function: F, one: bool = False, alone: bool = False, is_entry: boo
 
 def _fast(function: Any, one: bool, alone: bool, is_entry: bool, options: dict[str, Any]) -> Any:
     parts, sealed = _FAST
-    # numba asks twice for it, which takes a tenth of the time that kernels load in
+    # numba asks for the signature twice, which takes a tenth of the load time of kernels
     function.__signature__ = inspect.signature(function)
     compiled = numba.njit(_nrt=False, no_cfunc_wrapper=True, pipeline_class=parts.WholeCompiler, **OPTIONS, **options)(function)
     del function.__signature__
     compiled._cache = sealed.KernelCache(function, parts.WholeCache, _FOLDER)
     parts.Part(compiled, one, alone, is_entry, sealed.KernelCache(function, parts.PartCache, _FOLDER))
     if _outside.is_outside(function):
-        compiled._cache.make()  # which fails for what stands in no file
+        compiled._cache.make()  # fails for functions that no file contains
     return compiled
 
 
@@ -160,7 +160,8 @@ def _plainly(function: Any, options: dict[str, Any]) -> Any:
 
 @functools.cache
 def _takes(option: str) -> bool:
-    """Whether numba has an option that its manual does not name. To try takes a compilation, which tested versions are spared."""
+    """Return whether numba has an option that its manual does not name. A try takes a compilation, which tested versions are
+    spared."""
     if TESTED[0] <= version_info.short <= TESTED[1]:
         return True
     try:
@@ -171,7 +172,7 @@ def _takes(option: str) -> bool:
 
 
 def _forget_on_disk() -> None:
-    """The plain way keeps no kernels that may call terms from outside."""
+    """Keep no kernels on disk that may call terms from outside (plain way)."""
     for compiled in KERNELS:
         if not hasattr(compiled, "_cache"):
             raise RuntimeError(f"terms from outside fastbeam cannot be added with numba {numba.__version__}: its cache cannot be "
@@ -180,15 +181,15 @@ def _forget_on_disk() -> None:
 
 
 class _NoCache:
-    """A cache that keeps nothing."""
+    """Cache that keeps nothing."""
 
     cache_path = None
 
     def load_overload(self, arguments: Any, context: Any) -> None:
-        """Nothing is kept."""
+        """Find nothing: nothing is kept."""
 
     def save_overload(self, arguments: Any, compiled: Any) -> None:
-        """Nothing is kept."""
+        """Keep nothing."""
 
 
 if NUMBA_ONLY:
@@ -196,8 +197,8 @@ if NUMBA_ONLY:
 
 
 def work(source: BinaryIO) -> None:
-    """What a second process (`_background`) does: compile the parts that `source` names, a line on stdout for each when it is
-    kept."""
+    """Run the second process (`_background`): compile the parts that `source` names, and print a line on stdout for each when it
+    is kept."""
     folder, modules = pickle.load(source)
     if NUMBA_ONLY or folder != _FOLDER:
         return
@@ -211,14 +212,14 @@ def work(source: BinaryIO) -> None:
 
 
 def of_user(function: Callable[..., Any]) -> Any:
-    """Compile a function of the user's own as Python runs it: to divide by zero and to read beyond an array are errors. It is not
-    kept on the disk."""
+    """Compile a user function as Python runs it: to divide by zero and to read beyond an array are errors. It is not kept on the
+    disk."""
     return _of_process(function, error_model="python", boundscheck=True)
 
 
 def around_user(function: Callable[..., Any]) -> Any:
-    """Compile what calls such a function. Both are written into `with_address`: tests of bounds that hold anyway go, which leaves
-    a law as fast as without them."""
+    """Compile a function that calls a user function. Both are written into `with_address`: tests of bounds that hold anyway are
+    removed, which leaves a law as fast as without them."""
     return _of_process(function, error_model="numpy")
 
 
@@ -227,8 +228,8 @@ def _of_process(function: Callable[..., Any], **options: Any) -> Any:
 
 
 def with_address(function: Callable[..., None]) -> Any:
-    """A function (double t, double *given, double *parameters, double *found, double *failed) as machine code that kernels call
-    by its `.address`; it lives as long as this object. What it raises would be lost."""
+    """Compile a function (double t, double *given, double *parameters, double *found, double *failed) to machine code that
+    kernels call by its `.address`; it lives as long as this object. Exceptions that it raises would be lost."""
     pointer = numba.types.CPointer(numba.types.float64)
     return numba.cfunc(numba.types.void(numba.types.float64, pointer, pointer, pointer, pointer), error_model="numpy")(function)
 
@@ -240,8 +241,8 @@ def link_library(path: str) -> None:
 
 
 def announce_first_use() -> None:
-    """One line on stderr before the first compilation on a machine, which takes about ten seconds, and one after it; silent with
-    FASTBEAM_PROGRESS=0."""
+    """Print one line on stderr before the first compilation on a machine, which takes about ten seconds, and one after it; silent
+    with FASTBEAM_PROGRESS=0."""
     if os.environ.get("FASTBEAM_PROGRESS") != "0" and not any(Path(_FOLDER).rglob("*.nbi")):
         print(f"fastbeam: compiling its kernels for the first time, kept in {_FOLDER}", file=sys.stderr, flush=True)
         if not NUMBA_ONLY:
@@ -249,7 +250,7 @@ def announce_first_use() -> None:
 
 
 def compile_counts() -> tuple[int, int]:
-    """(kernels loaded from the cache, kernels compiled) in this process."""
+    """Return (kernels loaded from the cache, kernels compiled) in this process."""
     hits = sum(sum(k.stats.cache_hits.values()) for k in KERNELS)
     misses = sum(sum(k.stats.cache_misses.values()) for k in KERNELS)
     if NUMBA_ONLY:

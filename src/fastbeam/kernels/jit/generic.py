@@ -33,7 +33,7 @@ from fastbeam.kernels.jit.records import item, item_types
 
 
 class GenericFunction:
-    """A function with an implementation for each of several types of its first arguments.
+    """Function with an implementation for each of several types of its first arguments.
 
     In kernels: `f.call(x, ...)` for one value; `f.each(terms, ...)` and `f.each_backward(terms, ...)` for all terms of a tuple,
     first to last and last to first, which return nothing; `f.all(terms, ...)`: whether all implementations return True.
@@ -46,33 +46,33 @@ class GenericFunction:
         # classes from outside that kernels were compiled for
         self._asked: set[type] = set()
         self._stub = stub
-        # where tables of calls have it
+        # the question in tables of calls
         self.question: Question | None = None
         self._by_classes: dict[tuple[type, ...], Any] = {}
 
-    # made when the first kernel asks, as most are never asked: a hundred functions take a twentieth of the time of a start
+    # made on first use, as most are never used: a hundred functions take a twentieth of the time of a start
     @cached_property
     def call(self) -> Any:
-        """The implementation for the first arguments."""
+        """Implementation for the first arguments."""
         return self._intrinsic(self._one)
 
     @cached_property
     def each(self) -> Any:
-        """Those of all terms of a tuple."""
+        """Implementations of all terms of a tuple, first to last."""
         return self._intrinsic(self._forward)
 
     @cached_property
     def each_backward(self) -> Any:
-        """The same from the last to the first."""
+        """Implementations of all terms of a tuple, last to first."""
         return self._intrinsic(self._backward)
 
     @cached_property
     def all(self) -> Any:
-        """Whether those of all terms return True."""
+        """True where the implementations of all terms return True."""
         return self._intrinsic(self._every)
 
     def register(self, *classes: Any) -> Callable[[Any], Any]:
-        """Decorator: a kernel as the implementation for first arguments of these classes.
+        """Register a kernel, as a decorator, as the implementation for first arguments of these classes.
 
         Raises
         ------
@@ -94,7 +94,8 @@ class GenericFunction:
         return note
 
     def entry(self, *, returns: Any = types.void, contact: bool = False, **given: Any) -> Callable[[Any], Any]:
-        """Decorator: what tables call (`calls.py`), a kernel (term, system, further arguments of these numba types).
+        """Register the entry for tables (`calls.py`), as a decorator: a kernel (term, system, further arguments of these numba
+        types).
 
         Parameters
         ----------
@@ -109,25 +110,25 @@ class GenericFunction:
         return note
 
     def of_classes(self, *of: type) -> Any:
-        """The implementation for first arguments of these classes, or None."""
+        """Return the implementation for first arguments of these classes, or None."""
         if of not in self._by_classes:
             self._asked.update(filter(_outside.is_term, of))
             self._by_classes[of] = self._nearest([x.__mro__ for x in of[:self._depth]])
         return self._by_classes[of]
 
     def find(self, arguments: tuple[Any, ...]) -> Any:
-        """The implementation for arguments of these numba types, or None: the one registered for the nearest class of the first
-        argument, among those the nearest of the second."""
+        """Return the implementation for arguments of these numba types, or None: the one registered for the nearest class of the
+        first argument, among those the nearest of the second."""
         of = (getattr(x, "instance_class", None) for x in arguments[:2])
         self._asked.update(x for x in of if _outside.is_term(x))
         return self._nearest([_ancestors(x) for x in arguments[:self._depth]])
 
     def covers(self, *of: type) -> bool:
-        """Whether there is an implementation for first arguments of these classes, whatever the other arguments are."""
+        """Return whether there is an implementation for first arguments of these classes, whatever the other arguments are."""
         return self.of_classes(*of) is not None
 
     def implementation(self, *arguments: Any) -> Any:
-        """The implementation for these values.
+        """Return the implementation for these values.
 
         Raises
         ------
@@ -141,7 +142,7 @@ class GenericFunction:
         return function
 
     def __call__(self, *arguments: Any) -> Any:
-        """From Python."""
+        """Call the implementation from Python."""
         return self.implementation(*arguments)(*arguments)
 
     @property
@@ -226,13 +227,13 @@ class GenericFunction:
 
 
 def generic(stub: Callable[..., Any]) -> GenericFunction:
-    """A generic function with the name, arguments and docstring of an empty function."""
+    """Make a generic function with the name, arguments and docstring of an empty function."""
     return GenericFunction(stub)
 
 
 # --- generic functions as numba sees them --------------------------------------------------------------------------------
 class _FunctionType(types.Dummy):  # type: ignore[misc]
-    """Lets kernels write `assemble.each(...)`."""
+    """Type by which kernels can write `assemble.each(...)`."""
 
     def __init__(self, function: GenericFunction) -> None:
         self.function = function
@@ -265,7 +266,8 @@ def _function_attribute(context: Any, builder: Any, kind: Any, value: Any, name:
 
 
 def _ancestors(kind: Any) -> tuple[Any, ...]:
-    """What a numba type counts as: the class of a named tuple and its base classes; else the type itself and its class."""
+    """Return the classes that a numba type counts as: the class of a named tuple and its base classes; else the type itself and
+    its class."""
     of = getattr(kind, "instance_class", None)
     return (kind, *type(kind).__mro__) if of is None else tuple(of.__mro__)
 

@@ -1,9 +1,9 @@
-"""Kernels that other kernels call, and how all that belongs to one call from Python becomes machine code.
+"""Parts, kernels that other kernels call, and the compilation of one call from Python to machine code.
 
-Left to itself numba optimises a kernel, turns it into machine code, and does both again, with all that it calls, in every
-caller: code that lies five levels deep goes five times through LLVM. Here a kernel that kernels call is a `Part`: its code stays
-as LLVM's passes over single functions leave it, is kept on disk like that, and is optimised and turned into machine code once,
-in the kernel that Python calls.
+By default numba optimises a kernel, turns it into machine code, and does both again, with all that it calls, in every caller:
+code that lies five levels deep goes five times through LLVM. Here a kernel that kernels call is a `Part`: its code stays as
+LLVM's passes over single functions leave it, is kept on disk like that, and is optimised and turned into machine code once, in
+the kernel that Python calls.
 """
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ import numba.np.linalg as _linalg
 from llvmlite import binding
 from llvmlite.binding import ffi
 
-# when it starts, numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call none, and other code that
-# does finds it all the same, later
+# at its start numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call no BLAS, and other code that
+# does finds it later
 _look = _linalg.ensure_blas
 _linalg.ensure_blas = lambda: None
 import numba.np.arraymath  # noqa: E402, F401
@@ -40,7 +40,7 @@ from fastbeam.kernels.jit.sources import classes_of, is_outside
 
 # s; compilation that takes no longer shows nothing on a terminal, elsewhere five times as long
 QUIET_TIME = 1.0
-# kernels that take long: what they do in words, and how many parts they had in common scenes, between 80 and 110
+# kernels that take long: their purpose in words, and how many parts they had in common scenes, between 80 and 110
 STAGES = {"run": ("the time steps", 95), "solve_equilibrium": ("equilibria", 107), "assemble_all": ("the equations", 63)}
 # time that machine code of a whole kernel takes, as a share of that of its parts
 MACHINE_CODE = 0.2
@@ -49,8 +49,8 @@ PASS_BUILDERS = version_info.short >= (0, 62)
 
 
 class _CodeLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Of a kernel that becomes machine code: what it links is optimised together, once. Kernels keep no reference counts, so the
-    passes that pair these are left out.
+    """Library of a kernel that becomes machine code: all linked code is optimised together, once. Kernels keep no reference
+    counts, so the passes that pair these are left out.
 
     calls : list
         Kernels with machine code of their own that it calls.
@@ -71,8 +71,8 @@ class _CodeLibrary(JITCodeLibrary):  # type: ignore[misc]
         self.calls = _separate.called_in(self._final_module)
 
     def serialize_using_object_code(self) -> tuple[str, str, tuple[Any, bytes]]:
-        """Machine code, with the names that it defines in place of the LLVM code that numba keeps for callers: kernels call the
-        part. To read that code took a twentieth of the time of a warm start."""
+        """Return machine code, with the names that it defines in place of the LLVM code that numba keeps for callers: kernels
+        call the part. To read that code took a twentieth of the time of a warm start."""
         self._ensure_finalized()
         module = self._final_module
         lines = [f'define void @"{x.name}"() {{ ret void }}' for x in module.functions if not x.is_declaration]
@@ -81,7 +81,7 @@ class _CodeLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _WholeLibrary(_CodeLibrary):
-    """Of a kernel that Python calls."""
+    """Library of a kernel that Python calls."""
 
     def _optimize_final_module(self) -> None:
         PROGRESS.machine_code()
@@ -89,7 +89,7 @@ class _WholeLibrary(_CodeLibrary):
 
 
 class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Of a kernel that kernels call: simplified one function at a time, and linked."""
+    """Library of a kernel that kernels call: simplified one function at a time, and linked."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
         if not PASS_BUILDERS:
@@ -100,7 +100,7 @@ class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
             if not function.is_declaration:
                 passes, builder = self._codegen._function_pass_manager()
                 passes.run(function, builder)
-                # llvmlite does not: 32 MB for each kind of scene
+                # llvmlite does not free the passes: 32 MB for each kind of scene
                 ffi.lib.LLVMPY_DisposeNewFunctionPassManger(passes)
 
     def finalize(self) -> None:
@@ -110,7 +110,7 @@ class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
         self.calls = _separate.called_in(self._final_module)
 
     def _set_module(self, module: Any) -> None:
-        """Code from now on; several kernels that bring the same part along may be linked."""
+        """Set the code of the library; several kernels that bring the same part along may be linked."""
         for function in module.functions:
             if not function.is_declaration and function.linkage == binding.Linkage.external:
                 function.linkage = "linkonce_odr"
@@ -124,8 +124,8 @@ _look_up = types.BaseFunction.get_call_type
 
 
 def _remember(self: Any, context: Any, arguments: Any, keywords: Any) -> Any:
-    """The signature of a call of an operator or function of numba. Types that are equal are one object, which the key keeps alive
-    with the implementations that it has found."""
+    """Return the signature of a call of an operator or function of numba. Types that are equal are one object, which the key
+    keeps alive with the implementations that it has found."""
     if keywords:
         return _look_up(self, context, arguments, keywords)
     key = self, arguments
@@ -150,10 +150,10 @@ def memoized_typing() -> Iterator[None]:
 
 
 class _Progress:
-    """What the user sees while a kernel is compiled with all its parts: on a terminal one line that is kept up to date, else,
+    """Display of progress while a kernel is compiled with all its parts: on a terminal one line that is kept up to date, else,
     after the announcement of a first use, a line at the end of the first kernel that took long.
 
-    Of kernels in `STAGES` the line says what they are for, how many parts about there are, and how long about it takes still.
+    For kernels in `STAGES` the line says their purpose, an estimate of the number of parts, and of the time left.
     """
 
     def __init__(self) -> None:
@@ -161,11 +161,11 @@ class _Progress:
         self.count = 0
         self._name = ""
         self._begin = 0.0
-        # characters of the line that stands on the terminal
+        # characters of the line on the terminal
         self._shown = 0
 
     def of(self, name: str) -> _Progress:
-        """To be used as a context while the kernel of this name is compiled."""
+        """Return the display, as a context while the kernel of this name is compiled."""
         self._name = name
         return self
 
@@ -179,12 +179,12 @@ class _Progress:
         self._name = ""
 
     def step(self) -> None:
-        """One part more is ready."""
+        """Count one more part that is ready."""
         self.count += 1
         self._show(self._parts())
 
     def machine_code(self) -> None:
-        """All parts are ready: they are optimised together and become machine code."""
+        """Show that all parts are ready: they are optimised together and become machine code."""
         if self._name in STAGES:
             self._show(f"compiling {STAGES[self._name][0]}: machine code of {self.count} kernels"
                        f"{_about(MACHINE_CODE * self._seconds())}")
@@ -209,21 +209,21 @@ class _Progress:
             self._write(text, "")
 
     def _write(self, text: str, after: str) -> None:
-        # blanks over what is left of a longer line
+        # blanks over the rest of a longer line
         sys.stderr.write(("\r" if self._shown or not after else "") + f"fastbeam: {text}".ljust(self._shown) + after)
         sys.stderr.flush()
         self._shown = len(text) + 10
 
 
 def _about(seconds: float) -> str:
-    """', about so many s left', rounded so that it does not flicker; nothing below a second."""
+    """Return ', about so many s left', rounded so that it does not flicker; nothing below a second."""
     return f", about {seconds:.0f} s left" if 1.0 <= seconds < 600.0 else ""
 
 
 PROGRESS = _Progress()
 
 
-# passes of numba for what kernels do not have: `with`, closures, lists of literals, inlining at the level of Python, expressions
+# passes of numba for features that kernels do not use: `with`, closures, lists of literals, inlining of Python, expressions
 # of whole arrays, exceptions, parallel loops
 LEFT_OUT = {"WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "InlineInlinables",
             "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "NopythonRewrites",
@@ -249,7 +249,7 @@ class _ShortCompiler(compiler.Compiler):  # type: ignore[misc]
 
 
 class WholeCompiler(_ShortCompiler):
-    """The compiler for a kernel that Python calls."""
+    """Compiler for a kernel that Python calls."""
 
     def define_pipelines(self) -> list[Any]:
         return compiler.Compiler.define_pipelines(self) if is_outside(self.state.func_id.func) else super().define_pipelines()
@@ -262,25 +262,25 @@ class WholeCompiler(_ShortCompiler):
 
 
 class _Compiled:
-    """One part for one set of argument types.
+    """Part compiled for one set of argument types.
 
     library : _PartLibrary or JITCodeLibrary
-        What callers link; of a kernel with machine code of its own the code itself.
+        Library that callers link; the code itself for a kernel with machine code of its own.
     symbol : str
-        By which callers find that; else empty.
+        Symbol by which callers find that code; else empty.
     calls : list
         Kernels with machine code of their own that it calls.
     """
 
     def __init__(self, library: Any, fndesc: Any, signature: Any, symbol: str, calls: list[Any]) -> None:
         self.library, self.fndesc, self.signature, self.symbol, self.calls = library, fndesc, signature, symbol, calls
-        # as cached results of numba have it
+        # attribute that cached results of numba have
         self.codegen = library.codegen
 
 
 class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
-        """Beside the entries of the same function as Python calls it."""
+        """Return a name beside the entries of the same function as Python calls it."""
         return str(super().get_filename_base(fullname, abiflags)) + "-part"
 
     def reduce(self, found: _Compiled) -> Any:
@@ -311,7 +311,7 @@ class PartCache(FunctionCache):  # type: ignore[misc]
 
 
 class Part:
-    """A kernel as other kernels call it.
+    """Kernel as other kernels call it.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ class Part:
     is_entry : bool
         Whether tables call it (`calls`): it has machine code of its own whatever its types.
     cache : KernelCache
-        Of kind `PartCache`.
+        A cache of kind `PartCache`.
     """
 
     def __init__(self, dispatcher: Any, one_variant: bool, separate: bool, is_entry: bool, cache: Any) -> None:
@@ -337,7 +337,7 @@ class Part:
         dispatcher.get_call_template, dispatcher.get_overload = self._call_template, self._overload
 
     def compile(self, arguments: tuple[Any, ...]) -> _Compiled:
-        """For argument types: from this process, from the disk, or compiled."""
+        """Return the code for argument types: from this process, from the disk, or compiled."""
         with global_compiler_lock:
             found = self._known.get(arguments)
             if found is None:
@@ -358,7 +358,7 @@ class Part:
             return found
 
     def address(self, arguments: tuple[Any, ...]) -> int:
-        """Where the machine code of an entry begins."""
+        """Return the address of the machine code of an entry."""
         with memoized_typing():
             found = self.compile(arguments)
         return int(found.library.get_pointer_to_function(found.symbol))
@@ -369,7 +369,7 @@ class Part:
         return list(self._known)
 
     def is_kept(self, arguments: tuple[Any, ...]) -> bool:
-        """Whether this process or the disk has it."""
+        """Return whether this process or the disk has the code for argument types."""
         return arguments in self._known or self.cache.holds(arguments, self.dispatcher.targetctx.codegen())
 
     def _compile(self, arguments: tuple[Any, ...]) -> _Compiled:
@@ -392,7 +392,7 @@ class Part:
         return _Compiled(library, done.fndesc, done.signature, symbol, library.calls)
 
     def _call_template(self, arguments: Any, keywords: Any) -> Any:
-        """What numba asks for when it meets a call."""
+        """Return the template that numba asks for at a call."""
         signature, arguments = self.dispatcher.fold_argument_types(arguments, keywords)
         arguments = tuple(types.unliteral(argument) if self.one_variant else argument for argument in arguments)
         name = self.dispatcher.py_func.__name__

@@ -1,8 +1,8 @@
 """Named tuples and tuples of terms in memory, passed to compiled code as one word, whatever they hold.
 
 A scene hands 300 arrays to compiled code, and each call from Python would unpack seven words of every one. `Record` writes them
-down once, as compiled code keeps them, and from then on only their address is passed. Kernels take `Record`s, or put there what
-they are given as values (`in_memory`).
+once, as compiled code keeps them, and from then on only their address is passed. Kernels take `Record`s, or write values that
+they are given to memory (`in_memory`).
 """
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from numba.extending import NativeValue, infer_getattr, intrinsic, lower_getattr
 
 
 class RecordType(types.Type):  # type: ignore[misc]
-    """Address of a named tuple, or of a tuple of terms."""
+    """Type of the address of a named tuple, or of a tuple of terms."""
 
     def __init__(self, of: Any) -> None:
         self.of = of
-        # the name of every function that takes one has it, and names of all its arrays take kilobytes
+        # the name stands in that of every function that takes a record, and names of all its arrays take kilobytes
         kind = self.instance_class.__name__ if self.instance_class else "tuple"
         super().__init__(f"record({kind} {hashlib.blake2b(str(of).encode(), digest_size=16).hexdigest()})")
 
@@ -35,12 +35,12 @@ class RecordType(types.Type):  # type: ignore[misc]
 
     @property
     def key(self) -> Any:
-        """What tells it from others."""
+        """Key that distinguishes the type from others."""
         return self.of
 
     @property
     def instance_class(self) -> Any:
-        """The class of the named tuple, None of a plain tuple."""
+        """Class of the named tuple, None of a plain tuple."""
         return getattr(self.of, "instance_class", None)
 
 
@@ -53,8 +53,8 @@ class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
 # --- in compiled code ---------------------------------------------------------------------------------------------------
 @intrinsic
 def in_memory(typingctx, x):  # type: ignore[no-untyped-def]
-    """A named tuple or a tuple of terms in memory, from now on passed as one word. Its arrays may change, itself must not. A
-    record, and what stands for terms in one word, stays where it is."""
+    """Put a named tuple or a tuple of terms into memory, from now on passed as one word. Its arrays may change, itself must not.
+    A record, and a word that stands for terms, stay as they are."""
     if not isinstance(x, types.BaseTuple):
         return x(x), lambda context, builder, signature, values: values[0]
 
@@ -66,18 +66,18 @@ def in_memory(typingctx, x):  # type: ignore[no-untyped-def]
 
 
 def item_type(kind: Any) -> Any:
-    """Type of what is taken out of memory: large records (`stays_in_memory`) as addresses; terms and tables as values, so that
-    loops over elements keep the addresses of their arrays in registers."""
+    """Return the type of an item taken out of memory: large records (`stays_in_memory`) as addresses; terms and tables as values,
+    so that loops over elements keep the addresses of their arrays in registers."""
     return RecordType(kind) if getattr(getattr(kind, "instance_class", None), "stays_in_memory", False) else kind
 
 
 def item_types(terms: Any) -> list[Any]:
-    """Types of the items of a tuple of terms, in memory or not."""
+    """Return types of the items of a tuple of terms, in memory or not."""
     return [item_type(x) for x in terms.of] if isinstance(terms, RecordType) else list(terms)
 
 
 def item(builder: Any, kind: Any, value: Any, i: int) -> Any:
-    """Item i of a tuple, in memory or not."""
+    """Return item i of a tuple, in memory or not."""
     if not isinstance(kind, RecordType):
         return builder.extract_value(value, i)
     place = builder.gep(value, [ir.IntType(32)(0), ir.IntType(32)(i)], inbounds=True)
@@ -87,8 +87,8 @@ def item(builder: Any, kind: Any, value: Any, i: int) -> Any:
 
 
 def _load(builder: Any, place: Any, kind: Any) -> Any:
-    """A value, number by number. Nothing writes to it while a kernel runs, so loads may leave loops. Of loads of whole structures
-    LLVM does not know that, which makes kernels slower by 6 to 10 percent."""
+    """Load a value, number by number. Nothing writes to it while a kernel runs, so loads may leave loops. LLVM does not know that
+    of loads of whole structures, which makes kernels slower by 6 to 10 percent."""
     if not isinstance(kind, (ir.LiteralStructType, ir.ArrayType)):
         value = builder.load(place)
         value.set_metadata("invariant.load", builder.module.add_metadata([]))
@@ -111,26 +111,26 @@ class _RecordAttributes(AttributeTemplate):  # type: ignore[misc]
 
 
 def _place(kind: RecordType, name: str) -> int:
-    """Of an attribute among the fields; some stand for several."""
+    """Return the index of an attribute among the fields; some fields stand for several attributes."""
     return int(kind.of.fields.index(getattr(kind.instance_class, "stands_for", {}).get(name, name)))
 
 
 @lower_getattr_generic(RecordType)
 def _record_attribute(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
     i = _place(kind, name)
-    # another reference where kernels count them
+    # kernels that count references count one more
     return impl_ret_borrowed(context, builder, item_type(kind.of[i]), item(builder, kind, value, i))
 
 
 # --- from Python --------------------------------------------------------------------------------------------------------
 class Record:
-    """A named tuple or a tuple of terms as compiled code keeps it. Its arrays may change, itself must not; they live as long as
-    this object.
+    """Named tuple or tuple of terms as compiled code keeps it. Its arrays may change, itself must not; they live as long as this
+    object.
 
     Parameters
     ----------
     of : tuple
-        Of arrays, numbers, None, and such tuples.
+        Arrays, numbers, None, and tuples of these.
     """
 
     __slots__ = "of", "address", "_numba_type_", "_memory"
@@ -151,7 +151,7 @@ class Record:
 
 
 def same_record(x: Any, y: Any) -> bool:
-    """Whether records of two tuples are the same: they hold the same arrays and numbers."""
+    """Return whether records of two tuples are equal: they hold the same arrays and numbers."""
     if x is y:
         return True
     if isinstance(x, tuple):
@@ -159,7 +159,7 @@ def same_record(x: Any, y: Any) -> bool:
     return type(x) is type(y) and isinstance(x, (int, float)) and x == y
 
 
-# types and layouts of values of which `_put_words` tells the same: numba takes a millisecond to type 300 arrays
+# types and layouts by the properties of `_put_words`: numba takes a millisecond to type 300 arrays
 _KNOWN: dict[tuple[Any, ...], tuple[RecordType, struct.Struct]] = {}
 # flags of arrays that are part of their types: contiguous by rows or by columns, writeable
 TYPED = 0x403
@@ -168,7 +168,7 @@ CONTIGUOUS = 0x401
 
 
 def _put_words(of: tuple[Any, ...], words: list[Any], told: list[Any]) -> None:
-    """Numbers of a tuple in the order of its memory, and what its type depends on."""
+    """Append the numbers of a tuple in the order of its memory to `words`, and properties that decide its type to `told`."""
     told += type(of), len(of)
     for x in of:
         if isinstance(x, np.ndarray):
@@ -176,7 +176,7 @@ def _put_words(of: tuple[Any, ...], words: list[Any], told: list[Any]) -> None:
             # from_buffer takes a fifth of the time of the array interface
             first = (addressof(c_char.from_buffer(x)) if x.size and flags & CONTIGUOUS == CONTIGUOUS
                      else x.__array_interface__["data"][0])
-            # as numba's arrays; nobody counts references to them
+            # laid out as numba's arrays, without reference counts
             told += x.dtype, x.ndim, flags & TYPED
             words += 0, 0, x.size, x.itemsize, first, *x.shape, *x.strides
         elif isinstance(x, tuple):
@@ -188,13 +188,13 @@ def _put_words(of: tuple[Any, ...], words: list[Any], told: list[Any]) -> None:
 
 @cache
 def _layout(kind: Any) -> struct.Struct:
-    """Where numbers of a value of a numba type stand: as C would have its structure."""
+    """Return the layout of a value of a numba type: as C would have its structure."""
     letters, size, _ = _letters(kind, 0)
     return struct.Struct(f"={letters}{'x' * (-size % 8)}")
 
 
 def _letters(kind: Any, at: int) -> tuple[str, int, int]:
-    """(letters of `struct`, where it ends, alignment) of a type that begins at `at`."""
+    """Return (letters of `struct`, offset of its end, alignment) of a type that begins at `at`."""
     if isinstance(kind, types.BaseTuple):
         align = max((_letters(x, 0)[2] for x in kind), default=1)
         begin = at + -at % align

@@ -33,8 +33,8 @@ _LOCK, _DEPTH = RLock(), [0]
 
 @contextmanager
 def _locked(folder: str, exclusive: bool) -> Iterator[None]:
-    """Processes that share the folder take turns in writing; without it two that start together could save different variants of
-    a kernel under one name."""
+    """Take turns in writing with processes that share the folder; without it two that start together could save different
+    variants of a kernel under one name."""
     with _LOCK:
         file = None
         if fcntl is not None and not _DEPTH[0]:
@@ -53,7 +53,7 @@ def _locked(folder: str, exclusive: bool) -> Iterator[None]:
 
 
 class SealedFile(IndexDataCacheFile):  # type: ignore[misc]
-    """Entries on the disk of one kernel, each with a checksum that is verified before anything in it is believed: a wrong bit in
+    """Entries on the disk of one kernel, each with a checksum that is verified before any part of it is used: a wrong bit in
     machine code crashes the process, or gives other numbers."""
 
     def _load_index(self) -> dict[Any, str]:
@@ -103,7 +103,7 @@ def _close(path: str) -> None:
 
 
 def _checksum(path: str, data: Any) -> bytes:
-    """Of the contents of a file and its name, so that files that changed places are found too."""
+    """Return the checksum of the contents of a file and its name, which also detects files that changed places."""
     digest = hashlib.blake2b(os.fsencode(os.path.basename(path)), digest_size=DIGEST)
     digest.update(data)
     return digest.digest()
@@ -111,7 +111,7 @@ def _checksum(path: str, data: Any) -> bytes:
 
 class _Entries:
     """All entries of one kernel: those of this package in one file, those that depend on files outside it in one for each state
-    of these, `sources.digest`."""
+    of these files, `sources.digest`."""
 
     def __init__(self, function: Any, file: IndexDataCacheFile) -> None:
         self._function = function
@@ -119,7 +119,7 @@ class _Entries:
         self.own = SealedFile(*self._place)
 
     def file(self, key: Any) -> SealedFile | None:
-        """Where the entry of a key stands; None: it cannot be kept."""
+        """Return the file of the entry of a key; None if it cannot be kept."""
         digest = _outside.digest(self._function, getattr(key[0], "args", key[0]))
         if not digest:
             return self.own if digest is not None else None
@@ -127,7 +127,7 @@ class _Entries:
         return SealedFile(folder, f"{name}-{digest}", stamp)
 
     def holds(self, key: Any) -> bool:
-        """Whether there is an entry."""
+        """Return whether there is an entry."""
         file = self.file(key)
         return file is not None and key in file._load_index()
 
@@ -141,24 +141,24 @@ class _Entries:
             file.save(key, data)
 
     def flush(self, key: Any) -> None:
-        """Forget the entries of the file that this one stands in."""
+        """Delete the entries of the file that has this one."""
         file = self.file(key)
         if file is not None:
             file.flush()
 
 
 class KernelCache:
-    """The cache of a kernel, made when it is first asked: most kernels never are, and making it looks for folders on the disk. It
-    survives other processes, damaged files and a full disk: then it counts as empty.
+    """Cache of a kernel, made on first use: most kernels are never used, and making it looks for folders on the disk. With a
+    damaged file, a full disk, or other processes at work it counts as empty.
 
     Parameters
     ----------
     function : function
-        What is compiled.
+        The function that is compiled.
     kind : type
         Numba's kind of cache.
     folder : str
-        Of all kernels.
+        The folder of all kernels.
     """
 
     def __init__(self, function: Any, kind: Any, folder: str) -> None:
@@ -168,7 +168,7 @@ class KernelCache:
 
     @property
     def cache_path(self) -> str:
-        """As numba's caches have it."""
+        """Folder of all kernels, a property that numba's caches have."""
         return self._folder
 
     def disable(self) -> None:
@@ -176,12 +176,12 @@ class KernelCache:
         self._enabled = False
 
     def make(self) -> Any:
-        """Numba's cache.
+        """Return numba's cache.
 
         Raises
         ------
         RuntimeError
-            The function stands in no file.
+            No file contains the function.
         """
         if self._made is None:
             before, config.CACHE_DIR = config.CACHE_DIR, self._folder
@@ -195,7 +195,7 @@ class KernelCache:
         return self._made
 
     def holds(self, arguments: Any, codegen: Any) -> bool:
-        """Whether there is an entry on the disk."""
+        """Return whether there is an entry on the disk."""
         try:
             made = self.make()
             return self._enabled and bool(made._cache_file.holds(made._index_key(arguments, codegen)))
@@ -203,7 +203,7 @@ class KernelCache:
             return False
 
     def load_overload(self, arguments: Any, context: Any) -> Any:
-        """What is kept for argument types, or None."""
+        """Return the code kept for argument types, or None."""
         if not self._enabled:
             return None
         made = self.make()
@@ -222,7 +222,7 @@ class KernelCache:
         return None
 
     def save_overload(self, arguments: Any, compiled: Any) -> None:
-        """Keep what was compiled."""
+        """Keep compiled code."""
         if not self._enabled:
             return
         try:

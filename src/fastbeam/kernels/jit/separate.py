@@ -1,9 +1,9 @@
 """Kernels with machine code of their own: compiled once for all kernels that call them, which find them by a symbol.
 
-What kernels call is else a part of their machine code (`_parts`), compiled anew for every kind of scene. Large kernels whose
-arguments are the same in many scenes (`decorators.separate`) are optimised and turned into machine code once for each set of
-types. A symbol is named after the kernel and these types alone, so that callers from the disk find what another process has
-compiled; a caller's entry on the disk names the kernels to load before it.
+Other called kernels are parts of their callers' machine code (`_parts`), compiled anew for every kind of scene. Large kernels
+whose arguments are the same in many scenes (`decorators.separate`) are optimised and turned into machine code once for each set
+of types. A symbol is named after the kernel and these types alone, so that callers from the disk find code that another process
+has compiled; a caller's entry on the disk names the kernels to load before it.
 """
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _KNOWN: dict[str, Named] = {}
 
 
 def symbol_of(function: Any, arguments: tuple[Any, ...]) -> str:
-    """The symbol of a kernel for argument types."""
+    """Return the symbol of a kernel for argument types."""
     named = function.__module__, function.__qualname__, *map(str, arguments), *_classes(arguments)
     return f"{PREFIX}{function.__name__}.{hashlib.blake2b(repr(named).encode(), digest_size=16).hexdigest()}"
 
 
 def _classes(kinds: Iterable[Any]) -> Iterator[str]:
-    """Where named tuples among types, and among what these hold, are defined: a type has no more than the name of its class."""
+    """Yield module and name of the classes of named tuples among types, and in these: a type has only the name of its class."""
     for kind in kinds:
         of = getattr(kind, "instance_class", None)
         if of is not None:
@@ -38,13 +38,13 @@ def _classes(kinds: Iterable[Any]) -> Iterator[str]:
 
 
 def called_in(module: Any) -> list[Named]:
-    """What an LLVM module calls by such symbols."""
+    """Return the kernels that an LLVM module calls by such symbols."""
     names = (x.name for x in module.functions if x.is_declaration)
     return [_KNOWN[name] for name in names if name.startswith(PREFIX)]
 
 
 def load(kernels: list[Named]) -> None:
-    """Have the symbols of kernels defined: from the disk, or compiled."""
+    """Define the symbols of kernels: from the disk, or compiled."""
     for module, name, arguments in kernels:
         getattr(importlib.import_module(module), name).part.compile(arguments)
 

@@ -1,4 +1,4 @@
-"""Terms from outside this package: which files their compiled code depends on.
+"""Files that compiled code of terms from outside this package depends on.
 
 The folder of compiled kernels carries a hash of this package. A kernel that takes a term whose class or implementations stand
 elsewhere depends on those files too, so it is kept under a hash of them: an edit there compiles it again, and processes that do
@@ -23,17 +23,17 @@ CONSTANTS = (bool, int, float, complex, str, bytes, tuple)
 
 
 def is_outside(thing: Any) -> bool:
-    """Whether a class or function belongs to another package."""
+    """Return whether a class or function belongs to another package."""
     return str(getattr(thing, "__module__", PACKAGE)).split(".", 1)[0] != PACKAGE
 
 
 def is_term(thing: Any) -> bool:
-    """Whether it is a class of named tuples from outside."""
+    """Return whether an object is a class of named tuples from outside."""
     return isinstance(thing, type) and issubclass(thing, tuple) and hasattr(thing, "_fields") and is_outside(thing)
 
 
 def note(name: str, classes: tuple[Any, ...], function: Any) -> None:
-    """Remember an implementation of the generic function `name`, where it comes from outside.
+    """Record an implementation of the generic function `name` that comes from outside.
 
     Raises
     ------
@@ -61,12 +61,12 @@ def note(name: str, classes: tuple[Any, ...], function: Any) -> None:
 
 
 def known() -> bool:
-    """Whether there are terms from outside."""
+    """Return whether there are terms from outside."""
     return bool(_IMPLEMENTATIONS)
 
 
 def classes_of(types: Any) -> list[type]:
-    """Classes from outside among types of arguments and what these hold."""
+    """Return classes from outside among types of arguments and their items."""
     found: dict[type, None] = {}
 
     def look(kind: Any) -> None:
@@ -83,14 +83,14 @@ def classes_of(types: Any) -> list[type]:
 
 
 def modules(types: Any) -> list[str]:
-    """Names of the modules that these classes and their implementations come from."""
+    """Return names of the modules that these classes and their implementations come from."""
     found = {x.__module__ for of in classes_of(types) for x in (of, *_IMPLEMENTATIONS.get(of, ()))}
     return sorted(found)
 
 
 def digest(function: FunctionType, types: Any) -> str | None:
-    """Hash of all that a kernel with arguments of these types depends on outside this package; "" where that is nothing, None
-    where it does not stand in files: such a kernel is not kept."""
+    """Return a hash of all files outside this package that a kernel with arguments of these types depends on; "" if there are
+    none, None if code has no file: such a kernel is not kept."""
     classes = classes_of(types)
     if not classes and not is_outside(function):
         return ""
@@ -109,8 +109,8 @@ def digest(function: FunctionType, types: Any) -> str | None:
 
 @cache
 def _text(thing: Any) -> str | None:
-    """Hash of the file that a class, function or module stands in; None: in none, or in the program itself, whose classes are
-    other objects in every process."""
+    """Return the hash of the file of a class, function or module; None: it has no file, or is in the program itself, whose
+    classes are other objects in every process."""
     if getattr(thing, "__module__", None) == "__main__":
         return None
     try:
@@ -121,7 +121,7 @@ def _text(thing: Any) -> str | None:
 
 @cache
 def _reached(function: FunctionType) -> frozenset[str | None]:
-    """Hashes of the files of a function and of all from outside that it calls, and the constants that they name."""
+    """Return hashes of the files of a function and of all from outside that it calls, and the constants that they name."""
     found: dict[FunctionType, None] = {}
     out: set[str | None] = set()
     rest = [function]
@@ -145,7 +145,7 @@ def _reached(function: FunctionType) -> frozenset[str | None]:
 
 
 def _named(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """Global names of a function's source and those that it closes over, with their values."""
+    """Yield global names of a function's source and those that it closes over, with their values."""
     for name in function.__code__.co_names:
         if name in function.__globals__:
             yield name, function.__globals__[name]

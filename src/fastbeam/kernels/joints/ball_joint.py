@@ -30,7 +30,7 @@ BallJoints.reads = WithContact  # type: ignore[attr-defined]
 
 @kernel
 def add_ball_joints(joints, system, share):
-    """Forces, gaps and entries; share: of the tangent that the node matrix holds."""
+    """Add forces, gaps and entries; share: of the tangent that the node matrix holds."""
     work, contact, dofs = system.work, system.contact, system.dofs
     for j in range(joints.node.shape[0]):
         k = joints.first[0] + j

@@ -35,11 +35,11 @@ class JointConditions(NamedTuple):
 
     node: np.ndarray       # int64 [J, 2]
     row: np.ndarray        # int64 [J, 2]
-    spin_row: np.ndarray   # int64 [J, 2]: the rows that have their spins
+    spin_row: np.ndarray   # int64 [J, 2]: rows with the spins of the nodes
     block: np.ndarray      # int64 [J, 4]: blocks a-a, a-b, b-a, b-b
     start: np.ndarray      # int64 [J + 1]: range of a set among the conditions
     pair: np.ndarray       # int64 [P, 2]: (i, j), or (i, -1) for the distance along D_i
-    value: np.ndarray      # float64 [P]: what a product keeps, m or 0
+    value: np.ndarray      # float64 [P]: prescribed value of a product, m or 0
     axes: np.ndarray       # float64 [18 J]: R with D_i = sum_k R_ik d_k of a, then of b; in a plane [12 J], D_i = (a, b) stands
     #                        for a u + b J u
     first: np.ndarray      # int64 [1]: number of the first set among all constraints
@@ -51,7 +51,7 @@ JointConditions.reads = WithContact  # type: ignore[attr-defined]
 
 @generic
 def direction(dofs, joints, j, side, i, q):
-    """D_i of node a (side 0) or b (1) of set j."""
+    """Return D_i of node a (side 0) or b (1) of set j."""
 
 
 @direction.register(Space)
@@ -72,7 +72,7 @@ def direction_in_plane(dofs, joints, j, side, i, q):
 
 @kernel
 def put_spin(contact, k, p, row, column, line, dofs):
-    """Column and line of force p of constraint k on a spin."""
+    """Add column and line of force p of constraint k on a spin."""
     o = entry_of(contact, k, row, dofs) + 8 * dim(dofs) + p
     add_to(contact.column[k], o, 8, column)
     add_to(contact.line[k], o, 8, line)
@@ -80,7 +80,7 @@ def put_spin(contact, k, p, row, column, line, dofs):
 
 @kernel
 def put_place(contact, k, p, row, column, line, dofs):
-    """The same on a position."""
+    """Add column and line of force p of constraint k on a position."""
     o = entry_of(contact, k, row, dofs) + p
     add_to(contact.column[k], o, 8, column)
     add_to(contact.line[k], o, 8, line)
@@ -88,7 +88,7 @@ def put_place(contact, k, p, row, column, line, dofs):
 
 @generic
 def put_on_end(ties, joints, system, k, p, j, side, column, line):
-    """Column and line of force p of constraint k on the position of node `side` of set j; tied nodes pass them on."""
+    """Add column and line of force p of constraint k on the position of node `side` of set j; tied nodes pass them on."""
 
 
 @put_on_end.register(NoTies)
@@ -115,7 +115,8 @@ def put_on_tied_end(ties, joints, system, k, p, j, side, column, line):
 
 @kernel
 def turn_against(joints, system, j, i, other, force):
-    """A force on the product D_i . D_other, moments on both nodes: residual and half its derivative by the end of the step."""
+    """Add a force on the product D_i . D_other, moments on both nodes: residual and half its derivative by the end of the
+    step."""
     dofs, q_mid, q_end = system.dofs, system.work.q_mid, system.work.q_end
     turn_both(joints, system, j, direction.call(dofs, joints, j, 0, i, q_mid), direction.call(dofs, joints, j, 1, other, q_mid),
               direction.call(dofs, joints, j, 0, i, q_end), direction.call(dofs, joints, j, 1, other, q_end), force)
@@ -123,7 +124,7 @@ def turn_against(joints, system, j, i, other, force):
 
 @inlined
 def turn_both(joints, system, j, a_mid, b_mid, a_end, b_end, force):
-    """The same for D_i = a and D_other = b, their means in the step and values at its end."""
+    """Add the same moments as `turn_against` for D_i = a and D_other = b, their means in the step and values at its end."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     n = 8 * len(dofs)
@@ -140,7 +141,7 @@ def turn_both(joints, system, j, a_mid, b_mid, a_end, b_end, force):
 
 @kernel
 def keep_direction(joints, system, share, j, k, p, i, other):
-    """Condition D_i . D_other = 0 as force p of constraint k."""
+    """Add condition D_i . D_other = 0 as force p of constraint k."""
     dofs, q_mid, q_end, contact = system.dofs, system.work.q_mid, system.work.q_end, system.contact
     a_mid, b_mid = direction.call(dofs, joints, j, 0, i, q_mid), direction.call(dofs, joints, j, 1, other, q_mid)
     a_end, b_end = direction.call(dofs, joints, j, 0, i, q_end), direction.call(dofs, joints, j, 1, other, q_end)
@@ -154,7 +155,8 @@ def keep_direction(joints, system, share, j, k, p, i, other):
 
 @kernel
 def push_along(joints, system, j, i, force):
-    """A force on b along D_i of a, the opposite on a with its moment: residual and half its derivative by the end of the step."""
+    """Add a force on b along D_i of a, the opposite on a with its moment: residual and half its derivative by the end of the
+    step."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     n = 8 * len(dofs)
@@ -165,7 +167,7 @@ def push_along(joints, system, j, i, force):
     add_to(work.r, 8 * joints.row[j, 0], 1, force * mid)
     add_to(work.r, 8 * joints.row[j, 0] + d, 1, -force * cross_product.call(mid, r_mid))
     half = 0.5 * force
-    # of the forces by the spin of a; of the moment by that, and by both positions
+    # derivatives of the forces by the spin of a; of the moment by that spin, and by both positions
     add_turn(work.blocks, n * joints.block[j, 2] + d, -half, end)
     add_turn(work.blocks, n * joints.block[j, 0] + d, half, end)
     add_double_cross.call(r_mid, end, -half, work.blocks, n * joints.block[j, 0] + 8 * d + d)
@@ -175,7 +177,7 @@ def push_along(joints, system, j, i, force):
 
 @kernel
 def keep_distance(joints, system, share, j, k, p, i, value):
-    """Condition r . D_i = value as force p of constraint k."""
+    """Add condition r . D_i = value as force p of constraint k."""
     work, dofs = system.work, system.dofs
     push_along(joints, system, j, i, system.state.force[system.contact.first_force[k] + p])
     mid = direction.call(dofs, joints, j, 0, i, work.q_mid)
@@ -191,7 +193,7 @@ def keep_distance(joints, system, share, j, k, p, i, value):
 
 @kernel
 def add_conditions(joints, system, share):
-    """Forces, gaps and entries; share: of the tangent that the node matrix holds."""
+    """Add forces, gaps and entries; share: of the tangent that the node matrix holds."""
     for j in range(joints.node.shape[0]):
         k = joints.first[0] + j
         begin_joint(system.contact, k, joints.start[j + 1] - joints.start[j])
@@ -220,7 +222,7 @@ def assemble_conditions_at_end(joints, method, system, h):
 @is_settled.register(JointConditions)
 @kernel
 def conditions_are_met(joints, system):
-    """Whether their gaps are closed."""
+    """Return whether the gaps of all conditions are closed."""
     contact, q, dofs = system.contact, system.state.q, system.dofs
     closed = True
     for j in range(joints.node.shape[0]):

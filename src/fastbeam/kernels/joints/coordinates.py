@@ -63,7 +63,7 @@ class Parts(NamedTuple):
 
 
 class Grip(NamedTuple):
-    """A coordinate from one shape to another, and what its forces do to y and z."""
+    """Derivatives of a joint coordinate between two shapes by its sums y and z."""
 
     way: float             # Dx
     y: float               # g_y and g_z, Dx = g_y Dy + g_z Dz
@@ -78,7 +78,7 @@ class Grip(NamedTuple):
 
 @generic
 def size_of_cross(x, y):
-    """|x cross y|."""
+    """Return |x cross y|."""
 
 
 @size_of_cross.register(V3[f8])
@@ -96,7 +96,7 @@ def size_of_cross_in_plane(x, y):
 
 @kernel
 def product_of(motion, c, m, dofs, q):
-    """Product m, of coordinate c, at coordinates q."""
+    """Return product m, of coordinate c, at coordinates q."""
     a = direction.call(dofs, motion, c, 0, motion.pair[m, 1], q)
     j = motion.pair[m, 2]
     if j < 0:
@@ -106,7 +106,7 @@ def product_of(motion, c, m, dofs, q):
 
 @kernel
 def parts_of(motion, c, dofs, q):
-    """`Parts` of coordinate c at coordinates q; y of a SWING is the sine."""
+    """Return `Parts` of coordinate c at coordinates q; y of a SWING is the sine."""
     y = 0.0
     z = 0.0
     for m in range(motion.start[c], motion.start[c + 1]):
@@ -122,7 +122,7 @@ def parts_of(motion, c, dofs, q):
 
 @kernel
 def angle_over(p, q):
-    """atan(p/q)/p and the derivative of it by p, with p/q of any size."""
+    """Return atan(p/q)/p and the derivative of it by p, with p/q of any size."""
     x = p / q
     if q > 0.0 and abs(x) < SMALL_TURN:
         y = x * x
@@ -133,8 +133,8 @@ def angle_over(p, q):
 
 @kernel
 def grip_of(motion, c, dofs, q0, q1):
-    """`Grip` of coordinate c from coordinates q0 to q1. Where both are the same its derivatives are half of those of the slopes
-    of x, as equilibria need them."""
+    """Return `Grip` of coordinate c from coordinates q0 to q1. Where both are the same its derivatives are half of those of the
+    slopes of x, as equilibria need them."""
     before = parts_of(motion, c, dofs, q0)
     after = parts_of(motion, c, dofs, q1)
     y0, z0, y1, z1 = before.y, before.z, after.y, after.z
@@ -159,7 +159,7 @@ def grip_of(motion, c, dofs, q0, q1):
 # --- values --------------------------------------------------------------------------------------------------------------
 @kernel
 def value_of(motion, c, dofs, q, before):
-    """Coordinate c at coordinates q; of an angle the value next to `before`."""
+    """Return coordinate c at coordinates q; for an angle the value next to `before`."""
     found = parts_of(motion, c, dofs, q)
     if motion.kind[c] == LINE:
         return found.y - motion.value[c]
@@ -171,7 +171,7 @@ def value_of(motion, c, dofs, q, before):
 
 @kernel
 def missing(motion, c, dofs, q, target):
-    """Coordinate c at coordinates q less `target`; of an angle the nearest of all turns."""
+    """Return coordinate c at coordinates q less `target`; for an angle the nearest of all turns."""
     found = parts_of(motion, c, dofs, q)
     if motion.kind[c] == LINE:
         return (found.y - motion.value[c]) - target
@@ -181,7 +181,7 @@ def missing(motion, c, dofs, q, target):
 
 @kernel
 def rate_of(motion, c, dofs, q, v):
-    """Rate of coordinate c, m/s or rad/s."""
+    """Return the rate of coordinate c, m/s or rad/s."""
     a, b = motion.node[c, 0], motion.node[c, 1]
     y = 0.0
     z = 0.0
@@ -237,7 +237,8 @@ def add_products(motion, c, system, left, right, factor):
 
 @kernel
 def push_parts(motion, c, system, by_y, by_z, slopes):
-    """Forces `by_y` and `by_z` on the sums of coordinate c; slopes [4]: their derivatives by both at the end, yy, yz, zy, zz."""
+    """Add forces `by_y` and `by_z` on the sums of coordinate c; slopes [4]: their derivatives by both at the end, yy, yz, zy,
+    zz."""
     work, dofs = system.work, system.dofs
     for i in range(64):
         motion.hold[i] = 0.0
@@ -258,7 +259,7 @@ def push_parts(motion, c, system, by_y, by_z, slopes):
 
 @kernel
 def push(motion, c, system, grip, force, slope):
-    """A force on coordinate c, and its derivative by the coordinate at the end of the step."""
+    """Add a force on coordinate c, and its derivative by the coordinate at the end of the step."""
     by_y, by_z = slope * grip.end_y, slope * grip.end_z
     slopes = (force * grip.yy + by_y * grip.y, force * grip.yz + by_z * grip.y,
               force * grip.zy + by_y * grip.z, force * grip.zz + by_z * grip.z)
@@ -267,20 +268,20 @@ def push(motion, c, system, grip, force, slope):
 
 @kernel
 def grip_in_step(motion, c, system):
-    """`Grip` of coordinate c in this step."""
+    """Return `Grip` of coordinate c in this step."""
     return grip_of(motion, c, system.dofs, system.state.q, system.work.q_end)
 
 
 @kernel
 def grip_at_rest(motion, c, system):
-    """`Grip` of coordinate c in an equilibrium."""
+    """Return `Grip` of coordinate c in an equilibrium."""
     return grip_of(motion, c, system.dofs, system.work.q_end, system.work.q_end)
 
 
 @kernel
 def put_entries(term, c, system, k, p, share, by_end):
-    """Column and line of force p of constraint k, which acts on coordinate c: `share` times a force on it, and `by_end` times the
-    derivative of its value at the end; both may be zero, the rows that it touches are the same."""
+    """Add column and line of force p of constraint k, which acts on coordinate c: `share` times a force on it, and `by_end` times
+    the derivative of its value at the end; both may be zero, the rows that it touches are the same."""
     motion, contact, work, dofs = term.motion, system.contact, system.work, system.dofs
     grip = grip_in_step(motion, c, system)
     for m in range(motion.start[c], motion.start[c + 1]):

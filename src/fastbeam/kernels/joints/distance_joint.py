@@ -34,7 +34,7 @@ DistanceJoints.reads = WithContact  # type: ignore[attr-defined]
 
 @kernel
 def add_distance_joints(joints, system, share):
-    """Tensions, gaps and entries; share: of the tangent that the node matrix holds."""
+    """Add tensions, gaps and entries; share: of the tangent that the node matrix holds."""
     work, contact, dofs = system.work, system.contact, system.dofs
     for j in range(joints.length.shape[0]):
         k = joints.first[0] + j

@@ -1,13 +1,13 @@
-"""Coordinates of joints with axes that a force of their own holds, theory.md 4: given as functions of time; and drives that push.
+"""Prescribed coordinates of joints with axes, functions of time, theory.md 4; and drives that push with a force.
 
-The force G on a coordinate x acts as in forces.py and does the work G Dx. Where x is given it is an unknown, one more
+The force G on a coordinate x acts as in forces.py and does the work G Dx. Where x is prescribed, G is an unknown, one more
 constraint, whose equation is
 
     x_n+1 = x(t_n+1)                                                                                                    (4.16)
 
-x_n+1 of an angle is compared by the sine and cosine of what it misses, which lose no digits over many turns. Friction and rigid
-stops, which hold in the same way: friction.py. Drives that do not say how a coordinate moves push it with a force of time,
-of (t, x, x'), or of a controller.
+The error of an angle x_n+1 is formed by its sine and cosine, which lose no digits over many turns. Friction and rigid stops
+prescribe coordinates in the same way: friction.py. Drives that do not prescribe the motion of a coordinate push it with a force
+of time, of (t, x, x'), or of a controller.
 """
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from fastbeam.kernels.joints.forces import way_of
 from fastbeam.kernels.terms import (Conserving, Equilibrium, WithContact, account, assemble, first_guess, is_settled, known,
     put_loads, take_unknowns)
 
-# how a coordinate is given: its value at the end of the step, or its increment
+# prescribed quantity of a coordinate: its value at the end of the step, or its increment
 TO, BY = range(2)
 
 
 class JointDrives(NamedTuple):
-    """D coordinates that are given."""
+    """D prescribed coordinates of joints."""
 
     motion: JointMotion
     which: np.ndarray      # int64 [D]: of the coordinates of `motion`
@@ -46,30 +46,30 @@ JointDrives.reads = WithContact  # type: ignore[attr-defined]
 
 
 class DriveTimes(NamedTuple):
-    """What they are given in every substep."""
+    """Prescribed values of the coordinates of `JointDrives` in every substep."""
 
     drives: JointDrives
     given: np.ndarray      # float64 [substeps, D]
 
 
 class JointControl(NamedTuple):
-    """D coordinates with drives that do not say how they move."""
+    """D coordinates with drives that push with a force, without prescribed motion."""
 
     motion: JointMotion
     which: np.ndarray      # int64 [D]: of the coordinates of `motion`
     drive: np.ndarray      # int64 [D]: slider_forces.FORCE, LAW or CONTROL
     gains: np.ndarray      # float64 [D, 3]: of a controller, by value and rate, and the largest force, N or N m
     law: np.ndarray        # int64 [D]: address of a compiled function, as of `slider_forces.Along`
-    asked: np.ndarray      # float64 [D, ASKED]: what it is given and gives
+    asked: np.ndarray      # float64 [D, ASKED]: arguments and result of the law
     given: np.ndarray      # float64 [D, 2]: the force; or value and rate that a controller follows
     clock: np.ndarray      # float64 [2]: size of the step, and time of its middle, s
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
-    share: np.ndarray      # float64 [1]: of their forces, the load factor in an equilibrium
-    offset: np.ndarray     # float64 [D]: 0; of sliders on switches what a controller's value counts beside theirs
+    share: np.ndarray      # float64 [1]: factor of the forces, the load factor in an equilibrium
+    offset: np.ndarray     # float64 [D]: 0; for sliders on switches the difference of a controller's value and theirs
 
 
 class ControlTimes(NamedTuple):
-    """What they are given in every substep."""
+    """Prescribed values of the drives of `JointControl` in every substep."""
 
     control: JointControl
     given: np.ndarray      # float64 [substeps, D, 2]
@@ -77,7 +77,7 @@ class ControlTimes(NamedTuple):
 
 
 class KnownForces(NamedTuple):
-    """The same forces as they stand in the state, without equations: for reactions."""
+    """Forces of prescribed coordinates as the state has them, without equations: for reactions."""
 
     motion: JointMotion
     which: np.ndarray      # int64 [D]
@@ -96,7 +96,7 @@ def put_given(term, system, k):
 
 @kernel
 def is_held(motion, c, system, k):
-    """Whether the gap of coordinate c, constraint k, is closed."""
+    """Return whether the gap of coordinate c, constraint k, is closed."""
     allowed = SETTLED
     if motion.kind[c] == LINE:
         d = dim(system.dofs)
@@ -107,7 +107,7 @@ def is_held(motion, c, system, k):
     return is_closed(system.contact, k, allowed)
 
 
-# --- given ------------------------------------------------------------------------------------------------------------
+# --- prescribed -------------------------------------------------------------------------------------------------------
 @first_guess.register(JointDrives)
 @kernel
 def begin_drives(term, system, h, c):
@@ -118,7 +118,7 @@ def begin_drives(term, system, h, c):
 
 @kernel
 def given_value(term, i):
-    """Value of coordinate i at the end of the step."""
+    """Return the value of coordinate i at the end of the step."""
     return term.given[i] if term.kind[i] == TO else term.start[i] + term.given[i]
 
 
@@ -148,7 +148,7 @@ def drives_are_met(term, system):
 @account.register(JointDrives)
 @kernel
 def account_drives(term, system, h):
-    """Work, and the value: what is given, so that increments do not collect round-off."""
+    """Record the work, and the prescribed value as the value, so that increments do not collect round-off."""
     for i in range(term.which.shape[0]):
         o = term.motion.place[term.which[i]]
         value = given_value(term, i)
@@ -197,7 +197,7 @@ def assemble_control(term, method, system, h):
 @assemble.register(JointControl, Equilibrium)
 @kernel
 def assemble_control_at_rest(term, method, system, h):
-    """Forces at one shape and half their derivative: the clock has a step without end, so that rates are none."""
+    """Add forces at one shape and half their derivative: the clock has an infinite step, so that rates vanish."""
     motion = term.motion
     for i in range(term.which.shape[0]):
         c = term.which[i]
@@ -209,7 +209,7 @@ def assemble_control_at_rest(term, method, system, h):
 @account.register(JointControl)
 @kernel
 def account_control(term, system, h):
-    """Work; values at the end of the step are known."""
+    """Record the work; values at the end of the step are known."""
     history = system.state.history
     for i in range(term.which.shape[0]):
         o = term.motion.place[term.which[i]]

@@ -1,4 +1,4 @@
-"""Springs, dampers, motors and elastic stops on what joints with axes leave free, theory.md 4.
+"""Springs, dampers, motors and elastic stops on coordinates of joints with axes, theory.md 4.
 
 x is a coordinate of joints/coordinates.py, zero at t = 0. A spring, a damper and a motor give the force
 
@@ -6,7 +6,7 @@ x is a coordinate of joints/coordinates.py, zero at t = 0. A spring, a damper an
 
 on it, whose work is G Dx, so that the energy changes by exactly that. Elastic stops add minus the divided difference of their
 energy to G. The spring of a swing x between two axes has the energy k x^2/2 = k u(w), w = 1 - cos x: its force is the divided
-difference of that, (4.32), from the series of u where axes are close. Forces that are unknowns, of given coordinates and of
+difference of that, (4.32), from the series of u where axes are close. Forces that are unknowns, of prescribed coordinates and of
 friction, stand in joints/drives.py.
 """
 from __future__ import annotations
@@ -27,7 +27,7 @@ SWING_SERIES = (1.0, 1.0 / 6.0, 2.0 / 45.0, 1.0 / 70.0, 8.0 / 1575.0, 4.0 / 2079
 
 
 class JointForces(NamedTuple):
-    """The term that applies the forces, where there are any."""
+    """Term that applies the forces of joint coordinates, if there are any."""
 
     motion: JointMotion
 
@@ -56,10 +56,10 @@ def put_motors(term, system, k):
 
 @kernel
 def swing_slope(w0, w1):
-    """Divided difference of u from w0 to w1, both small, and its derivative by w1."""
+    """Return the divided difference of u from w0 to w1, both small, and its derivative by w1."""
     share, slope, power, found, bent = 0.0, 0.0, 1.0, 0.0, 0.0
     for n in range(len(SWING_SERIES)):
-        # of w^(n+1)
+        # divided difference of w^(n+1), and its derivative by w1
         slope = share + w1 * slope
         share = w1 * share + power
         power *= w0
@@ -70,7 +70,7 @@ def swing_slope(w0, w1):
 
 @kernel
 def push_swing(motion, c, system, q0, q1):
-    """The spring of coordinate c, a swing, from one shape to another, q0, q1 [12 N]."""
+    """Add the force of the spring of coordinate c, a swing, from one shape to another, q0, q1 [12 N]."""
     k = motion.stiffness[c]
     z0, z1 = parts_of(motion, c, system.dofs, q0).z, parts_of(motion, c, system.dofs, q1).z
     if max(1.0 - z0, 1.0 - z1) < SMALL_SWING:
@@ -101,14 +101,14 @@ def assemble_joint_forces(term, method, system, h):
 
 @kernel
 def way_of(motion, c, system, grip, before):
-    """Increment of coordinate c in this step; `before` is its value in the history."""
+    """Return the increment of coordinate c in this step; `before` is its value in the history."""
     return value_of(motion, c, system.dofs, system.work.q_end, 0.0) - before if motion.kind[c] == LINE else grip.way
 
 
 @assemble.register(JointForces, Equilibrium)
 @kernel
 def assemble_joint_forces_at_rest(term, method, system, h):
-    """Forces at one shape and half their derivative."""
+    """Add forces at one shape and half their derivative."""
     motion, work = term.motion, system.work
     for c in range(motion.node.shape[0]):
         k = motion.stiffness[c]
@@ -148,11 +148,11 @@ def assemble_stops_at_rest(term, method, system, h):
 @account.register(JointMotion)
 @kernel
 def account_motion(motion, system, h):
-    """Coordinates at the end of the step, what dampers take and motors put in."""
+    """Record coordinates at the end of the step, losses of dampers and work of motors."""
     state, work, dofs = system.state, system.work, system.dofs
     for c in range(motion.node.shape[0]):
         for side in range(2):
-            # where the last increment led them
+            # update the nodes to the last increment
             node = motion.node[c, side]
             spread_nodes.call(dofs, system.method, state, work, h, node, node + 1)
         o = motion.place[c]

@@ -3,10 +3,10 @@
     |G| <= G_max: x_n+1 = x_n + rest where it sticks, G = -sign G_max where it slips                                    (4.17)
 
 Which of the two holds is decided as for sliders (contact/slider_forces.py): the sign is that of the velocity at the end of the
-step, rest half the increment of a step that goes on with the velocity at its start, zero where it stood still; a force that would
-put energy in is refused. G_max may grow with the forces of the joint, (4.31): its derivatives stand in the columns of those. A
-coordinate at rest against a rigid stop sticks as long as the stop would not have to pull; the step in which it is met is
-shortened (bounds.py), and the velocity jumps (velocity_jumps.py).
+step, rest half the increment of a step that goes on with the velocity at its start, zero if that is zero; a force that would put
+energy in is rejected. G_max may grow with the forces of the joint, (4.31): its derivatives go to the columns of those forces. A
+coordinate at rest against a rigid stop sticks as long as the stop would not have to pull. The step in which it reaches the stop
+is shortened (bounds.py), and the velocity jumps (velocity_jumps.py).
 
 Arrays: counts_out [4 or 5].
 """
@@ -31,8 +31,8 @@ from fastbeam.kernels.joints.drives import is_held
 from fastbeam.kernels.terms import (Conserving, WithContact, account, assemble, first_guess, is_settled, take_unknowns,
     within_limits)
 
-# numbers of a coordinate with friction or rigid stops in `State.history`: sign of its velocity; 1 where friction holds it since
-# the last step, 2 since one before; energy that friction took away, J; -1 or 1 where it rests against its first or last stop,
+# numbers of a coordinate with friction or rigid stops in `State.history`: sign of its velocity; 1 where it sticks since
+# the last step, 2 since one before; energy lost to friction, J; -1 or 1 where it rests against its first or last stop,
 # else 0; energy lost in impacts, J
 RUB = 5
 SIGN, STICKS, RUBBED, AGAINST, STOP_LOSS = range(RUB)
@@ -45,18 +45,18 @@ class JointFriction(NamedTuple):
 
     motion: JointMotion
     which: np.ndarray      # int64 [D]: of the coordinates of `motion`
-    limit: np.ndarray      # float64 [D]: of the largest force what does not depend on the joint's own, N or N m
+    limit: np.ndarray      # float64 [D]: part of the largest force that does not depend on joint forces, N or N m
     share: np.ndarray      # float64 [D, 2]: largest force for each N across the axis, and for each N m, 1, m or 1/m
     press: np.ndarray      # int64 [D, 2]: constraints with these forces and moments of the joint, -1: none
     across: np.ndarray     # int64 [D]: node with the axis d_1 that counts for the forces, -1: that of the joint
     smoothing: np.ndarray  # float64 [D]: m/s or rad/s, above 0: tanh(rate/smoothing) in place of the sign; 0: Coulomb's law
-    given: np.ndarray      # int64 [D]: 1 where its motion is given, whatever that takes
+    given: np.ndarray      # int64 [D]: 1 where its motion is prescribed
     stops: np.ndarray      # float64 [D, 2]: values at rigid stops, m or rad, infinite where there is none
-    place: np.ndarray      # int64 [D]: where their numbers stand in the history
+    place: np.ndarray      # int64 [D]: offset of their numbers in the history
     first: np.ndarray      # int64 [1]: number of the first among all constraints
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
     rest: np.ndarray       # float64 [D]: increment that leaves the coordinate at rest at the end of the step, m or rad
-    soft: np.ndarray       # float64 [D]: compliance of what the joint joins, where it stuck in this step
+    soft: np.ndarray       # float64 [D]: compliance of the parts that the joint joins, where it stuck in this step
     reached: np.ndarray    # float64 [D]: value at the end of the last step that was solved for, m or rad
     factor: np.ndarray     # float64 [D]: friction as a share of the largest in this iteration, 0 where it sticks
     sign: np.ndarray       # int64 [D]: sign of the velocity at the end of the step, as taken in this iteration
@@ -78,21 +78,21 @@ def has_friction(term, i):
 
 @kernel
 def may_stick(term, i):
-    """Whether a sign has to be found: with friction, and at rest against a stop. Else the coordinate moves freely between its
-    stops, or its increment says what friction is."""
+    """Return whether the slip direction is an unknown: with friction, and at rest against a stop. Otherwise the coordinate moves
+    freely between its stops, or friction is a function of its increment."""
     return has_friction(term, i) and not follows_motion(term, i) or term.against[i] != 0
 
 
 @kernel
 def follows_motion(term, i):
-    """Whether friction is a function of the increment."""
+    """Return whether friction is a function of the increment."""
     return term.smoothing[i] > 0.0 or term.given[i] != 0
 
 
 @kernel
 def rub_with_motion(term, i, way, system):
-    """Friction as a share of the largest where it is a function of the increment, and its derivative by that. A given motion
-    rests where its increment is round-off."""
+    """Return friction that is a function of the increment, as a share of the largest, and its derivative. A prescribed motion
+    rests if its increment is round-off."""
     if term.smoothing[i] > 0.0:
         unit = term.clock[0] * term.smoothing[i]
         factor = np.tanh(way / unit)
@@ -104,13 +104,13 @@ def rub_with_motion(term, i, way, system):
 
 @kernel
 def least_increment(term, i, system):
-    """Increment of coordinate i below which it is at rest, m or rad."""
+    """Return the increment of coordinate i below which it is at rest, m or rad."""
     return LEFT * (system.length if term.motion.kind[term.which[i]] == LINE else 1.0)
 
 
 @generic
 def across_axis(dofs, term, i, system, force):
-    """The part of the force of a joint that holds a point across the axis of coordinate i."""
+    """Return the part across the axis of coordinate i of the force of a joint that fixes a point."""
 
 
 @across_axis.register(Space)
@@ -131,11 +131,12 @@ def across_axis_in_plane(dofs, term, i, system, force):
 
 @kernel
 def load_pressing(term, i, system, j):
-    """Forces (j = 0) or moments (1) that press on the sides of coordinate i, into `hold`: how many, and their size."""
+    """Store forces (j = 0) or moments (1) that press on the sides of coordinate i in `hold`; return their number and their
+    size."""
     motion, contact, force = term.motion, system.contact, system.state.force
     c, k = term.which[i], term.press[i, j]
     first = contact.first_force[k]
-    # of moments those across the axis come first
+    # moments across the axis come first
     n = contact.forces[k] if j == 0 else min(contact.forces[k], 2)
     if j == 0 and (motion.kind[c] != LINE or term.across[i] >= 0):
         put(motion.hold, 0, 1, across_axis.call(system.dofs, term, i, system, vector(force, first, 1, system.dofs)))
@@ -150,7 +151,7 @@ def load_pressing(term, i, system, j):
 
 @kernel
 def most_of_friction(term, i, system):
-    """The largest friction of coordinate i under the forces of this iteration, (4.31), N or N m."""
+    """Return the largest friction of coordinate i under the forces of this iteration, (4.31), N or N m."""
     most = term.limit[i]
     for j in range(2):
         if term.share[i, j] > 0.0 and term.press[i, j] >= 0:
@@ -160,7 +161,7 @@ def most_of_friction(term, i, system):
 
 @kernel
 def put_pressing(term, i, system, factor):
-    """Derivatives of the friction `factor` times the largest, by the forces that press: in the columns of these."""
+    """Store derivatives of the friction, `factor` times the largest, by the forces that press: in the columns of these."""
     for j in range(2):
         if not term.share[i, j] > 0.0 or term.press[i, j] < 0:
             continue
@@ -173,11 +174,11 @@ def put_pressing(term, i, system, factor):
 @first_guess.register(JointFriction)
 @kernel
 def begin_friction(term, system, h, c):
-    """Velocities tell which coordinates may come to rest."""
+    """Find from the velocities which coordinates may come to rest."""
     motion, state = term.motion, system.state
     term.clock[0] = h
-    # where one stopped while others moved, a little of its velocity is left, which turns around in every step; it is taken away
-    # as often as one comes to rest: in every step that would be a creep
+    # a coordinate that stopped while others moved keeps a little velocity that changes sign every step; it is removed
+    # once for each time that it comes to rest: in every step that would be a creep
     stopped = False
     for i in range(term.which.shape[0]):
         stopped = stopped or state.history[term.place[i] + STICKS] == 1.0
@@ -198,7 +199,7 @@ def begin_friction(term, system, h, c):
 
 @kernel
 def breaks_loose(term, i, force, most):
-    """-1 or 1 where a coordinate that sticks has to move into this direction, else 0; force: what holds it."""
+    """Return -1 or 1 if a sticking coordinate has to move in this direction, else 0; force: the force that holds it."""
     # a rigid stop pushes only
     if force > most and term.against[i] >= 0:
         return -1
@@ -207,7 +208,8 @@ def breaks_loose(term, i, force, most):
 
 @kernel
 def judge(term, i, force, way, most):
-    """Sign of the velocity at the end of the step, from the force of the last iteration and the increment of the coordinate."""
+    """Return the slip direction at the end of the step, from the force of the last iteration and the increment of the
+    coordinate."""
     term.judged[i] += 1
     sign = term.sign[i]
     if term.judged[i] == 1:
@@ -221,8 +223,8 @@ def judge(term, i, force, way, most):
 
 @kernel
 def rub_in_doubt(term, i, way, most, force):
-    """Where signs go in circles, see friction_fallback.py: friction as a share of the largest, and the derivative of the force by
-    the increment where friction is less than that. force: of the last iteration."""
+    """Return friction of the fallback, see friction_fallback.py, as a share of the largest, and the derivative of the force by
+    the increment where friction is below the bound. force: of the last iteration."""
     term.rest[i] = 0.0
     term.judged[i] += 1
     breaks = breaks_loose(term, i, force, most) != 0
@@ -264,12 +266,12 @@ def assemble_friction(term, method, system, h):
                 term.sign[i] = sign
                 factor = -1.0 * sign
             elif term.against[i] != 0:
-                # at the stop it stays for this step
+                # a coordinate at a stop stays there for this step
                 term.sign[i] = 0
             else:
                 factor, slope = rub_in_doubt(term, i, way, most, force[f])
             sticks = term.sign[i] == 0
-            # friction below the bound does not change with it
+            # friction below the bound does not depend on the bound
             by_load = factor if slope == 0.0 else 0.0
         term.factor[i] = factor
         if not sticks:
@@ -288,8 +290,8 @@ def assemble_friction(term, method, system, h):
 @is_settled.register(JointFriction)
 @kernel
 def friction_is_settled(term, system):
-    """False where no iteration has judged signs by now, or friction put energy in; there the sign of the increment is to
-    decide."""
+    """Return True if slip directions were evaluated in this step and friction dissipates; otherwise let the slip increment decide
+    the direction."""
     settled = True
     for i in range(term.which.shape[0]):
         if not may_stick(term, i):
@@ -305,7 +307,7 @@ def friction_is_settled(term, system):
             settled = is_held(term.motion, c, system, k) and settled
             most = most_of_friction(term, i, system) * (1.0 + 1e-12)
             if term.flips[i] < MOST_FLIPS and breaks_loose(term, i, force, most) != 0:
-                # it slips: the next iteration takes the other branch
+                # the coordinate slips: the next iteration takes the other branch
                 settled = False
         if term.rest[i] != 0.0 and term.clock[0] > 0.0:
             way = missing(term.motion, c, system.dofs, system.work.q_end, term.start[i])
@@ -319,13 +321,13 @@ def friction_is_settled(term, system):
 @account.register(JointFriction)
 @kernel
 def account_friction(term, system, h):
-    """What friction takes, and whether coordinates are at rest: there the value is that at the start, to the last bit."""
+    """Record the loss by friction, and which coordinates are at rest: their value is that at the start, to the last bit."""
     history = system.state.history
     for i in range(term.which.shape[0]):
         o = term.motion.place[term.which[i]]
         f = system.contact.first_force[term.first[0] + i]
         if term.smoothing[i] > 0.0:
-            # the last increment has changed it
+            # the last increment has changed the friction
             factor = rub_with_motion(term, i, history[o + VALUE] - term.start[i], system)[0]
             system.state.force[f] = factor * most_of_friction(term, i, system)
         force = system.state.force[f]
@@ -347,8 +349,8 @@ def account_friction(term, system, h):
 @within_limits.register(JointFriction)
 @kernel
 def joints_are_within(term, system, counts_out):
-    """False where a coordinate is beyond a rigid stop by more than round-off; its number, behind the sliders, goes to
-    counts_out[3]."""
+    """Return whether all coordinates are within rigid stops, to round-off; the number of one that is not, behind the sliders,
+    goes to counts_out[3]."""
     for i in range(term.which.shape[0]):
         slack = END_SLACK * (system.length if term.motion.kind[term.which[i]] == LINE else 1.0)
         if not (term.reached[i] >= term.stops[i, 0] - slack and term.reached[i] <= term.stops[i, 1] + slack):
@@ -360,7 +362,7 @@ def joints_are_within(term, system, counts_out):
 @take_unknowns.register(JointFriction)
 @kernel
 def take_friction(term, system):
-    """Friction that follows the load grows with what presses; the terms of joints have taken the increments of that before."""
+    """Update load-dependent friction; joint forces have been updated before."""
     take_forces_of(term.first[0], term.which.shape[0], system)
     for i in range(term.which.shape[0]):
         if term.share[i, 0] > 0.0 and term.factor[i] != 0.0:

@@ -42,7 +42,7 @@ def add_entries(indptr, indices, data, upper):
 
 @kernel
 def put_blocks(rows, columns, blocks, size, width, whole):
-    """The matrix of blocks in a band that was zero.
+    """Store the matrix of blocks in a band that was zero.
 
     Arrays: rows, columns [m], blocks [m, size, 8], whole [n, 3 w + 1]
     """
@@ -55,7 +55,7 @@ def put_blocks(rows, columns, blocks, size, width, whole):
 
 @kernel
 def put_entries(indptr, indices, data, width, whole):
-    """A matrix by rows, without duplicates, in a band that was zero.
+    """Store a matrix by rows, without duplicates, in a band that was zero.
 
     Arrays: indptr [n + 1], indices, data [entries], whole [n, 3 w + 1]
     """
@@ -67,7 +67,8 @@ def put_entries(indptr, indices, data, width, whole):
 
 @kernel
 def largest_skew(whole, width, scale):
-    """Largest difference of an entry and the transposed one, each multiplied by the scale of its row and of its column.
+    """Return the largest difference of an entry and the transposed one, each multiplied by the scale of its row and of its
+    column.
 
     Arrays: whole [n, 3 w + 1], scale [n]
     """
@@ -82,7 +83,7 @@ def largest_skew(whole, width, scale):
 
 @kernel
 def negative_pivots(upper, least):
-    """Number of negative pivots of the matrix, which is overwritten; -1 where one is not larger than this share of its diagonal
+    """Count the negative pivots of the matrix, which is overwritten; -1 where one is not larger than this share of its diagonal
     entry.
 
     Arrays: upper [n, w + 2]

@@ -1,11 +1,11 @@
-"""The border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian.
+"""Border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian.
 
 Constraints of sliders that are eliminated with their beams (linalg/carriers.py) have no unknowns in it: their `Contact.first` is
 -1.
 
 Arrays: r, x_out [8 (rows + 1)]; panel, panel_out [rows, n, width] flat, n unknowns a node; force [*], forces of all constraints;
-of the border of m = 7 B unknowns, B constraints in it, 5 B in a plane, border_rows [m + 1, width] flat, schur, a [m, m], y,
-y_out [m].
+of the border of m = 7 B unknowns, B constraints in it, 5 B in a plane, border_rows [m + 1, width] flat, schur, a [m, m], y, y_out
+[m].
 """
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAST_PIVOT, LEAST_UNAUGMENTED = 1e-14, 1e-5
 
 @kernel
 def fill_residual(r, panel_out, dofs):
-    """The residual as the only right-hand side, in a scene without sliders."""
+    """Store the residual as the only right-hand side, in a scene without sliders."""
     n = len(dofs)
     for i in range(panel_out.shape[0] // n):
         for c in range(n):
@@ -29,7 +29,7 @@ def fill_residual(r, panel_out, dofs):
 
 @kernel
 def fill_panel(contact, r, width, panel_out, dofs):
-    """Residual in column 0, the border columns of slider k behind."""
+    """Store the residual in column 0, the border columns of slider k behind."""
     n = len(dofs)
     border = 2 * dim(dofs) + 1
     for i in range(panel_out.shape[0] // (n * width)):
@@ -48,7 +48,7 @@ def fill_panel(contact, r, width, panel_out, dofs):
 
 @kernel
 def take_solution(panel, width, factor, x_out, dofs):
-    """`factor` times column 0 of the panel to rows of x."""
+    """Store `factor` times column 0 of the panel in rows of x."""
     n = len(dofs)
     for i in range(panel.shape[0] // (n * width)):
         for c in range(n):
@@ -58,7 +58,7 @@ def take_solution(panel, width, factor, x_out, dofs):
 @kernel
 def augment(contact, force, schur, y, dofs):
     """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance; in the
-    first iteration the whole force answers the gap. Returns -1, or a slider whose force moves nothing."""
+    first iteration the whole force answers the gap. Return -1, or a slider whose force moves nothing."""
     n = schur.shape[0]
     for k in range(contact.entries.shape[0]):
         o = contact.first[k]
@@ -83,7 +83,7 @@ def augment(contact, force, schur, y, dofs):
 
 @inlined
 def couple_sleeves(contact, width, border, border_rows, dofs):
-    """Of sleeves: the sliding equation has the moments, their equations have s."""
+    """Add derivatives of the sliding equations of sleeves by the moments, and of the equations of the moments by s."""
     for o in range(contact.pair.shape[0]):
         if contact.first[contact.pair[o, 0]] < 0:
             continue
@@ -96,7 +96,7 @@ def couple_sleeves(contact, width, border, border_rows, dofs):
 
 @kernel
 def constraint_of(contact, first):
-    """The constraint whose unknowns begin at `first`."""
+    """Return the constraint whose unknowns begin at `first`."""
     for k in range(contact.entries.shape[0]):
         if contact.first[k] == first:
             return k
@@ -105,7 +105,7 @@ def constraint_of(contact, first):
 
 @inlined
 def put_equations(contact, k, panel, width, border_rows, dofs):
-    """Rows of constraint k in the complement, stored like those of the panel: minus the right-hand side, then the entries."""
+    """Store rows of constraint k in the complement like those of the panel: minus the right-hand side, then the entries."""
     nu = len(dofs)
     border = 2 * dim(dofs) + 1
     first = contact.first[k] * width
@@ -126,8 +126,8 @@ def put_equations(contact, k, panel, width, border_rows, dofs):
 
 @kernel
 def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out, dofs):
-    """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural increments in rows of x_out and
-    the border unknowns in y_out; returns -1, or a slider that makes the complement singular. border_rows: work, one row of the
+    """Solve the Schur complement of the borders; the panel holds K^-1 (r, columns). The structural increments go to rows of x_out
+    and the border unknowns to y_out. Return -1, or a slider that makes the complement singular. border_rows: work, one row of the
     panel more than the border has unknowns."""
     nu = len(dofs)
     border = 2 * dim(dofs) + 1
@@ -175,7 +175,8 @@ def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out,
 
 @kernel
 def solve_dense(a, y, n, least):
-    """Gauss elimination with row scaling and row exchange. Returns -1, or the row or unknown whose pivot is not above `least`."""
+    """Solve by Gauss elimination with row scaling and row exchange. Return -1, or the row or unknown whose pivot is not above
+    `least`."""
     for i in range(n):
         t = 0.0
         for j in range(n):

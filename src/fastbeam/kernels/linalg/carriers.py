@@ -1,9 +1,9 @@
-"""Beams that carry sliders, eliminated to their ends together with what slides on them, theory.md 9.
+"""Substructures (carriers): beams with their sliders, eliminated to the ends of the beams, theory.md 9.
 
-Groups of carriers are systems of their own, with the rows of linalg/constraint_rows.py: first what slides, then the nodes between
-the ends, each slider behind the last of these that it touches, all ends last. Elimination stops before the ends. What it leaves
-of them is added to the matrix and the residual of the scene as that of condensed beams is, `Substructures.ends`. Blocks, entries
-of sliders and right-hand sides are work of a thread; of a group only what the substitution needs is kept.
+Groups of carriers are systems of their own, with the rows of linalg/constraint_rows.py: first the points that slide, then the
+nodes between the ends, each slider behind the last of these that it touches, all ends last. Elimination stops before the ends.
+Their remaining blocks and residuals are added to those of the scene like those of condensed beams, `Substructures.ends`. Blocks,
+entries of sliders and right-hand sides are work of a thread; only numbers that the substitution needs are kept for a group.
 
 Arrays: x_now, x_out [8 (rows + 1)] by rows of the scene; store [*] as `Factors.store`; ends_out [B, 32 n + 16] flat as
 `Substructures.ends`.
@@ -25,9 +25,9 @@ from fastbeam.kernels.terms import assemble, push_increments, take_unknowns
 
 
 class Carriers(NamedTuple):
-    """L carriers in groups, and what slides on them."""
+    """Table of L carriers in groups, with their sliders and sliding points."""
 
-    ends: np.ndarray          # int64 [L, 2]: first and last node; those between are numbered in turn
+    ends: np.ndarray          # int64 [L, 2]: first and last node; nodes between are numbered in turn
     group: np.ndarray         # int64 [L]: ascending
     slider_start: np.ndarray  # int64 [L + 1]: range of a carrier in the next
     slider: np.ndarray        # int64 [S]
@@ -43,18 +43,19 @@ class Carriers(NamedTuple):
 
 
 class GroupRows(NamedTuple):
-    """Where the n rows of a group, 2 K of them ends, stand in the scene."""
+    """Places in the scene of the n rows of a group, 2 K of them ends."""
 
     row: np.ndarray     # int64 [n]: row of the residual; ends last, start and end of every carrier in turn
     beam: np.ndarray    # int64 [K]: place of every carrier in `Substructures.ends`
     kept: np.ndarray    # float64 [*]: blocks behind the diagonal of all eliminated rows, in turn
-    place: np.ndarray   # int32 [*]: where each of them begins
-    end: np.ndarray     # int64 [1]: where they end
+    place: np.ndarray   # int32 [*]: offset of each of these blocks
+    end: np.ndarray     # int64 [1]: end of these blocks
 
 
 @kernel
 def find_order(contact, solver, group_rows, dofs):
-    """As `constraint_fill.update_order`, in the given order of nodes. Returns False where some array is too short."""
+    """Find the order and the fill again if other rows are touched, as `constraint_fill.update_order`, in the given order of
+    nodes. Return False if an array is too short."""
     touched, order, couplings = solver.touched, solver.order, solver.couplings
     if not is_changed(contact, touched):
         return True
@@ -99,7 +100,7 @@ def put_block(store, at, ends_out, to, dofs):
 
 @kernel
 def put_ends(group_rows, order, store, ends_out, dofs):
-    """Blocks and residuals of the ends of all carriers of a group."""
+    """Store blocks and residuals of the ends of all carriers of a group."""
     n = len(dofs)
     first = group_rows.row.shape[0] - 2 * group_rows.beam.shape[0]
     for k in range(group_rows.beam.shape[0]):
@@ -116,8 +117,8 @@ def put_ends(group_rows, order, store, ends_out, dofs):
 @kernel
 def condense_carriers(all_terms, whole_system, short_order, held, group_rows, h, x_now, ends_out):
     """Assemble the terms of a group and eliminate all but the ends; short_order: the same arrays without the ends among the
-    positions; x_now: rows of the last increment. Returns False where there is not enough room, `factors.failed[0]` is 1 then, or
-    no pivot."""
+    positions; x_now: rows of the last increment. Return False if there is not enough room, `factors.failed[0]` is 1 then, or no
+    pivot."""
     terms, system, short = in_memory(all_terms), in_memory(whole_system), in_memory(short_order)
     solver, work, contact, dofs = system.solver, system.work, system.contact, system.dofs
     r, blocks = work.r, work.blocks
@@ -150,8 +151,8 @@ def condense_carriers(all_terms, whole_system, short_order, held, group_rows, h,
 
 @kernel
 def recover_carriers(all_terms, whole_system, short_order, group_rows, x_out):
-    """Increments of a group from those of its ends in rows of x_out, and of its sliders; short_order and factors of the solver:
-    those of what was kept."""
+    """Recover increments of a group from those of its ends in rows of x_out, and of its sliders; short_order and factors of the
+    solver: those that were kept."""
     terms, system, short = in_memory(all_terms), in_memory(whole_system), in_memory(short_order)
     solver, work, contact, dofs = system.solver, system.work, system.contact, system.dofs
     n = group_rows.row.shape[0]

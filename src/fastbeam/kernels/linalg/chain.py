@@ -43,7 +43,7 @@ class Elimination(NamedTuple):
 
 @one_variant
 def exchange_rows(pivots, p, x, o, stride, dofs):
-    """The row exchanges of a factored diagonal block on n rows of 8 in x [*], from o on and `stride` doubles apart."""
+    """Apply the row exchanges of a factored diagonal block to n rows of 8 in x [*], from o on and `stride` doubles apart."""
     for k in range(len(dofs)):
         m = pivots[p + k]
         if m != k:
@@ -54,8 +54,8 @@ def exchange_rows(pivots, p, x, o, stride, dofs):
 
 @kernel
 def exchange_and_factor(blocks, d, pivots, p, dofs):
-    """LU of a diagonal block with row exchanges, reciprocal pivots on the diagonal. Returns the smallest ratio of a pivot to the
-    largest entry that its row had: zero where the block is singular or NaN. The ratio does not see that forces and moments have
+    """Factor a diagonal block with row exchanges, reciprocal pivots on the diagonal. Return the smallest ratio of a pivot to the
+    largest entry that its row had: zero if the block is singular or NaN. The ratio does not see that forces and moments have
     different units."""
     n = len(dofs)
     smallest = np.inf
@@ -94,7 +94,7 @@ def exchange_and_factor(blocks, d, pivots, p, dofs):
 
 @kernel
 def exchange_and_solve(blocks, d, pivots, p, panel, row, width, dofs):
-    """Right-hand sides of a row of the panel <- D^-1 of them, with tiny numbers as zero."""
+    """Solve with D for right-hand sides of a row of the panel, and set tiny numbers to zero."""
     for o in range(len(dofs) * width * row, len(dofs) * width * row + width, 8):
         if pivots[p] >= 0:
             exchange_rows(pivots, p, panel, o, width, dofs)
@@ -104,7 +104,7 @@ def exchange_and_solve(blocks, d, pivots, p, panel, row, width, dofs):
 
 @kernel
 def subtract_product(blocks, k, panel, row, target, width, dofs):
-    """Right-hand sides of row `target` -= block k times those of `row`."""
+    """Subtract block k times right-hand sides of `row` from those of row `target`."""
     n = len(dofs)
     for c in range(0, width, 8):
         subtract_rows(blocks, 8 * n * k, 8, 1, panel, n * width * row + c, width, panel, n * width * target + c, width, dofs)
@@ -128,18 +128,18 @@ def take_padding(blocks, d, panel, o, pivots, p, dofs):
 
 # --- right-hand sides ---------------------------------------------------------------------------------------------------
 class NoSide(NamedTuple):
-    """None: only factors are wanted."""
+    """Right-hand sides: none, only factors are wanted."""
 
 
 class OneSide(NamedTuple):
-    """A single one. It goes along in the first column behind the n of the first upper block of every row and of the diagonal
-    blocks, where it costs nothing; `panel` has it where a row has no upper block."""
+    """Single right-hand side. It goes along in the first column behind the n of the first upper block of every row and of the
+    diagonal blocks, where it costs nothing; `panel` has it where a row has no upper block."""
 
     panel: np.ndarray    # float64 [n rows]
 
 
 class RightSides(NamedTuple):
-    """Several, `width` doubles a row, a multiple of 8."""
+    """Several right-hand sides, `width` doubles a row, a multiple of 8."""
 
     panel: np.ndarray    # float64 [rows, n, width] flat
     width: int
@@ -147,27 +147,27 @@ class RightSides(NamedTuple):
 
 @generic
 def take_row(sides, blocks, d, r, pivots, dofs):
-    """Before and after the diagonal block of row r is factored with row exchanges."""
+    """Prepare and finish the right-hand sides of row r, before and after its diagonal block is factored with row exchanges."""
 
 
 @generic
 def solve_upper(sides, blocks, d, u, r, is_first, dofs):
-    """Upper block at u of row r <- D^-1 of it."""
+    """Solve with D for the upper block at u of row r."""
 
 
 @generic
 def solve_row(sides, blocks, d, r, has_upper, pivots, dofs):
-    """Right-hand sides of row r <- D^-1 of them."""
+    """Solve with D for the right-hand sides of row r."""
 
 
 @generic
 def subtract_row(sides, plan, blocks, j, r, dofs):
-    """Right-hand sides of the row of lower block j -= that block times those of row r."""
+    """Subtract lower block j times right-hand sides of row r from those of the row of the block."""
 
 
 @generic
 def substitute_row(sides, plan, blocks, i, dofs):
-    """Right-hand sides of row i, which has upper blocks, from those behind it."""
+    """Substitute in the right-hand sides of row i, which has upper blocks, those behind it."""
 
 
 @take_row.register(object)
@@ -227,7 +227,8 @@ def subtract_nothing(sides, plan, blocks, j, r, dofs):
 @subtract_row.register(OneSide)
 @inlined
 def subtract_one(sides, plan, blocks, j, r, dofs):
-    """The first upper block holds the right-hand side in its padding, so the product of blocks has subtracted that already."""
+    """Subtract for lower blocks behind the first. The first upper block holds the right-hand side in its padding, so the product
+    of blocks has subtracted that already."""
     n = len(dofs)
     first = plan.start[r]
     if j > first:
@@ -267,8 +268,8 @@ def substitute_several(sides, plan, blocks, i, dofs):
 @separate
 def factor(plan, blocks, pivots, sides, dofs):
     """Factor in place: diagonal blocks to LU, upper blocks to D^-1 A; and eliminate right-hand sides on the way. pivots [n rows]:
-    the exchanges of a row, -1 first where there are none. Returns the worst pivot ratio of the blocks with exchanges, at most 1;
-    stops at a singular block, which returns 0."""
+    the exchanges of a row, -1 first where there are none. Return the worst pivot ratio of the blocks with exchanges, at most 1;
+    stop at a singular block, and return 0."""
     n = len(dofs)
     block = 8 * n
     worst = 1.0
@@ -334,7 +335,7 @@ def solve(plan, blocks, pivots, panel, width, dofs):
 
 @kernel
 def multiply(rows, columns, blocks, x, y_out):
-    """y += A x for a list of K blocks of 6 x 6: rows, columns [K] and blocks [48 K]; x, y_out [8 n]."""
+    """Add A x to y for a list of K blocks of 6 x 6: rows, columns [K] and blocks [48 K]; x, y_out [8 n]."""
     for k in range(rows.shape[0]):
         yo = 8 * rows[k]
         xo = 8 * columns[k]

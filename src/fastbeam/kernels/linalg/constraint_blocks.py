@@ -20,8 +20,8 @@ _FLAGS_OF_ROW = ir.VectorType(ir.IntType(1), LANES)
 
 
 def _make_subtract(height, width, columns):
-    """Y -= A X for a block A of a slider, or between one and a node, `row` and `column` the distances between its entries; X, Y
-    have rows of so many columns, 8 or 1."""
+    """Make the intrinsic Y -= A X for a block A of a slider, or between one and a node, `row` and `column` the distances between
+    its entries; rows of X, Y have `columns` numbers, 8 or 1."""
     @intrinsic
     def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, dofs):
         n, m = height(dofs.count), width(dofs.count)
@@ -50,7 +50,7 @@ def _make_subtract(height, width, columns):
     return subtract
 
 
-# by what has the rows of Y, then those of X
+# named by the rows of Y, then the rows of X
 subtract_on_slider, subtract_slider_on_node, subtract_slider_on_slider = (
     _make_subtract(height, width, LANES) for height, width in ((_SLIDER, _NODE), (_NODE, _SLIDER), (_SLIDER, _SLIDER)))
 column_on_slider, column_slider_on_node, column_slider_on_slider = (
@@ -58,12 +58,12 @@ column_on_slider, column_slider_on_node, column_slider_on_slider = (
 
 
 def _some(lanes):
-    """Mask of some lanes."""
+    """Return a mask of some lanes."""
     return ir.Constant(_FLAGS_OF_ROW, [int(k in lanes) for k in range(LANES)])
 
 
 def _repeat(b, row, k):
-    """Lane k of a row in all lanes."""
+    """Return lane k of a row in all lanes."""
     return b.shuffle_vector(row, ir.Constant(row.type, ir.Undefined), ir.Constant(ir.VectorType(_I32, LANES), [k] * LANES))
 
 
@@ -126,7 +126,8 @@ def _make_factor(size, kind):
 
 
 def _make_solve(size, kind, right):
-    """With right: the right-hand side beside the factors goes along in the last column."""
+    """Make the intrinsic that solves with a factored constraint for a block; right: the right-hand side beside the factors is the
+    last column."""
     forces_of, slides = kind
 
     @intrinsic
@@ -160,7 +161,7 @@ def _make_solve(size, kind, right):
 def _make_solve_right(size, kind):
     @intrinsic
     def solve(tc, a, offset, c, dofs):
-        """The right-hand side beside the factors of a constraint of compliance c <- D^-1 of it, forces in their own unit."""
+        """Solve with D for the right-hand side beside the factors of a constraint of compliance c, forces in their own unit."""
         m, d = size(dofs.count), kind[0](dofs.count)
 
         def codegen(ctx, b, sig, args):

@@ -1,12 +1,12 @@
-"""Entries of constraints into the blocks of constraint_solve.py; those on inner nodes are carried to ends of elements.
+"""Entries of constraints in the blocks of constraint_solve.py; entries on inner nodes are carried to ends of elements.
 
-Of a constraint with columns C and lines L on the inner nodes of an element, which were eliminated in the element loop
-(inner_nodes.py), there remains at the others j and between constraints k, l
+A constraint with columns C and lines L on the inner nodes of an element, which were eliminated in the element loop
+(inner_nodes.py), leaves at the other nodes j, and between constraints k, l,
 
     C_i <- K_ii^-1 C_i,   C_j -= K_ji C_i,   L_j -= L_i U_ij,   D_kl -= L_ki C_il,   r_k -= L_ki y_i
 
-Arrays: store [*] as `Factors.store`; buffer [*], columns and lines of the constraints of one element, rows of 8; r, rhs, x_out
-[8 (rows + 1)]; y [7 S], unknowns of all constraints; q_mid, q_end [12 N], in a plane [4 N]; scratch [*].
+Arrays: store [*] as `Factors.store`; buffer [*], columns and lines of the constraints of one element, rows of 8; r, rhs, x_out [8
+(rows + 1)]; y [7 S], unknowns of all constraints; q_mid, q_end [12 N], in a plane [4 N]; scratch [*].
 """
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from fastbeam.kernels.terms import NoTies
 
 @kernel
 def add_rows(store, to, column, at, n):
-    """n rows of 8 in column [*] from `at` on to a block."""
+    """Add n rows of 8 in column [*] from `at` on to a block."""
     for c in range(0, 8 * n, 8):
         vst(store, to + c, 0, vld(store, to + c, 0) + vld(column, at + c, 0))
 
 
 @inlined
 def start_blocks(contact, couplings, order, factors, r, dofs):
-    """Right-hand sides, the blocks of constraints by themselves, and zeros."""
+    """Store right-hand sides, own blocks of constraints, and zeros."""
     n = len(dofs)
     store = factors.store
     nodes = order.rank.shape[0]
@@ -59,7 +59,7 @@ def start_blocks(contact, couplings, order, factors, r, dofs):
 
 @inlined
 def put_entries(contact, couplings, touched, order, factors, dofs):
-    """Entries on rows that the solver sees."""
+    """Store entries on rows that the solver sees."""
     constraints = couplings.unknowns.shape[0]
     ahead = 2 if order.counts[1] > FAR else constraints
     for k in range(constraints):
@@ -77,7 +77,7 @@ def put_entries(contact, couplings, touched, order, factors, dofs):
 
 @generic
 def couple_moments(contact, couplings, touched, factors, dofs):
-    """Of sleeves: the sliding equation has the moments, their equations have s."""
+    """Add derivatives of the sliding equations of sleeves by the moments, and of the equations of the moments by s."""
 
 
 @couple_moments.register(FactoredContact)
@@ -98,7 +98,7 @@ def couple_all_moments(contact, couplings, touched, factors, dofs):
 
 @inlined
 def gather_job(contact, inner, touched, j, buffer, at, dofs):
-    """Columns and lines of one job by the nodes of its element, columns of all nodes first."""
+    """Gather columns and lines of one job by the nodes of its element, columns of all nodes first."""
     n = len(dofs)
     e = touched.job[j, ELEMENT]
     k = touched.job[j, CONSTRAINT]
@@ -117,8 +117,8 @@ def gather_job(contact, inner, touched, j, buffer, at, dofs):
 
 @inlined
 def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer, pair, dofs):
-    """D_kl -= L_ki C_il and r_k -= L_ki y_i for inner node i of the element, whose columns are solved; y: where y_i stands in
-    rhs."""
+    """Subtract L_ki C_il from D_kl and L_ki y_i from r_k for inner node i of the element, whose columns are solved; y: offset of
+    y_i in rhs."""
     n = len(dofs)
     store = factors.store
     stride = 16 * n * nodes
@@ -226,7 +226,7 @@ def pass_on_in_plane(ties, e, q_mid, q_end, buffer, column, line, m, store, to_c
 
 @generic
 def put_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, dofs):
-    """Columns and lines of job j at an end of its element, place t, into the blocks; a tied node passes them on."""
+    """Add columns and lines of job j at an end of its element, place t, to the blocks; a tied node passes them on."""
 
 
 @put_end.register(NoTies)
@@ -258,7 +258,7 @@ def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, 
 
 @inlined
 def fetch_jobs(inner, couplings, touched, factors, f, n):
-    """Ask for the blocks that element f of those with jobs needs."""
+    """Prefetch the blocks of the jobs of element f."""
     e = touched.found[f, ELEMENT]
     rows = 0
     for others in range(2, inner.where[e, INNER_NODES] + 2):
@@ -275,7 +275,7 @@ def fetch_jobs(inner, couplings, touched, factors, f, n):
 
 @kernel
 def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mid, q_end, dofs):
-    """Entries on inner nodes, element by element."""
+    """Carry entries on inner nodes to the ends, element by element."""
     n = len(dofs)
     pair = 0
     for f in range(touched.counts[0]):
@@ -305,7 +305,7 @@ def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mi
 
 @inlined
 def clear_held_columns(held, touched, factors, n):
-    """Zero in the columns on held unknowns."""
+    """Set the columns on prescribed unknowns to zero."""
     for k in range(held.row.shape[0]):
         row = held.row[k]
         if row < n:
@@ -318,7 +318,7 @@ def clear_held_columns(held, touched, factors, n):
 
 @kernel
 def start_inner(inner, x_out, dofs):
-    """-y of the inner nodes in their rows."""
+    """Store -y of the inner nodes in their rows."""
     n = len(dofs)
     for i in range(inner.first[0], inner.first[0] + inner.element.shape[0]):
         for c in range(n):
@@ -327,7 +327,7 @@ def start_inner(inner, x_out, dofs):
 
 @separate
 def add_inner(contact, inner, touched, couplings, y, buffer, x_out, dofs):
-    """Subtract from the rows of inner nodes what the solved unknowns y of constraints contribute: K_ii^-1 C_i y, and what is
+    """Subtract the contribution of the solved unknowns y of constraints from the rows of inner nodes: K_ii^-1 C_i y, and the part
     passed on from inner nodes before them."""
     n = len(dofs)
     block = 8 * n * n
@@ -362,8 +362,8 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, dofs):
 
 @separate
 def recover_inner_rows(tables, inner, x_out, scratch, dofs):
-    """Increments of all inner nodes of elements with one strain set, from those of the end nodes and what `start_inner` and
-    `add_inner` left in their rows."""
+    """Recover increments of all inner nodes of elements with one strain set, from those of the end nodes and the numbers that
+    `start_inner` and `add_inner` left in their rows."""
     n = len(dofs)
     block = 8 * n * n
     for k in range(tables.meta.shape[0]):

@@ -1,4 +1,4 @@
-"""Fill of the elimination of nodes and constraints in an order of linalg/constraint_rows.py, and where every block stands."""
+"""Fill of the elimination of nodes and constraints in an order of linalg/constraint_rows.py, and places of all blocks."""
 from __future__ import annotations
 
 from fastbeam.kernels.jit.decorators import inlined, kernel, one_variant
@@ -8,7 +8,7 @@ from fastbeam.kernels.linalg.constraint_rows import (BEFORE, CONSTRAINT, ELEMENT
 
 @inlined
 def enter_column(order, i, p, upper, lower, at):
-    """A later position p in the row at position i, with its blocks or -1. Returns where the next goes."""
+    """Enter a later position p in the row at position i, with its blocks or -1. Return the place of the next."""
     if p > i:
         if order.work[0, p] != i:
             order.work[0, p] = i
@@ -23,7 +23,8 @@ def enter_column(order, i, p, upper, lower, at):
 
 @inlined
 def own_columns(couplings, touched, order, i, at):
-    """Later positions that the row at position i is coupled with before the elimination."""
+    """Enter the later positions that the row at position i is coupled with before the elimination. Return the place of the
+    next."""
     n = couplings.diagonal.shape[0]
     g = order.order[i]
     if g < n:
@@ -58,7 +59,7 @@ def sort_columns(column, first, last):
 
 @kernel
 def find_fill(couplings, touched, order, dofs):
-    """Columns of every row behind its diagonal, and its blocks. Returns where the blocks end in store, -1 where there is not
+    """Find columns of every row behind its diagonal, and its blocks. Return the end of the blocks in store, -1 if there is not
     enough room for columns."""
     n = couplings.diagonal.shape[0]
     rows = order.position.shape[0]
@@ -107,7 +108,7 @@ def find_fill(couplings, touched, order, dofs):
 
 @inlined
 def find_targets(order):
-    """Where the products of every row belong. Returns False where there is not enough room."""
+    """Find the target blocks of the products of every row. Return False if there is not enough room."""
     at = 0
     for i in range(order.position.shape[0]):
         first = order.start[i]
@@ -132,7 +133,7 @@ def find_targets(order):
 
 @kernel
 def block_at(order, i, j):
-    """Where the block at positions i, j begins."""
+    """Return the offset of the block at positions i, j."""
     if i == j:
         return order.diagonal[i]
     e = order.start[min(i, j)]
@@ -144,7 +145,8 @@ def block_at(order, i, j):
 
 @inlined
 def find_places(contact, couplings, touched, order):
-    """Where the entries of constraints belong, the blocks between those that share an element, and of sleeves."""
+    """Find the offsets of entries of constraints, of blocks between constraints that share an element, and of blocks of
+    sleeves."""
     n = couplings.diagonal.shape[0]
     for k in range(touched.entries.shape[0]):
         p = order.position[n + k]
@@ -172,8 +174,8 @@ def find_places(contact, couplings, touched, order):
 
 @kernel
 def update_order(contact, inner, ties, couplings, touched, order, capacity, buffer_capacity, dofs):
-    """Find order and structure again where something else is touched; capacity: doubles in store and in a buffer. Returns False,
-    and has to be called again, where some array is too short."""
+    """Find order and structure again if other rows are touched; capacity: doubles in store and in a buffer. Return False, and
+    expect another call, if an array is too short."""
     is_given = couplings.place.shape[0] > 0
     waiting = not is_given and find_waiting(contact, couplings, touched, dofs)
     if not waiting and not is_changed(contact, touched):

@@ -1,11 +1,10 @@
-"""Rows of constraints in the block matrix, theory.md 9: what they touch, the order of elimination, its fill and its targets.
+"""Rows of constraints in the block matrix, theory.md 9: touched rows, the order of elimination, its fill and its targets.
 
 A constraint has a few unknowns of its own and touches a few nodes. Its row stands right behind the last node that it has to wait
-for. All this depends on nothing but what is touched, and is found again when that changes, as when a slider enters another
-element.
+for. All this depends only on the touched rows, and is found again when they change, as when a slider enters another element.
 
 Rows are those of the n nodes, then those of the constraints; a position is the place of a row in the elimination. Blocks are rows
-of 8 doubles in one array, `store`: those that are assembled, then those of constraints and fill.
+of 8 doubles in one array, `store`: assembled blocks first, then those of constraints and fill.
 
 Arrays: seen, came, queue [N + 1], rows of `Order.work`.
 """
@@ -30,52 +29,52 @@ JOBS = 1
 
 
 class Couplings(NamedTuple):
-    """Constant: what couples n rows of nodes without constraints, and S constraints."""
+    """Constant couplings of n rows of nodes without constraints, and S constraints."""
 
     start: np.ndarray       # int32 [n + 1]: range of a row in the next three
     near: np.ndarray        # int32 [*]: rows that it is coupled with
-    block: np.ndarray       # int32 [*]: where block (row, near) begins in store
-    back: np.ndarray        # int32 [*]: where block (near, row) begins
+    block: np.ndarray       # int32 [*]: offset of block (row, near) in store
+    back: np.ndarray        # int32 [*]: offset of block (near, row)
     diagonal: np.ndarray    # int32 [n]
-    held: np.ndarray        # int32 [n]: bit c set, unknown c of the row is held
+    held: np.ndarray        # int32 [n]: bit c set, unknown c of the row is prescribed
     tied: np.ndarray        # int32 [n]: the tied node that has the row, or -1
     late_start: np.ndarray  # int32 [S + 1]
-    late: np.ndarray        # int32 [*]: rows that may be eliminated after a constraint: its point, of carriers the ends
+    late: np.ndarray        # int32 [*]: rows that may be eliminated after a constraint: its point, and ends of carriers
     unknowns: np.ndarray    # int32 [S]: forces, then others, at most 7
     forces: np.ndarray      # int32 [S]: number of forces; as many equations come first, gaps
     in_force: np.ndarray    # int32 [S]: number of the next equations, in the unit of a force
     first: np.ndarray       # int32 [S]: number of its first unknown
     first_force: np.ndarray  # int32 [S]: number of its first force
-    end: np.ndarray         # int64 [1]: where the assembled blocks end in store
+    end: np.ndarray         # int64 [1]: end of the assembled blocks in store
     partner: np.ndarray     # int32 [S]: the constraint that it is coupled with by own unknowns, or -1
     by_rows: np.ndarray     # int64 [1]: 1 where nodes are eliminated in the order of their rows, 0 in that of `sweep`
     place: np.ndarray       # int32 [N]: place of every row in the elimination, or [0]: it is found
 
 
 class Touched(NamedTuple):
-    """What the constraints touch; E entries a constraint at most. A job is a constraint on inner nodes of one element."""
+    """Rows that the constraints touch; E entries a constraint at most. A job is a constraint on inner nodes of one element."""
 
-    entries: np.ndarray     # int32 [S]: entries and
-    kept: np.ndarray        # int32 [S, E]: rows for which all this was found
+    entries: np.ndarray     # int32 [S]: number of entries of every constraint, and
+    kept: np.ndarray        # int32 [S, E]: their rows, for which the order was found
     wait: np.ndarray        # int32 [S]: 1 where a constraint waits for all that it touches
     entry: np.ndarray       # int32 [S, E]: place in `row` of every entry, -1 on inner nodes
     after: np.ndarray       # int32 [S, E]: the next entry of the same job, or -1
     start: np.ndarray       # int32 [S + 1]: range of a constraint in the next four
     row: np.ndarray         # int32 [T]: rows that it touches, each once
     owner: np.ndarray       # int32 [T]: the constraint
-    column: np.ndarray      # int32 [T]: where block (row, constraint) begins in store
-    line: np.ndarray        # int32 [T]: where block (constraint, row) begins
+    column: np.ndarray      # int32 [T]: offset of block (row, constraint) in store
+    line: np.ndarray        # int32 [T]: offset of block (constraint, row)
     user_start: np.ndarray  # int32 [n + 1]: range of a row in `user`
     user: np.ndarray        # int32 [T]: places in `row` that name it
     job_start: np.ndarray   # int32 [S + 1]: range of a constraint in the jobs
     job: np.ndarray         # int32 [J, 6]: element, constraint, first entry, job before in the element or -1, places of both ends
     last_job: np.ndarray    # int32 [elements]: the last job of an element, or -1
     found: np.ndarray       # int32 [elements, 2]: elements with jobs and how many
-    pair: np.ndarray        # int32 [P]: where the blocks between the constraints of an element begin
-    cross: np.ndarray       # int32 [O, 2]: where the blocks between both constraints of a sleeve begin
+    pair: np.ndarray        # int32 [P]: offsets of the blocks between the constraints of an element
+    cross: np.ndarray       # int32 [O, 2]: offsets of the blocks between both constraints of a sleeve
     mark: np.ndarray        # int32 [n]: work
     place: np.ndarray       # int32 [n]: work
-    counts: np.ndarray      # int32 [4]: elements with jobs; whether anything was found; doubles for an element; pairs
+    counts: np.ndarray      # int32 [4]: elements with jobs; 1 once the order was found; doubles for an element; pairs
 
 
 class Order(NamedTuple):
@@ -84,21 +83,21 @@ class Order(NamedTuple):
     rank: np.ndarray        # int32 [n]: place of a node among the nodes
     order: np.ndarray       # int32 [N]: row at a position
     position: np.ndarray    # int32 [N]: position of a row
-    unknowns: np.ndarray    # int32 [N]: of the row at a position
-    diagonal: np.ndarray    # int32 [N]: where its diagonal block begins in store
+    unknowns: np.ndarray    # int32 [N]: number of unknowns of the row at a position
+    diagonal: np.ndarray    # int32 [N]: offset of its diagonal block in store
     start: np.ndarray       # int32 [N + 1]: range of a position in the next three
     column: np.ndarray      # int32 [M]: later positions, ascending
-    upper: np.ndarray       # int32 [M]: where block (position, column) begins
-    lower: np.ndarray       # int32 [M]: where block (column, position) begins
+    upper: np.ndarray       # int32 [M]: offset of block (position, column)
+    lower: np.ndarray       # int32 [M]: offset of block (column, position)
     target_start: np.ndarray  # int32 [N + 1]
-    target: np.ndarray      # int32 [*]: where the products of a row belong, all pairs of its columns row by row
+    target: np.ndarray      # int32 [*]: target blocks of the products of a row, all pairs of its columns row by row
     work: np.ndarray        # int32 [6, N + 1]
-    counts: np.ndarray      # int32 [2]: entries; where the blocks in use end in store
+    counts: np.ndarray      # int32 [2]: entries; end of the blocks in use in store
 
 
 @inlined
 def is_changed(contact, touched):
-    """Whether other rows are touched than those for which the order was found."""
+    """Return whether the constraints touch other rows than those for which the order was found."""
     if touched.counts[1] == 0:
         return True
     for k in range(contact.entries.shape[0]):
@@ -113,7 +112,7 @@ def is_changed(contact, touched):
 @inlined
 def find_waiting(contact, couplings, touched, dofs):
     """Mark constraints whose force hardly moves the nodes that are eliminated before them, as at a clamp: they have to be
-    eliminated behind all that they touch. Returns whether anything changed."""
+    eliminated behind all that they touch. Return whether anything changed."""
     changed = False
     for k in range(contact.entries.shape[0]):
         largest = 0.0
@@ -136,7 +135,7 @@ def find_waiting(contact, couplings, touched, dofs):
 
 @one_variant
 def touch(touched, k, row, at):
-    """Let constraint k touch a row. Returns where the next new row goes; the count goes on where the arrays are full."""
+    """Let constraint k touch a row. Return the place of the next new row; the count goes on if the arrays are full."""
     if touched.mark[row] != k:
         touched.mark[row] = k
         touched.place[row] = at
@@ -149,7 +148,7 @@ def touch(touched, k, row, at):
 
 @generic
 def touch_end(ties, couplings, touched, k, row, at):
-    """`touch` for an end of an element: a tied node passes on what it carries."""
+    """Run `touch` for an end of an element: a tied node passes on what it carries."""
 
 
 @touch_end.register(NoTies)
@@ -172,7 +171,7 @@ def touch_tied_end(ties, couplings, touched, k, row, at):
 
 @generic
 def touch_inner(inner, couplings, ties, touched, k, m, row, at, jobs):
-    """Entry m of constraint k on an inner node becomes part of a job. Returns the next new row and the next new job."""
+    """Make entry m of constraint k on an inner node part of a job. Return the next new row and the next new job."""
 
 
 @touch_inner.register(NoInner)
@@ -212,7 +211,7 @@ def touch_job(inner, couplings, ties, touched, k, m, row, at, jobs):
 
 @kernel
 def collect(contact, inner, ties, couplings, touched, n_unknowns):
-    """Rows and jobs of all constraints. Returns False where there is not enough room."""
+    """Collect rows and jobs of all constraints. Return False if there is not enough room."""
     n = couplings.diagonal.shape[0]
     touched.counts[0] = 0
     for i in range(n):
@@ -245,7 +244,7 @@ def collect(contact, inner, ties, couplings, touched, n_unknowns):
 
 @generic
 def nodes_of_element(inner, e):
-    """Nodes of an element with eliminated nodes."""
+    """Return the number of nodes of an element with eliminated nodes."""
 
 
 @nodes_of_element.register(NoInner)
@@ -262,7 +261,7 @@ def inner_and_ends(inner, e):
 
 @kernel
 def count_jobs(inner, touched, n):
-    """How many jobs every element has, pairs of them, and the most doubles that the jobs of an element need side by side."""
+    """Count the jobs of every element, pairs of them, and the most doubles that the jobs of an element need side by side."""
     most = 0
     pairs = 0
     for f in range(touched.counts[0]):
@@ -280,7 +279,7 @@ def count_jobs(inner, touched, n):
 
 @one_variant
 def list_users(touched, at, n):
-    """The constraints of every row. Returns False where there is not enough room for pairs."""
+    """List the constraints of every row. Return False if there is not enough room for pairs."""
     start = touched.user_start
     for i in range(n + 1):
         start[i] = 0
@@ -298,7 +297,7 @@ def list_users(touched, at, n):
 
 @inlined
 def visit(couplings, touched, g, n, seen, came, queue, turn, tail):
-    """Breadth-first search: append the neighbours of row g that were not seen in this turn. Returns the end of the queue."""
+    """Append the neighbours of row g that were not seen in this turn (breadth-first search). Return the end of the queue."""
     if g >= n:
         for t in range(touched.start[g - n], touched.start[g - n + 1]):
             j = touched.row[t]
@@ -327,8 +326,8 @@ def visit(couplings, touched, g, n, seen, came, queue, turn, tail):
 
 @kernel
 def sweep(couplings, touched, order):
-    """Rank of the nodes: the reverse of a breadth-first search through nodes and constraints that begins in the middle between
-    two ends. A tree gets no fill; a chain is eliminated from both ends in turn."""
+    """Rank the nodes: the reverse of a breadth-first search through nodes and constraints that begins in the middle between two
+    ends. A tree gets no fill; a chain is eliminated from both ends in turn."""
     n = couplings.diagonal.shape[0]
     seen = order.work[0]
     came = order.work[1]
@@ -361,14 +360,14 @@ def sweep(couplings, touched, order):
 
 @inlined
 def rank_by_rows(order):
-    """Rank of the nodes: that of their rows."""
+    """Rank the nodes by their rows."""
     for i in range(order.rank.shape[0]):
         order.rank[i] = i
 
 
 @inlined
 def take_places(couplings, order):
-    """Positions as they are given."""
+    """Take the given positions."""
     for g in range(order.position.shape[0]):
         order.position[g] = couplings.place[g]
         order.order[couplings.place[g]] = g
@@ -376,7 +375,8 @@ def take_places(couplings, order):
 
 @kernel
 def next_root(queue, came, tail, n, turn):
-    """Root of the next search: the last node that the search before met; after the second search the node half-way to it."""
+    """Return the root of the next search: the last node that the search before met; after the second search the node half-way to
+    it."""
     x = tail - 1
     while queue[x] >= n:
         x -= 1
@@ -396,7 +396,7 @@ def next_root(queue, came, tail, n, turn):
 
 @inlined
 def last_rank(couplings, touched, order, k):
-    """Rank of the last node that constraint k waits for."""
+    """Return the rank of the last node that constraint k waits for."""
     last = -1
     least = -1
     for t in range(touched.start[k], touched.start[k + 1]):
@@ -413,7 +413,7 @@ def last_rank(couplings, touched, order, k):
 
 @kernel
 def put_in_order(couplings, touched, order):
-    """Positions: nodes by rank, every constraint right behind the last node that it waits for."""
+    """Order positions: nodes by rank, every constraint right behind the last node that it waits for."""
     n = couplings.diagonal.shape[0]
     behind = order.work[0]
     last = order.work[1]
@@ -428,7 +428,7 @@ def put_in_order(couplings, touched, order):
     for i in range(n):
         behind[i + 1] += behind[i]
     for i in range(n):
-        # constraints behind nodes before this one
+        # count the constraints that stand behind earlier nodes
         p = order.rank[i] + behind[order.rank[i]]
         order.position[i] = p
         order.order[p] = i

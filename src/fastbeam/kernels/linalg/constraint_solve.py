@@ -1,8 +1,8 @@
 """Elimination of nodes and constraints in an order of linalg/constraint_rows.py, theory.md 9.
 
 The right-hand side stands in the last column of the diagonal blocks and, once a row is eliminated, of its first block behind the
-diagonal. Nodes are factored without exchange of rows where that is good enough, constraints always with it: their rows in units
-of what is found of their compliance, theory.md (5.5).
+diagonal. Nodes are factored without exchange of rows if the pivots are good enough, constraints always with it: their rows in
+units of their compliance as found in the elimination, theory.md (5.5).
 
 Arrays: store [*] as `Factors.store`; pivots [8 N] by positions; force [*], forces of all constraints one after the other; x_out
 [8 (rows + 1)]; y_out [7 S], unknowns of all constraints.
@@ -29,24 +29,24 @@ from fastbeam.kernels.linalg.constraint_blocks import (column_on_slider, column_
 # and without
 LEAST_NODE, LEAST_PIVOT, LEAST_UNAUGMENTED = 1e-14, 1e-14, 1e-7
 RIGHT = 7     # column of the right-hand side
-# blocks of so many rows ahead are asked for where all blocks have more doubles than the caches next to a processor hold
+# number of rows whose blocks are prefetched, if all blocks have more doubles than the caches next to a processor hold
 AHEAD, FAR = 8, 65536
 
 
 class Factors(NamedTuple):
-    """Work of the elimination of n nodes and S constraints, N rows."""
+    """Work arrays of the elimination of n nodes and S constraints, N rows."""
 
     store: np.ndarray       # float64 [*]: all blocks
     x: np.ndarray           # float64 [8 N]: solution by positions
     pivots: np.ndarray      # int8 [8 N]: exchanges by positions, -1 first where there are none
-    own: np.ndarray         # float64 [7 S]: what the pivots of nodes took from the diagonal of the forces
+    own: np.ndarray         # float64 [7 S]: part of the diagonal of the forces that the pivots of nodes subtracted
     hold: np.ndarray        # float64 [8]
     failed: np.ndarray      # int64 [2]: 1 where there was not enough room; a constraint without a pivot, or -1
 
 
 @kernel
 def subtract_block(store, low, up, target, rows, inner):
-    """target -= low up, rows x inner numbers times inner rows of 8."""
+    """Subtract low up from target, rows x inner numbers times inner rows of 8."""
     for i in range(rows):
         z = vld(store, target + 8 * i, 0)
         for k in range(inner):
@@ -56,8 +56,8 @@ def subtract_block(store, low, up, target, rows, inner):
 
 @inlined
 def subtract_row(store, order, x, first, last, t, rows, inner, dofs):
-    """Blocks of later row x, from target t on, -= its block below the pivot times the row of the pivot, columns first to last.
-    rows, inner: unknowns of both."""
+    """Subtract the block of later row x below the pivot times the row of the pivot, columns first to last, from the blocks of x,
+    from target t on. rows, inner: unknowns of both."""
     n = len(dofs)
     m = 2 * dim(dofs) + 1
     low = order.lower[x]
@@ -80,8 +80,8 @@ def subtract_row(store, order, x, first, last, t, rows, inner, dofs):
 
 @inlined
 def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner, dofs):
-    """A column of numbers in target [*] at y, y_row apart, -= the block at low times one in source [*] at x; rows, inner: rows
-    and columns of the block."""
+    """Subtract the block at low times a column of numbers in source [*] at x from one in target [*] at y, y_row apart; rows,
+    inner: rows and columns of the block."""
     n = len(dofs)
     m = 2 * dim(dofs) + 1
     if inner == n and rows == n:
@@ -102,7 +102,7 @@ def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner
 
 @inlined
 def update_rows(couplings, order, factors, i, is_node, dofs):
-    """Take the products of the row at position i from the blocks behind it."""
+    """Subtract the products of the row at position i from the blocks behind it."""
     store = factors.store
     inner = order.unknowns[i]
     first = order.start[i]
@@ -112,7 +112,7 @@ def update_rows(couplings, order, factors, i, is_node, dofs):
         j = order.column[x]
         rows = order.unknowns[j]
         d = order.diagonal[j]
-        # of rows that carriers took the order has no number any more
+        # the order has no number any more for rows that carriers eliminated
         constraint = order.order[j] - order.rank.shape[0] if j < order.order.shape[0] else -1
         forces = couplings.forces[constraint] if is_node and constraint >= 0 else 0
         for a in range(forces):
@@ -127,7 +127,7 @@ def update_rows(couplings, order, factors, i, is_node, dofs):
 
 @kernel
 def factor_with_exchange(order, factors, i, dofs):
-    """Factor the diagonal block of a node with exchange of rows, of the right-hand side too. Returns the worst pivot ratio."""
+    """Factor the diagonal block of a node with exchange of rows, of the right-hand side too. Return the worst pivot ratio."""
     n = len(dofs)
     d = order.diagonal[i]
     for c in range(n):
@@ -146,7 +146,7 @@ def factor_with_exchange(order, factors, i, dofs):
 
 @inlined
 def solve_behind_node(order, factors, i, dofs):
-    """Blocks behind the factored diagonal block of a node <- D^-1 of them, the right-hand side with the first."""
+    """Solve with D for the blocks behind the factored diagonal block of a node, the right-hand side with the first."""
     store = factors.store
     d = order.diagonal[i]
     first = order.start[i]
@@ -165,7 +165,8 @@ def solve_behind_node(order, factors, i, dofs):
 
 @inlined
 def compliance_of(couplings, factors, contact, k):
-    """Compliance of the parts that a constraint joins, 0 where there is none; 1 where its force is given and touches nothing."""
+    """Return the compliance of the parts that a constraint joins, 0 if there is none; 1 if its force is prescribed and touches
+    nothing."""
     c = 0.0
     for a in range(couplings.forces[k]):
         c = max(c, abs(factors.own[7 * k + a]))
@@ -199,7 +200,7 @@ def scale_constraint(couplings, order, factors, contact, force, i, k, c):
 
 @kernel
 def factor_constraint(store, d, m, pivots, p):
-    """LU of m rows with their exchange, reciprocal pivots on the diagonal; the right-hand side is exchanged too. Returns the
+    """Factor m rows with their exchange, reciprocal pivots on the diagonal; the right-hand side is exchanged too. Return the
     smallest pivot."""
     least = np.inf
     for k in range(m):
@@ -230,7 +231,7 @@ def factor_constraint(store, d, m, pivots, p):
 
 @kernel
 def solve_block(store, d, m, u):
-    """m rows of 8 at u <- (LU)^-1 of them."""
+    """Solve with LU for m rows of 8 at u."""
     for i in range(1, m):
         z = vld(store, u + 8 * i, 0)
         for k in range(i):
@@ -245,7 +246,7 @@ def solve_block(store, d, m, u):
 
 @inlined
 def are_moments(couplings, k, dofs):
-    """Whether constraint k has the unknowns of the moments of a sleeve: them, and a copy of a spin."""
+    """Return whether constraint k has the unknowns of the moments of a sleeve: the moments, and a copy of a spin."""
     d = dim(dofs)
     unknowns, forces = (6, 3) if d == 3 else (2, 1)
     return couplings.unknowns[k] == unknowns and couplings.forces[k] == forces and couplings.in_force[k] == 0
@@ -253,8 +254,8 @@ def are_moments(couplings, k, dofs):
 
 @inlined
 def solve_behind_constraint(couplings, order, factors, i, k, c, dofs):
-    """Blocks behind the factored diagonal block of a constraint of compliance c <- D^-1 of them, the right-hand side with the
-    first."""
+    """Solve with D for the blocks behind the factored diagonal block of a constraint of compliance c, the right-hand side with
+    the first."""
     store = factors.store
     d = order.diagonal[i]
     m = couplings.unknowns[k]
@@ -285,7 +286,7 @@ def solve_behind_constraint(couplings, order, factors, i, k, c, dofs):
 
 @one_variant
 def solve_behind_any(couplings, order, factors, i, k, c, u, right):
-    """The block at u behind a constraint of any number of unknowns; right: with the right-hand side."""
+    """Solve for the block at u behind a constraint of any number of unknowns; right: with the right-hand side."""
     store = factors.store
     d = order.diagonal[i]
     m = couplings.unknowns[k]
@@ -308,7 +309,7 @@ def solve_behind_any(couplings, order, factors, i, k, c, u, right):
 
 @kernel
 def solve_right(store, d, m):
-    """The right-hand side beside factors <- (LU)^-1 of it."""
+    """Solve with LU for the right-hand side beside the factors."""
     o = d + RIGHT
     for i in range(1, m):
         for k in range(i):
@@ -321,14 +322,14 @@ def solve_right(store, d, m):
 
 @inlined
 def fetch_rows(store, at, rows):
-    """Ask for a block of so many rows at `at`."""
+    """Prefetch a block of `rows` rows at `at`."""
     for c in range(0, 8 * rows, 8):
         fetch(store, at + c)
 
 
 @inlined
 def fetch_blocks(order, store, i):
-    """Ask for the blocks of the row at position i and of its column."""
+    """Prefetch the blocks of the row at position i and of its column."""
     m = order.unknowns[i]
     fetch_rows(store, order.diagonal[i], m)
     for x in range(order.start[i], order.start[i + 1]):
@@ -338,8 +339,8 @@ def fetch_blocks(order, store, i):
 
 @separate
 def eliminate(couplings, order, factors, contact, force, dofs):
-    """Factor in place, the right-hand side goes along. force: of the constraints, one after the other. Returns False at a
-    singular block: `factors.failed` then has the constraint, or -1."""
+    """Factor in place; the right-hand side goes along. force: of the constraints, one after the other. Return False at a singular
+    block: `factors.failed` then has the constraint, or -1."""
     n = order.rank.shape[0]
     least = LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_UNAUGMENTED
     rows = order.order.shape[0]
@@ -396,7 +397,7 @@ def eliminate(couplings, order, factors, contact, force, dofs):
 
 @separate
 def substitute(order, factors, dofs):
-    """Solution by positions from the eliminated rows."""
+    """Solve by positions from the eliminated rows."""
     store = factors.store
     x = factors.x
     ahead = AHEAD if order.counts[1] > FAR else order.order.shape[0]
@@ -417,7 +418,8 @@ def substitute(order, factors, dofs):
 
 @separate
 def take_solution(couplings, order, factors, contact, force, x_out, y_out, dofs):
-    """Solution by rows: nodes in rows of 8, constraints one by one; and the gaps that the augmented Lagrangian leaves."""
+    """Store the solution by rows: nodes in rows of 8, constraints one by one; and the gaps that the augmented Lagrangian
+    leaves."""
     n = order.rank.shape[0]
     for i in range(n):
         p = order.position[i]

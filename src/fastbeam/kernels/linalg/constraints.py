@@ -1,4 +1,4 @@
-"""Nodes and constraints solved together, theory.md 9: how a step fills, solves and closes its equations with sliders as rows.
+"""Solution of nodes and constraints together, theory.md 9: fill, solve and close of a step with sliders as rows.
 
 Arrays: r, x_out [8 (rows + 1)]; q_mid, q_end [12 N], in a plane [4 N]; force [*], forces of all constraints one after the other;
 y_out [7 S], their unknowns.
@@ -28,7 +28,7 @@ from fastbeam.kernels.terms import close, fill, push_increments, solve, take_unk
 
 
 class Constraints(NamedTuple):
-    """Everything about the rows of constraints but their entries: the solver of a system with contact in rows."""
+    """Solver of a system with contact in rows: all data of the rows of constraints but their entries."""
 
     couplings: Couplings
     touched: Touched
@@ -48,7 +48,7 @@ for _record in (Constraints, Couplings, Touched, Order, Factors, ContactInRows, 
 
 @generic
 def carry_entries(inner, contact, solver, q_mid, q_end, dofs):
-    """Entries of constraints on nodes that are eliminated inside elements."""
+    """Carry entries of constraints on nodes that are eliminated inside elements to the ends."""
 
 
 @carry_entries.register(NoInner)
@@ -66,7 +66,7 @@ def carry_to_ends(inner, contact, solver, q_mid, q_end, dofs):
 
 @generic
 def clear_columns(held, solver):
-    """Columns of constraints on held unknowns."""
+    """Clear columns of constraints on prescribed unknowns."""
 
 
 @clear_columns.register(NoHeld)
@@ -83,8 +83,8 @@ def clear_columns_of_held(held, solver):
 
 @separate
 def fill_constraints(contact, solver, r, q_mid, q_end, dofs):
-    """Residual r and entries of all constraints into the blocks, in an order that is found again where they touch other rows.
-    Returns False where there is not enough room: then `factors.failed[0]` is 1."""
+    """Fill the blocks with residual r and entries of all constraints, in an order that is found again if they touch other rows.
+    Return False if there is not enough room: then `factors.failed[0]` is 1."""
     if contact.full[0] != 0 or not update_order(contact, solver.inner, solver.ties, solver.couplings, solver.touched,
                                                 solver.order, solver.factors.store.shape[0], solver.buffer.shape[0], dofs):
         solver.factors.failed[0] = 1
@@ -98,8 +98,8 @@ def fill_constraints(contact, solver, r, q_mid, q_end, dofs):
 
 @kernel
 def solve_constraints(contact, solver, force, x_out, y_out, dofs):
-    """Solve; increments of the nodes that the solver sees in rows of x_out, unknowns of constraints in y_out. Returns False at a
-    singular block: `factors.failed[1]` is the constraint that has it, or -1 where a node has it."""
+    """Solve; increments of the nodes that the solver sees go to rows of x_out, unknowns of constraints to y_out. Return False at
+    a singular block: `factors.failed[1]` is the constraint that has it, or -1 if a node has it."""
     if not eliminate(solver.couplings, solver.order, solver.factors, contact, force, dofs):
         return False
     substitute(solver.order, solver.factors, dofs)
@@ -109,7 +109,7 @@ def solve_constraints(contact, solver, force, x_out, y_out, dofs):
 
 @generic
 def begin_inner(inner, contact, solver, work, dofs):
-    """Rows of nodes that were eliminated inside elements, from their stored solutions and the unknowns of constraints."""
+    """Store rows of nodes that were eliminated inside elements, from their stored solutions and the unknowns of constraints."""
 
 
 @begin_inner.register(NoInner)
@@ -127,12 +127,12 @@ def begin_all_inner(inner, contact, solver, work, dofs):
 
 @generic
 def recover_inside(term, system):
-    """Increments of nodes that were eliminated inside elements, from their ends and what stands in their own rows."""
+    """Recover increments of nodes that were eliminated inside elements, from their ends and the numbers in their own rows."""
 
 
 @generic
 def recover_elements(inner, tables, system):
-    """The same for all elements with one strain set."""
+    """Recover increments of nodes inside all elements with one strain set."""
 
 
 @recover_elements.register(NoInner)
@@ -164,7 +164,7 @@ def fill_constraint_rows(contact, terms, system):
 @solve.register(Constraints)
 @kernel
 def solve_constraint_rows(solver, contact, system):
-    """True also where a constraint has no pivot above its limit: `close` reports which one it is."""
+    """Solve; return True also if a constraint has no pivot above its limit: `close` reports which one it is."""
     if solver.factors.failed[0] != 0:
         return False
     if solve_constraints(contact, solver, system.state.force, system.work.increment.x, system.work.y, system.dofs):

@@ -16,7 +16,7 @@ from fastbeam.kernels.jit.decorators import kernel
 
 _PARDISO = types.ExternalFunction("pardiso", types.void(*[types.intp] * 16))
 ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
-# of a matrix whose last unknowns only take a Schur complement: forward and backward substitution
+# forward and backward substitution with a matrix whose last unknowns only take a Schur complement
 FORWARD, BACKWARD = 331, 333
 # phases of `go_on` at which a solution ends
 DONE, FAILED = 0, -2
@@ -27,13 +27,13 @@ REFINE_AT, REFUSE_AT = 1e-12, 1e-8
 # on large soft nets K x is a small difference of large forces, and round-off alone may leave this relative residual: a solution
 # is as good as can be where it is that of a matrix this near. What is singular leaves more
 SOFT, NEAR = 1e-5, 1e-13
-# factors of an earlier iteration are used again where each solution with them leaves so little, which takes five at most, for
+# factors of an earlier iteration are used again if each correction leaves no more than this share, up to five corrections, for
 # about a tenth of the time of factors each; the error that stays is a share of an increment that is small itself
 WORTH, AGAIN_AT = 1e-2, 1e-10
 
 
 class PardisoTables(NamedTuple):
-    """One analysed structure of n x n blocks by rows, 0-based; m right-hand sides at most. Of a symmetric one the blocks on and
+    """One analysed structure of n x n blocks by rows, 0-based; m right-hand sides at most. A symmetric one has the blocks on and
     above the diagonal."""
 
     handle: np.ndarray    # int64 [64]
@@ -43,8 +43,8 @@ class PardisoTables(NamedTuple):
     indptr: np.ndarray    # int32 [rows + 1]
     indices: np.ndarray   # int32 [blocks]
     block: np.ndarray     # int64 [blocks]: number of every block of the structure in the matrix
-    mirror: np.ndarray    # int64 [blocks]: where the mean of both sides of the diagonal counts that of the block on the other
-    #                       side, else the same
+    mirror: np.ndarray    # int64 [blocks]: block on the other side of the diagonal where the mean of both sides counts,
+    #                       else the block itself
     data: np.ndarray      # float64 [n n blocks]
     b: np.ndarray         # float64 [m, n rows]
     x: np.ndarray         # float64 [m, n rows]
@@ -57,7 +57,7 @@ class PardisoTables(NamedTuple):
 
 @kernel
 def call_pardiso(t, phase, b, x):
-    """One call; returns its error code, 0 is good."""
+    """Call PARDISO once; return its error code, 0 is good."""
     t.numbers[3] = phase
     t.numbers[5] = b.shape[0]
     n = t.numbers.ctypes.data
@@ -68,7 +68,7 @@ def call_pardiso(t, phase, b, x):
 
 @kernel
 def add_product(t, m, x, sizes, out, dofs):
-    """out -= K x for right-hand side m, or, where only `sizes` count, out += |K| |x|."""
+    """Subtract K x from out for right-hand side m, or, where only `sizes` count, add |K| |x|."""
     n = len(dofs)
     symmetric = t.numbers[2] == SYMMETRIC
     for i in range(t.indptr.shape[0] - 1):
@@ -90,7 +90,7 @@ def add_product(t, m, x, sizes, out, dofs):
 
 @kernel
 def block_residual(t, x, b, r_out, dofs):
-    """r = b - K x for all right-hand sides; returns the largest relative norm, infinity where it is not finite."""
+    """Form r = b - K x for all right-hand sides; return the largest relative norm, infinity if it is not finite."""
     worst = 0.0
     for m in range(b.shape[0]):
         whole = 0.0
@@ -112,7 +112,7 @@ def block_residual(t, x, b, r_out, dofs):
 
 @kernel
 def distance(t, x, b, r, bound, dofs):
-    """Largest norm of the residual r relative to |b| + |K| |x|, by right-hand sides."""
+    """Return the largest norm of the residual r relative to |b| + |K| |x|, by right-hand sides."""
     worst = 0.0
     for m in range(b.shape[0]):
         forces = 0.0
@@ -132,13 +132,13 @@ def distance(t, x, b, r, bound, dofs):
 
 @kernel
 def begin_step(t):
-    """Forget factors of earlier steps, so that a run that goes on from a checkpoint has the same bits."""
+    """Discard factors of earlier steps, so that a run that goes on from a checkpoint has the same bits."""
     t.counts[3] = 0
 
 
 @kernel
 def load_system(t, blocks, panel, width, dofs):
-    """Take K and the right-hand sides from the first m columns of panel [n rows, width]. Returns the first call for `go_on`."""
+    """Take K and the right-hand sides from the first m columns of panel [n rows, width]. Return the first call for `go_on`."""
     nu = len(dofs)
     symmetric = t.numbers[2] == SYMMETRIC
     for k in range(t.indices.shape[0]):
@@ -156,7 +156,7 @@ def load_system(t, blocks, panel, width, dofs):
 
 @kernel
 def start_corrections(t):
-    """Go from x = 0, whose residual is b."""
+    """Start from x = 0, whose residual is b."""
     t.counts[4] = 0
     t.worst[1] = 1.0
     for m in range(t.b.shape[0]):
@@ -168,11 +168,11 @@ def start_corrections(t):
 
 @kernel
 def go_on(t, phase, code, dofs):
-    """After a call of `phase` that returned `code`: which is next, FACTOR, SOLVE (y = K^-1 r with the factors that are there),
+    """Return the next phase after a call of `phase` that returned `code`: FACTOR, SOLVE (y = K^-1 r with the present factors),
     DONE or FAILED.
 
-    x is a sum of corrections. One with present factors, two where the residual asks for it; with the factors of an earlier
-    iteration up to five, as long as each is worth it, else new factors."""
+    x is a sum of corrections. One with present factors, two if the residual asks for it; with the factors of an earlier iteration
+    up to five, as long as each is worth it, else new factors."""
     if phase == FACTOR:
         t.counts[0] += 1
         t.counts[3] = 0
@@ -229,7 +229,7 @@ def take_half(t, data, own, dofs):
 
 @kernel
 def solve_sparse(t, blocks, panel, width, dofs):
-    """Solve K X = panel [n rows, width] in its first m columns, in place. False: no acceptable solution."""
+    """Solve K X = panel [n rows, width] in its first m columns, in place; return False if there is no acceptable solution."""
     phase = load_system(t, blocks, panel, width, dofs)
     while phase > DONE:
         phase = go_on(t, phase, call_pardiso(t, phase, t.r, t.y), dofs)

@@ -12,7 +12,7 @@ from fastbeam.kernels.jit.decorators import kernel
 
 @kernel
 def balance(size, indptr, indices, sweeps, row, column, most_row, most_column):
-    """Divide the factors by the roots of the largest entries that they leave, so many times; those without entries stay.
+    """Divide the factors by the roots of the largest entries that they leave, `sweeps` times; factors without entries stay.
 
     Arrays: size, indices [entries], indptr [n + 1], row, most_row [n], column, most_column [m]
     """
@@ -37,7 +37,7 @@ def balance(size, indptr, indices, sweeps, row, column, most_row, most_column):
 
 @kernel
 def leave(data, indptr, indices, row, column, x, b, rest_out):
-    """What the matrix with scaled rows and columns leaves of b for a solution x. Returns its norm.
+    """Form the residual b - R A C x of the matrix with scaled rows and columns for a solution x; return its norm.
 
     Arrays: data, indices [entries], indptr [n + 1], row, b, rest_out [n], column, x [m]
     """

@@ -1,14 +1,15 @@
 """Beams condensed to their ends, eight at a time: lane l of a group of elements walks along beam l (theory.md 9).
 
 Per element inner nodes are eliminated as in inner_nodes.py. Then, at the present node c between the start o of the beam and the
-next node e, with what the elements behind c left (S) and the present element (K),
+next node e, with the condensed blocks of the elements behind c (S) and the present element (K),
 
     A = S_cc + K_cc,   U = A^-1 K_ce,   P = A^-1 S_co,   y = A^-1 r_c
     S_ee = K_ee - K_ec U,   S_eo = - K_ec P,   S_oe = - S_oc U,   S_oo -= S_oc P,   r_e -= K_ec y,   r_o -= S_oc y
 
-and the four blocks and two residuals of the ends are what the solver sees. Recovered in reverse: x_c = y - U x_e - P x_o.
-Threads take groups of beams; each writes what belongs to its beams only, and what ends add to a block or row is summed up in a
-fixed order. Increments are added along with the groups, whose arrays are still in the cache then.
+and the solver sees the four blocks and two residuals of the ends. Recovered in reverse: x_c = y - U x_e - P x_o.
+
+Threads take groups of beams; each writes only numbers of its beams, and contributions of ends to a block or row are summed up in
+a fixed order. Increments are added along with the groups, whose arrays are still in the cache then.
 
 Arrays: scratch [*], numbers of a group in lanes: layout.py has their places, behind them those of the ends; store [*] as
 `Substructures.store`; x_out, r_out [8 (rows + 1)]; blocks_out [8 n (blocks + 1)]; nodes [*], row_of [N].
@@ -52,7 +53,7 @@ class Substructures(NamedTuple):
 
 
 def place_stores(subs: Substructures, n: int) -> Substructures:
-    """The same beams with n unknowns a node, and room for their elimination."""
+    """Return the beams with n unknowns a node, and room for their elimination."""
     group = subs.group.copy()
     doubles = 16 * n * n * (group[:, ELEMENTS] - 1)
     for nn in np.unique(group[:, NODES_EACH]).tolist():
@@ -63,15 +64,14 @@ def place_stores(subs: Substructures, n: int) -> Substructures:
 
 
 def front_size(n: int) -> int:
-    """Doubles of scratch behind those of an element group."""
+    """Return the doubles of scratch behind those of an element group."""
     return 8 * n * (7 * n + 2)
 
 
 @kernel
 def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out, dofs):
     """Eliminate the node between the elements behind it, whose condensed blocks stand from so on, and the present one at ro, ko.
-    present: where S_oc and S_co stand, 1 or 3 and 2 or 4; y goes to its row of x_out. Returns False where a pivot counts as
-    zero."""
+    present: places of S_oc and S_co, 1 or 3 and 2 or 4; y goes to its row of x_out. Return False if a pivot counts as zero."""
     n = len(dofs)
     column = 8 * n
     block = column * n
@@ -86,7 +86,7 @@ def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out,
         vst(scratch, ko + c, 0, vld(scratch, ko + c, 0) + vld(scratch, so + 5 * block + c, 0))
     if not lu_lanes(scratch, ko, scratch, lu, PIVOT, dofs):
         return False
-    y = ko    # the block at ko is needed no more, y takes its place
+    y = ko    # y replaces the block at ko, which is not needed any more
     for c in range(0, column, 8):
         solve_lanes(scratch, lu, scratch, ko + block * last + c, column, store, d + c, column, dofs)
         solve_lanes(scratch, lu, scratch, co + c, column, store, d + block + c, column, dofs)
@@ -109,7 +109,7 @@ def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out,
 
 @kernel
 def ends_of_beam(subs, tables, g, lane):
-    """Nodes at the ends of one beam of a group; those between them are numbered in turn."""
+    """Return the nodes at the ends of one beam of a group; those between them are numbered in turn."""
     first = subs.group[g, FIRST_GROUP]
     last = first + subs.group[g, ELEMENTS] - 1
     end = tables.meta[last, LIST] + 8 * (subs.group[g, NODES_EACH] - 1)
@@ -118,7 +118,7 @@ def ends_of_beam(subs, tables, g, lane):
 
 @kernel
 def spread_listed(nodes, first, last, dofs, method, state, work, h):
-    """`terms.spread_nodes` for the nodes of a list, from `first` to before `last`."""
+    """Run `terms.spread_nodes` for the nodes of a list, from `first` to before `last`."""
     for k in range(first, last):
         spread_nodes.call(dofs, method, state, work, h, nodes[k], nodes[k] + 1)
 
@@ -203,8 +203,9 @@ def add_end_rows(subs, first, last, r_out, dofs):
 
 @kernel
 def recover(subs, tables, first, last, factor, row_of, work, scratch, dofs):
-    """Increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends, added to
-    those of the step; factor: increment per solution, -1 in a step. Returns the largest, as `nodes.update_nodes` does."""
+    """Recover increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends, and
+    add them to those of the step; factor: increment per solution, -1 in a step. Return the largest, as `nodes.update_nodes`
+    does."""
     n = len(dofs)
     column = 8 * n
     block = column * n

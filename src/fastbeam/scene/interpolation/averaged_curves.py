@@ -1,4 +1,4 @@
-"""Curves averaged over a length: what a bore of a sleeve sees of a beam, theory.md 5.8.
+"""Curves averaged over a length: the contact curve of a sleeve with a bore, theory.md 5.8.
 
 The shape functions of a point are replaced by their mean, weighed by a quadratic B-spline of that width: three convolutions with
 a box of a third of it. Beyond its ends the beam is continued by reflection at the end point, so that straight lines keep their
@@ -20,7 +20,7 @@ LEAST_PIECE = 1e-9
 
 
 def averaged_curve(basis: Basis, width: float) -> CurveBasis:
-    """The position basis of a beam averaged over `width`, m; made once for a basis and a width.
+    """Return the position basis of a beam averaged over `width`, m; made once for a basis and a width.
 
     Raises
     ------
@@ -73,7 +73,8 @@ def _averaged(basis: Basis, width: float) -> CurveBasis:
 
 
 def _piece(basis: Basis, a: float, b: float, inside: Array, knots: Array) -> tuple[int, Array]:
-    """First node and Legendre coefficients [n, p + 4] between a and b, where the window sees these element ends [m]."""
+    """Return the first node and Legendre coefficients [n, p + 4] between a and b, where the window sees these element ends
+    [m]."""
     own, length, n = basis.curve("own"), basis.length, basis.degree + 4
     xi, weight = legendre.leggauss(n)
     s = 0.5 * (a + b) + 0.5 * (b - a) * xi
@@ -102,6 +103,6 @@ def _piece(basis: Basis, a: float, b: float, inside: Array, knots: Array) -> tup
 
 
 def _window(x: Array, width: float) -> Array:
-    """The quadratic B-spline of this width around 0, with integral 1."""
+    """Return the quadratic B-spline of this width around 0, with integral 1."""
     t = 3.0 * np.abs(x) / width
     return 3.0 / width * np.where(t <= 0.5, 0.75 - t * t, 0.5 * np.maximum(1.5 - t, 0.0)**2)

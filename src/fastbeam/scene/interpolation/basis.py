@@ -24,7 +24,7 @@ IntArray = NDArray[np.int64]
 
 DEGREES: dict[str, tuple[int, int]] = {"lagrange": (1, 8), "bspline": (2, 5)}
 DIRECTORS: tuple[str, ...] = ("nodes", "greville", "control")
-END_TOLERANCE = 1e-12  # of the length: how far a given end may miss 0 and length, and s may leave the beam
+END_TOLERANCE = 1e-12  # share of the length by which a given end may miss 0 and length, and s may leave the beam
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class CurveBasis:
     coef: Array
 
     def evaluate(self, s: ArrayLike) -> tuple[IntArray, Array, Array]:
-        """First touched node [m], shape functions [m, max_nodes] and their d/ds (1/m) at the arc lengths s [m] in m.
+        """Return the first touched node [m], shape functions [m, max_nodes] and their d/ds (1/m) at the arc lengths s [m] in m.
 
         An element owns its left end; the last one also its right end.
 
@@ -123,7 +123,8 @@ class Basis:
     spread: Array | None = None
 
     def shapes(self, element: IntArray, s: Array) -> tuple[Array, Array]:
-        """Position and director basis of the nodes of elements [m] at arc lengths s [m, g] within them: [m, g, nn] each."""
+        """Return the position and director basis of the nodes of elements [m] at arc lengths s [m, g] within them: [m, g, nn]
+        each."""
         curve = self.curve("own")
         begin, end = self.element_ends[element], self.element_ends[element + 1]
         xi = (2.0 * (s - begin[:, None]) / (end - begin)[:, None]) - 1.0
@@ -137,7 +138,7 @@ class Basis:
         return wide, own @ self.spread[element]
 
     def fit_positions(self, values: ArrayLike) -> Array:
-        """Nodal coefficients [n_nodes, k] of the curve through values [n_nodes, k] at node_s.
+        """Return the nodal coefficients [n_nodes, k] of the curve through values [n_nodes, k] at node_s.
 
         A banded collocation solve for bspline, the identity for lagrange.
 
@@ -163,7 +164,8 @@ class Basis:
         return solve_banded((lower, upper), band, values)
 
     def curve(self, kind: str) -> CurveBasis:
-        """Basis of the curve a slider runs on: 'own' is the position basis, 'c1' has a continuous tangent, theory.md (3.1).
+        """Return the basis of the curve a slider runs on: 'own' is the position basis, 'c1' has a continuous tangent, theory.md
+        (3.1).
 
         For lagrange 'c1' bends every element polynomial towards the mean of the two slopes at its inner ends. The weight of a
         slope is the p-th power of the other element's length: equal on uniform meshes, and for odd p the leading errors of the
@@ -196,7 +198,7 @@ class Basis:
         return CurveBasis(self.element_ends, np.arange(n) * p, np.full(n, p + 1), np.repeat(own[None], n, axis=0))
 
     def position_matrix(self, s: ArrayLike) -> tuple[Array, Array]:
-        """Position basis and its d/ds (1/m) at the arc lengths s [m] in m, two dense arrays [m, n_nodes].
+        """Return the position basis and its d/ds (1/m) at the arc lengths s [m] in m, two dense arrays [m, n_nodes].
 
         Raises
         ------
@@ -213,7 +215,7 @@ class Basis:
 
 def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | ArrayLike, length: float,
                 directors: str = "greville") -> Basis:
-    """Interpolation tables of a beam of the given length (m), theory.md 3.2.
+    """Build the interpolation tables of a beam of the given length (m), theory.md 3.2.
 
     Parameters
     ----------
@@ -240,7 +242,7 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
     spread: Array | None = None
     kinds = sizes
     if interpolation == "lagrange":
-        # equal elements share what they have
+        # equal elements share their tables
         kinds = sizes[:1] if np.ndim(n_elements_or_ends) == 0 else sizes
         directors, stride, n_nodes = "nodes", p, n_elements * p + 1
         xi_nodes = gll_nodes(p)
@@ -309,7 +311,7 @@ def _check_family(interpolation: str, degree: int, directors: str) -> None:
 
 
 def _element_grid(n_elements_or_ends: int | ArrayLike, length: float) -> tuple[Array, Array]:
-    """Element ends [n+1] and sizes [n] in m, checked."""
+    """Return the element ends [n+1] and sizes [n] in m, checked."""
     if not (isfinite(length) and length > 0.0):
         raise SceneError(f"beam: length={length!r} must be positive and finite: give the length in m")
     if np.ndim(n_elements_or_ends) == 0:
@@ -337,7 +339,7 @@ def _element_grid(n_elements_or_ends: int | ArrayLike, length: float) -> tuple[A
 
 
 def _widen(table: Array, shift: IntArray, nn: int) -> Array:
-    """Table [n_elements, m, p+1] of the own nodes placed at column shift[e] of a table [n_elements, m, nn]."""
+    """Return the table [n_elements, m, p+1] of the own nodes placed at column shift[e] of a table [n_elements, m, nn]."""
     if table.shape[2] == nn:
         return table
     wide = np.zeros(table.shape[:2] + (nn,))
@@ -351,12 +353,12 @@ def _widen(table: Array, shift: IntArray, nn: int) -> Array:
 
 
 def _mass(values: Array, weight: Array) -> Array:
-    """int N_a N_b ds [n_elements, nn, nn] from values [n_elements, m, nn] at Gauss points."""
+    """Return int N_a N_b ds [n_elements, nn, nn] from values [n_elements, m, nn] at Gauss points."""
     return values.transpose(0, 2, 1) @ (weight[:, :, None] * values)
 
 
 def _own_coefficients(basis: Basis, n: int) -> Array:
-    """Legendre coefficients [n, p+1, p+1] of the position basis on the first n elements, by exact projection."""
+    """Return Legendre coefficients [n, p+1, p+1] of the position basis on the first n elements, by exact projection."""
     p = basis.degree
     xi, w = legendre.leggauss(p + 1)
     project = legendre.legvander(xi, p) * w[:, None] * (np.arange(p + 1) + 0.5)
@@ -368,9 +370,9 @@ def _own_coefficients(basis: Basis, n: int) -> Array:
 
 
 def end_bumps(p: int) -> tuple[Array, Array]:
-    """Legendre coefficients [p + 3] of functions that are zero at the nodes of an element of degree p, with slope 1 (by xi) at
-    its left and at its right end and 0 at the other: the nodal polynomial P_{p+1} - P_{p-1}, slope (+-)(2 p + 1) at the ends,
-    times (1 +- xi) / 2."""
+    """Return Legendre coefficients [p + 3] of functions that are zero at the nodes of an element of degree p, with slope 1 (by
+    xi) at its left and at its right end and 0 at the other: the nodal polynomial P_{p+1} - P_{p-1}, slope (+-)(2 p + 1) at the
+    ends, times (1 +- xi) / 2."""
     nodal = np.zeros(p + 2)
     nodal[p + 1], nodal[p - 1] = 1.0, -1.0
     shifted = legendre.legmulx(nodal)
@@ -379,7 +381,7 @@ def end_bumps(p: int) -> tuple[Array, Array]:
 
 
 def _smoothed_curve(ends: Array, own: Array, p: int) -> CurveBasis:
-    """The C1 curve of `Basis.curve` from the Legendre coefficients own [p+1, p+1] of one Lagrange element."""
+    """Return the C1 curve of `Basis.curve` from the Legendre coefficients own [p+1, p+1] of one Lagrange element."""
     n = ends.size - 1
     sizes = np.diff(ends)
     first = np.maximum(np.arange(n) - 1, 0) * p

@@ -12,7 +12,8 @@ IntArray = NDArray[np.int64]
 
 
 def gll_nodes(degree: int) -> Array:
-    """The degree + 1 Gauss-Lobatto-Legendre nodes on [-1, 1]: the zeros of (1 - x^2) P_p'(x), ascending and exactly symmetric."""
+    """Return the degree + 1 Gauss-Lobatto-Legendre nodes on [-1, 1]: the zeros of (1 - x^2) P_p'(x), ascending and exactly
+    symmetric."""
     p = degree
     top = np.eye(p + 1)[p]
     slope, curvature = legendre.legder(top), legendre.legder(top, 2)
@@ -24,7 +25,7 @@ def gll_nodes(degree: int) -> Array:
 
 
 def lagrange_shapes(p: int, xi: Array, sizes: Array) -> tuple[Array, Array]:
-    """Lagrange polynomials through the Lobatto nodes at xi [m] and their d/ds, both [n_elements, m, p+1]."""
+    """Return Lagrange polynomials through the Lobatto nodes at xi [m] and their d/ds, both [n_elements, m, p+1]."""
     # discrete Legendre transform on the Lobatto nodes: N_a = sum_k w_a P_k(x_a) / gamma_k P_k
     nodes = gll_nodes(p)
     vander = legendre.legvander(nodes, p)
@@ -37,7 +38,8 @@ def lagrange_shapes(p: int, xi: Array, sizes: Array) -> tuple[Array, Array]:
 
 
 def bspline_shapes(p: int, knots: Array, theta: Array) -> tuple[Array, Array]:
-    """B-splines on each element at its fractions theta [m] and their derivative, both [n_elements, m, p+1]: Cox-de Boor."""
+    """Return B-splines on each element at its fractions theta [m] and their derivative, both [n_elements, m, p+1]: Cox-de
+    Boor."""
     n_elements = knots.size - 2 * p - 1
     span = slice(p, p + n_elements)
 
@@ -63,7 +65,8 @@ def bspline_shapes(p: int, knots: Array, theta: Array) -> tuple[Array, Array]:
 
 
 def spread_table(knots: Array, greville: Array, p: int) -> tuple[IntArray, int, Array]:
-    """First node [n_elements], number nn of nodes of an element, map [n_elements, p+1, nn] from its triads to coefficients."""
+    """Return first node [n_elements], number nn of nodes of an element, map [n_elements, p+1, nn] from its triads to
+    coefficients."""
     start, last, weights = _director_weights(knots, greville, p)
     n = greville.size
     element = np.arange(n - p)
@@ -80,7 +83,7 @@ def spread_table(knots: Array, greville: Array, p: int) -> tuple[IntArray, int, 
 
 
 def _director_weights(knots: Array, greville: Array, p: int) -> tuple[IntArray, IntArray, Array]:
-    """Local quasi-interpolant that reproduces degree p, theory.md 3.1 (b).
+    """Return the local quasi-interpolant that reproduces degree p, theory.md 3.1 (b).
 
     Coefficient A is sum_k weights[A, k] triad[start[A] + k].
 
@@ -93,7 +96,7 @@ def _director_weights(knots: Array, greville: Array, p: int) -> tuple[IntArray, 
     node = np.arange(n)
     inner_knots = knots[1 + node[:, None] + np.arange(p)]
     sizes = np.diff(knots[p:n + 1])
-    rounding = 8.0 * np.finfo(float).eps * greville[-1]  # of a difference of arc lengths
+    rounding = 8.0 * np.finfo(float).eps * greville[-1]  # round-off of a difference of arc lengths
     equal = np.ptp(sizes) <= rounding
     width = p + 1 if p % 2 == 0 or equal else min(p + 2, n)
     wide = node - half if p % 2 == 0 else np.where(equal & (2 * node < n), node - half, node - half - 1)
@@ -124,7 +127,7 @@ def _director_weights(knots: Array, greville: Array, p: int) -> tuple[IntArray, 
 
 
 def _blossom_weights(points: Array, arguments: Array, p: int) -> Array:
-    """Weights [m, w] on points [m, w] that turn values of a polynomial into its polar form at arguments [m, p].
+    """Return weights [m, w] on points [m, w] that turn values of a polynomial into its polar form at arguments [m, p].
 
     The polar form of x^k, k <= p, is e_k(arguments) / binomial(p, k): the B-spline coefficient if these are the inner knots.
     w = p + 1, w = p + 2 (the weights of least norm are taken) or w = p (for windows whose symmetry takes care of degree p).
@@ -145,7 +148,7 @@ def _blossom_weights(points: Array, arguments: Array, p: int) -> Array:
     weights = np.zeros((points.shape[0], width, 1))
     weights[:, :fixed] = np.linalg.solve(square, polar[:, :fixed, None])
     if width == p + 2:
-        # the divided difference of order p + 1 spans what may be added without touching degree p
+        # the divided difference of order p + 1 spans the weights that may be added without a change up to degree p
         null = 1.0 / np.stack([(x[:, b:b + 1] - np.delete(x, b, axis=1)).prod(axis=1) for b in range(width)], axis=1)
         null /= np.sqrt((null ** 2).sum(axis=1))[:, None]
         weights[:, :, 0] -= (null * weights[:, :, 0]).sum(axis=1)[:, None] * null

@@ -1,4 +1,4 @@
-"""Points at which the strain energy of B-splines of degree 2 and 3 is taken: Gauss rules of spline spaces, theory.md 3.1.
+"""Quadrature points of the strain energy of B-splines of degree 2 and 3: Gauss rules of spline spaces, theory.md 3.1.
 
 With p Gauss points an element splines of few elements lock: shear is to vanish at more points than there are shapes to choose
 from. The energy of derivatives is exact with fewer: those of the Gauss rule of splines of degree 2 p - 2 with p - 2 continuous
@@ -14,21 +14,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 # elements that are solved for at most; beyond, equal ones repeat the pattern inside
 SOLVED = {2: 80, 3: 40}
-# of integrals of all functions of the space, as a share of the length of an element
+# error of integrals of all functions of the space, as a share of the length of an element
 EXACT = 1e-13
 
 
 def points_of(p: int, sizes: Array) -> tuple[Array, Array] | None:
-    """Places in their elements, 0 to 1, and weights as shares of the length of their element, [n, 2] both; an element with one
-    point has another of weight zero. None where p Gauss points of an element are taken: of degrees 4 and 5, which lock little, of
-    a single element, and of many unequal ones.
+    """Return places in their elements, 0 to 1, and weights as shares of the length of their element, [n, 2] both; an element with
+    one point has another of weight zero. None if p Gauss points of an element are taken: for degrees 4 and 5, which lock little,
+    for a single element, and for many unequal ones.
 
     Parameters
     ----------
     p : int
         Degree.
     sizes : float64 [n]
-        Of elements, m.
+        Lengths of elements, m.
     """
     n = sizes.size
     equal = bool(np.ptp(sizes) <= 1e-12 * sizes.max())
@@ -52,14 +52,14 @@ def _of_equal(p: int, n: int) -> tuple[Array, Array] | None:
 
 
 def _of(p: int, ends: Array, symmetric: bool) -> tuple[Array, Array] | None:
-    """Of elements with these ends, 0 to 1."""
+    """Return `points_of` for elements with these ends, 0 to 1."""
     found = _quadratic(np.diff(ends), ends) if p == 2 else _solved(p, ends, symmetric)
     return None if found is None else _by_elements(*found, ends)
 
 
 def _quadratic(sizes: Array, ends: Array) -> tuple[Array, Array] | None:
-    """Points and weights for degree 2: those of C0 parabolas. With one point in each element the integrals of its bubble and of
-    the function of its outer end tell where it is and its weight, from both ends to the middle, where two points or one at an
+    """Return points and weights for degree 2: those of C0 parabolas. With one point in each element the integrals of its bubble
+    and of the function of its outer end fix its place and its weight, from both ends to the middle, where two points or one at an
     end of elements remain."""
     n = sizes.size
     x, w = [], []
@@ -97,7 +97,7 @@ def _quadratic(sizes: Array, ends: Array) -> tuple[Array, Array] | None:
 
 
 def _two_points(a: float, b: float) -> tuple[list[float], list[float]] | None:
-    """Two points in an element with integrals a of (1 - t)^2, b of t^2 and 1/3 of 2 t (1 - t): of equal weights."""
+    """Return two points in an element with integrals a of (1 - t)^2, b of t^2 and 1/3 of 2 t (1 - t): of equal weights."""
     whole = a + b + 1.0 / 3.0
     # moments of 1, t, t^2; equal weights leave one solution
     first, second = (b + 1.0 / 6.0) / whole, b / whole
@@ -109,7 +109,7 @@ def _two_points(a: float, b: float) -> tuple[list[float], list[float]] | None:
 
 
 def _solved(p: int, ends: Array, symmetric: bool) -> tuple[Array, Array] | None:
-    """Points and weights on 0 to 1, or None where there are none that are inside, in order and positive."""
+    """Solve for points and weights on 0 to 1; None if there are none that are inside, in order and positive."""
     q, smooth = 2 * p - 2, p - 2
     knots = np.concatenate((np.zeros(q + 1), np.repeat(ends[1:-1], q - smooth), np.ones(q + 1)))
     size = knots.size - q - 1
@@ -129,7 +129,7 @@ def _solved(p: int, ends: Array, symmetric: bool) -> tuple[Array, Array] | None:
         return np.clip(both[:m] + 0.5, 0.0, 1.0 - 1e-15), both[m:]
 
     def missing(z: Array) -> tuple[Array, Array]:
-        """What integrals lack, and its derivative."""
+        """Return the error of the integrals, and its derivative."""
         x, w = unfolded(z)
         values, slopes = _splines(q, knots, x)
         return values.T @ w - whole, np.hstack((slopes.T * w, values.T)) @ fold
@@ -153,7 +153,7 @@ def _solved(p: int, ends: Array, symmetric: bool) -> tuple[Array, Array] | None:
 
 
 def _folded(m: int) -> Array:
-    """Map [2 m, m] from the first half of points, from the middle on, and weights to all of them."""
+    """Return the map [2 m, m] from the first half of points, from the middle on, and weights to all of them."""
     half, middle = m // 2, m % 2
     out = np.zeros((2 * m, m))
     i = np.arange(half)
@@ -164,7 +164,7 @@ def _folded(m: int) -> Array:
 
 
 def _splines(q: int, knots: Array, x: Array) -> tuple[Array, Array]:
-    """All B-splines of degree q, repeated knots included, and their derivatives at x [m]: [m, size] both."""
+    """Evaluate all B-splines of degree q, repeated knots included, and their derivatives at x [m]: [m, size] both."""
     span = np.searchsorted(knots, x, side="right") - 1
     values = np.zeros((x.size, knots.size - 1))
     values[np.arange(x.size), span] = 1.0
@@ -179,7 +179,7 @@ def _splines(q: int, knots: Array, x: Array) -> tuple[Array, Array]:
 
 
 def _by_elements(x: Array, w: Array, ends: Array) -> tuple[Array, Array]:
-    """Element by element, filled up with points of weight zero in the middle."""
+    """Sort points and weights into elements, filled up with points of weight zero in the middle."""
     n = ends.size - 1
     element = np.clip(np.searchsorted(ends, x, side="right") - 1, 0, n - 1)
     number = np.bincount(element, minlength=n)
