@@ -267,7 +267,12 @@ class PathSolver(SlidingSolver):
         self.work.increment.control[0] = 0.0
         saddle, right, loads = self.equations()
         x = self._bordered(saddle, loads, np.zeros_like(right), 1.0, right, 0.0)
-        return x is None or self._size(x[:len(self.core.dofs) * self.core.pattern.n]) < AT_REST
+        if x is None:
+            return True
+        size, dim = len(self.core.dofs), self.core.dim
+        moves = x[:size * self.core.pattern.n].reshape(-1, size)
+        shift, spin = (float(np.max(np.linalg.norm(part, axis=1), initial=0.0)) for part in (moves[:, :dim], moves[:, dim:]))
+        return shift / self.core.length + spin < AT_REST
 
     def direction(self, along: Direction | None, sign: float = 1.0) -> Direction | None:
         """Return the direction of the path at the present equilibrium, forward along an earlier direction; without one the load

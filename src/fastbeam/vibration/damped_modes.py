@@ -23,6 +23,8 @@ ITERATIONS = 12
 ROUGH = (1e-12, 1e-10, 1e-8)
 # share of a vector, in the masses, in which it may differ from the one that it was begun with
 SAME = 0.5
+# rates whose sizes differ by less than this share are of equal size
+EQUAL = 1e-9
 # next to the largest rate: round-off of a free motion
 ZERO = 1e-14
 # more undamped modes than are asked for: what they give of the others
@@ -65,9 +67,18 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     for rate, part in zip(rates, parts.T):
         x = (span @ part).astype(complex)
         out.append(_improved(system, terms, scale, complex(rate), x, least, out))
-    out = sorted(out, key=lambda one: (abs(one[0]), one[0].real))
+    out = _in_order(out)
     vectors = np.array([x for _, x, _ in out]).reshape(len(out), pencil.multiplier.size)
     return Damped(np.array([rate for rate, *_ in out]), vectors.T, np.array([left for *_, left in out]))
+
+
+def _in_order(found: list[tuple[complex, Array, float]]) -> list[tuple[complex, Array, float]]:
+    """Sort modes by the size of their rates, and those of equal size, as of a motion that grows and the same backward in time, by
+    their real parts."""
+    found = sorted(found, key=lambda one: abs(one[0]))
+    sizes = np.abs([rate for rate, *_ in found])
+    group = np.concatenate(([0], np.cumsum(sizes[1:] > (1.0 + EQUAL) * sizes[:-1])))
+    return [found[k] for k in sorted(range(len(found)), key=lambda k: (group[k], found[k][0].real))]
 
 
 def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:

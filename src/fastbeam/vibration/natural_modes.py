@@ -133,6 +133,7 @@ def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, stead
     if not damped:
         found = equilibrium_of("modes", about, n, backend, state)
         return _modes_of(about, found), found
+    require(Analysis.DAMPED, model)
     found = equilibrium_of("modes", about, n + MORE, backend, state)
     if not found.factors.pencil.is_symmetric:
         raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space, "
