@@ -464,8 +464,8 @@ class _Motion:
         last = f"the last swing moved it by {self.info['residual']:.2g} of its size" if self.swings else "it still falls"
         text = (f"relax: scene {self.model.scene_name!r} did not come to rest in {most_steps} steps, {self.swings} swings; "
                 f"{last}. Give more most_steps, damping (damping= of sections, Drag(linear=)) and a run in time, or look whether "
-                "there is an equilibrium at all (a mechanism that turns for ever under a moment or a law has none). The last shape "
-                "is in .state, everything until then in .result")
+                "there is an equilibrium at all (a mechanism that turns for ever under a moment or a law has none). The last "
+                "shape is in .state, everything until then in .result")
         self.buffer.event({"kind": "stopped", "time": self.t, "text": text})
         return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
 
