@@ -189,7 +189,7 @@ class RowMap:
 
     @cached_property
     def free(self) -> Array:
-        """Mask with 1 for free unknowns, 0 for fixed ones [m]."""
+        """Mask with 1 at free unknowns, 0 at fixed ones [m]."""
         return free_of_rows(self.model if self.axes is None else self.model.plane.model)
 
     @cached_property
