@@ -13,9 +13,9 @@ import numpy as np
 
 from fastbeam.dynamics.bounds import Ways
 from fastbeam.dynamics.callback import Callback
-from fastbeam.dynamics.checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
+from fastbeam.dynamics.checkpoint import SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from fastbeam.dynamics.contact_force import AT_END, AT_ROWS, ContactForces
-from fastbeam.dynamics.control import StepControl, composition, failure
+from fastbeam.dynamics.control import StepControl, composition, failure, step_control
 from fastbeam.dynamics.events import CONDITION, Encounters
 from fastbeam.dynamics.extrapolation import check_two_runs, extrapolates, of_two_runs
 from fastbeam.dynamics.filtering import FilteringStepper, check_filtered
@@ -40,7 +40,7 @@ from fastbeam.results.observe.points import PointRows
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
-from fastbeam.stepping.methods import choose_method
+from fastbeam.stepping.methods import Method, choose_method
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import AUGMENTATION, Stepper
 
@@ -193,27 +193,17 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         check_two_runs(tolerance, callback, checkpoint, min_step, max_step)
         return of_two_runs(simulate, model, clock.now, t_end, step, every, file, overwrite, {
             "rho_inf": rho_inf, "start": start if isinstance(start, State) else state, "observe": observe, "points": points,
-            "snapshots": snapshots,
-            "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation, "threads": threads,
-            "progress": progress, "mend_start": mend_start})
+            "snapshots": snapshots, "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation,
+            "threads": threads, "progress": progress, "mend_start": mend_start})
     if tolerance is None and not (min_step is None and max_step is None):
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     chosen = choose_method(method, rho_inf, order, tolerance, model)
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else every
-    control = None
-    if tolerance is not None:
-        largest = 0.1 * (t_end - clock.origin) if max_step is None else max_step
-        least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
-        smallest = min(max(1e-6 * step, least), largest) if min_step is None else min_step
-        control = StepControl(tolerance, order, smallest, largest)
-        check_times(clock.now, t_end, smallest, "min_step")
+    control = None if tolerance is None else step_control(tolerance, order, clock, t_end, min_step, max_step)
     memory = start.memory if isinstance(start, Checkpoint) else None
-    make: Any = ReactingStepper if "reaction" in observe else Stepper
-    if chosen.filters:
-        check_filtered(order, model, observe)
-        make = FilteringStepper
+    make = _stepper_class(chosen, order, model, observe)
     rows_of_points = PointRows(model, observe, points)
     if rows_of_points.measured:
         make = measuring(make, chosen, rows_of_points)
@@ -228,6 +218,20 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     run.info |= books
     run.impacts = Impacts(model, start.impacts if isinstance(start, Checkpoint) else None)
     return run.go(every)
+
+
+def _stepper_class(method: Method, order: int, model: Model, observe: Sequence[str]) -> Any:
+    """Choose the class of the stepper of a run, before what its points ask for.
+
+    Raises
+    ------
+    SceneError
+        A method that dissipates does not go with the order, the model or what is observed.
+    """
+    if method.filters:
+        check_filtered(order, model, observe)
+        return FilteringStepper
+    return ReactingStepper if "reaction" in observe else Stepper
 
 
 class _Run(Encounters):
