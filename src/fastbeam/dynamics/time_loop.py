@@ -318,29 +318,11 @@ class _Run(Encounters):
                 clock.before = clock.before_size = None
             self.rows.first()
             begun = True
-            for kind, text in self.notes:
-                self.event({"kind": kind, "time": self.t_start, "text": text})
-            self.watch.massless()
-            self.watch.tables()
-            self.watch.order(clock.now)
+            self._tell_of_start()
             for t, outcome, size, row_due in self.chunks(every):
                 self.took(t, outcome, size)
                 self.between = False
-                if row_due:
-                    self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
-                    if outcome.status == OK:
-                        self.watch.turns(t, size)
-                        self.watch.friction(t, size)
-                        self.watch.order(t)
-                    self.watch.mesh(t, self.steps, size)
-                    if self.callback is not None:
-                        with self.interrupts.at_once():
-                            ended = self.call_back(t, size)
-                        if ended:
-                            self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
-                            break
-                    self.keep_checkpoint()
-                if self.rows.file_error is not None:
+                if row_due and self._record(t, outcome, size) or self.rows.file_error is not None:
                     break
                 self.interrupts.serve()
             self.rows.broken_off = False
@@ -360,19 +342,59 @@ class _Run(Encounters):
             self.rows.broken_off = self.between
             self.event({"kind": "failed", "time": clock.now, "text": f"{type(failed).__name__}: {failed}"})
         finally:
-            self.rows.close_last()
-            self.progress.close()
-            self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
-                          "fallbacks": self.stepper.linear.fallbacks,
-                          "scale": self.observer.scales(self.step) | {"gap": self.model.length},
-                          "wall_time": time.perf_counter() - begin}
-            if self.control is not None:
-                self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
-                              "rejected": self.control.rejected}
-            if not self.between:
-                self.watch.mesh(clock.now, self.steps, last=True)
-            self.watch.drift(clock.now, self.memory.close(self.info), self.info["conserved"])
-            self.rows.end(self.info)
+            self._close(begin)
+        return self._result(error)
+
+    def _tell_of_start(self) -> None:
+        """Put what is to be said of the start and of the model into the events."""
+        for kind, text in self.notes:
+            self.event({"kind": kind, "time": self.t_start, "text": text})
+        self.watch.massless()
+        self.watch.tables()
+        self.watch.order(self.clock.now)
+
+    def _record(self, t: float, outcome: Outcome, size: float) -> bool:
+        """Record a row, renew the checkpoint; whether the callback ends the run."""
+        self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
+        if outcome.status == OK:
+            self.watch.turns(t, size)
+            self.watch.friction(t, size)
+            self.watch.order(t)
+        self.watch.mesh(t, self.steps, size)
+        if self.callback is not None:
+            with self.interrupts.at_once():
+                ended = self.call_back(t, size)
+            if ended:
+                self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
+                return True
+        self.keep_checkpoint()
+        return False
+
+    def _close(self, begin: float) -> None:
+        """Close rows and files, and sum up a run that began at this reading of `time.perf_counter`, s."""
+        self.rows.close_last()
+        self.progress.close()
+        self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
+                      "fallbacks": self.stepper.linear.fallbacks,
+                      "scale": self.observer.scales(self.step) | {"gap": self.model.length},
+                      "wall_time": time.perf_counter() - begin}
+        if self.control is not None:
+            self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
+                          "rejected": self.control.rejected}
+        if not self.between:
+            self.watch.mesh(self.clock.now, self.steps, last=True)
+        self.watch.drift(self.clock.now, self.memory.close(self.info), self.info["conserved"])
+        self.rows.end(self.info)
+
+    def _result(self, error: BaseException | None) -> Result:
+        """Return the result with its checkpoint, or raise what broke the run off, with the result until then.
+
+        Raises
+        ------
+        ConvergenceError, ResultFileError, Interrupted, Exception
+            As `simulate`.
+        """
+        clock = self.clock
         # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
         present = None if self.between else self.present()
         if present is not None:
