@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from fastbeam.dynamics.callback import Callback
 from fastbeam.dynamics.checkpoint import SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from fastbeam.dynamics.contact_force import AT_END, AT_ROWS, ContactForces
 from fastbeam.dynamics.control import StepControl, composition, failure, step_control
-from fastbeam.dynamics.events import CONDITION, Encounters
+from fastbeam.dynamics.events import CONDITION, Encounters, Plan
 from fastbeam.dynamics.extrapolation import check_two_runs, extrapolates, of_two_runs
 from fastbeam.dynamics.filtering import FilteringStepper, check_filtered
 from fastbeam.dynamics.impacts import Impacts
@@ -234,6 +234,16 @@ def _stepper_class(method: Method, order: int, model: Model, observe: Sequence[s
     return ReactingStepper if "reaction" in observe else Stepper
 
 
+class _Taken(NamedTuple):
+    """Steps of a run that were taken together."""
+
+    outcome: Outcome
+    size: float          # of each, s
+    reached: float       # time behind them, s
+    proposed: float      # size of the next with step control, s
+    more: bool = False   # whether others follow before the next row
+
+
 class _Run(Encounters):
     """One run: drives the stepper and feeds rows to memory and file."""
 
@@ -436,44 +446,15 @@ class _Run(Encounters):
         t, h = clock.now, clock.size
         quiet = not self.observer.series().keys() - {"iterations", "step_size"}
         quiet = quiet and self.rows.writer is None and self.callback is None and self.checkpoint is None
-        end, left, last = self.plan()
+        plan = self.plan()
         # steps since the last row, which controllers do not end
         since = 0
         while t < self.t_end:
             begin = time.perf_counter()
             self.sampling.ask(t, self.stepper)
             self.between = True
-            whole = left > 0
-            # whether steps follow that are taken one by one, because the last three tell the last row
-            more = False
-            if self.control is not None:
-                planned = min(max(h, self.control.smallest), self.control.largest)
-                rest = end - t
-                # neither a sliver at the end nor a step beyond the largest
-                sliver = planned < rest < (1.0 + SLIVER) * planned
-                cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
-                size, h, outcome = self.controlled(t, cut)
-                # a step that was cut to meet the end says nothing about the next
-                h = max(h, planned) if size == rest or size == cut != planned else h
-                reached = end if size == rest else t + size
-            elif whole:
-                size = self.step
-                most = every
-                if self.sampling.controllers:
-                    most = min(every - since, self.sampling.steps(t, size, self.stepper.core_state))
-                singly = self.rows.looks_back and left <= most
-                tail = 2 if last else 3
-                count = min(most, left) if not singly else max(1, left - tail)
-                outcome = self.advance(clock.origin, size, count, clock.done)
-                left -= outcome.steps
-                more = singly and left > 0
-                reached = clock.count(outcome.steps)
-                if outcome.status == OK and not left and not last:
-                    reached = end
-            else:
-                size = last
-                outcome = self.advance(t, size, 1)
-                reached = end
+            whole = plan.left > 0
+            outcome, size, reached, h, more = self._take(t, h, plan, every, since)
             if outcome.status == OK and not outcome.steps:
                 # left before the first step was done
                 self.between, h = False, clock.size
@@ -491,7 +472,7 @@ class _Run(Encounters):
                 if not goes_on:
                     return
                 t = clock.now
-                end, left, last = self.plan()
+                plan = self.plan()
                 continue
             if outcome.status != OK:
                 failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps, size)
@@ -502,19 +483,64 @@ class _Run(Encounters):
             self.progress.update(reached - t)
             t = clock.now = reached
             clock.size, self.impacts.in_a_row = h, 0
-            if self.locking.lifting or t >= end and self.locking.next_time(self.stepper.state) <= t:
+            if self.locking.lifting or t >= plan.end and self.locking.next_time(self.stepper.state) <= t:
                 # the row of this time is behind what happens now
                 self.took(t, outcome, size)
                 outcome = replace(outcome, steps=0, iterations=outcome.iterations // max(outcome.steps, 1))
                 self.happen(t)
                 self.count_from(t)
-                end, left, last = self.plan()
+                plan = self.plan()
             since += outcome.steps
             due = not (self.sampling.controllers or more) or since >= every or t >= self.t_end
             since = 0 if due else since
             yield t, outcome, size, due
             if quiet and self.control is None and time.perf_counter() - begin < 0.1:
                 every *= 2
+
+    def _take(self, t: float, h: float, plan: Plan, every: int, since: int) -> _Taken:
+        """Take the next steps from time t: one of the size that step control chooses, whole ones, or a last one that differs.
+
+        Parameters
+        ----------
+        h : float
+            Size that step control has proposed, s.
+        every, since : int
+            Steps between rows, and since the last one.
+        """
+        if self.control is not None:
+            return self._controlled_step(t, h, plan.end)
+        if plan.left:
+            return self._whole_steps(t, h, plan, every, since)
+        return _Taken(self.advance(t, plan.last, 1), plan.last, plan.end, h)
+
+    def _controlled_step(self, t: float, h: float, end: float) -> _Taken:
+        """Take a step of the size that step control chooses; the last one meets the end."""
+        assert self.control is not None
+        planned = min(max(h, self.control.smallest), self.control.largest)
+        rest = end - t
+        # neither a sliver at the end nor a step beyond the largest
+        sliver = planned < rest < (1.0 + SLIVER) * planned
+        cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
+        size, h, outcome = self.controlled(t, cut)
+        # a step that was cut to meet the end says nothing about the next
+        h = max(h, planned) if size == rest or size == cut != planned else h
+        return _Taken(outcome, size, end if size == rest else t + size, h)
+
+    def _whole_steps(self, t: float, h: float, plan: Plan, every: int, since: int) -> _Taken:
+        """Take whole steps up to a row, to where a controller is asked, or to the end; as `_take`."""
+        clock, most = self.clock, every
+        if self.sampling.controllers:
+            most = min(every - since, self.sampling.steps(t, self.step, self.stepper.core_state))
+        # the last three steps tell the last row, and are taken one by one
+        singly = self.rows.looks_back and plan.left <= most
+        tail = 2 if plan.last else 3
+        count = min(most, plan.left) if not singly else max(1, plan.left - tail)
+        outcome = self.advance(clock.origin, self.step, count, clock.done)
+        plan.left -= outcome.steps
+        reached = clock.count(outcome.steps)
+        if outcome.status == OK and not plan.left and not plan.last:
+            reached = plan.end
+        return _Taken(outcome, self.step, reached, h, singly and plan.left > 0)
 
 
 @cache
