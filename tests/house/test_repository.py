@@ -37,6 +37,28 @@ def test_no_source_file_is_longer_than_800_lines() -> None:
     assert {name_of(path): len(lines(path)) for path in SOURCES if len(lines(path)) > 800} == {}
 
 
+def lengths(text: str) -> dict[str, int]:
+    """Lines of every function, without its docstring: name and line to number."""
+    found = {}
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            first = node.body[0]
+            told = first.end_lineno - first.lineno + 1 if ast.get_docstring(node) is not None else 0
+            found[f"{node.name}, line {node.lineno}"] = node.end_lineno - node.lineno + 1 - told
+    return found
+
+
+def test_no_function_is_longer_than_60_lines_without_its_docstring() -> None:
+    long = {f"{name_of(path)}: {name}": n for path in SOURCES for name, n in lengths(path.read_text(encoding="utf-8")).items()
+            if n > 60}
+    assert long == {}
+
+
+def test_lines_of_functions_are_counted() -> None:
+    text = 'def f(a,\n      b):\n    """A\n    B"""\n    return a\n\nclass C:\n    async def g(self):\n        def h(): pass\n'
+    assert lengths(text) == {"f, line 1": 3, "g, line 8": 2, "h, line 9": 1}
+
+
 def test_no_line_is_longer_than_130_columns() -> None:
     assert [f"{name_of(path)}:{k}" for path in PYTHON_FILES for k, line in enumerate(lines(path), 1) if len(line) > 130] == []
 

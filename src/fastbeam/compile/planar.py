@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from fastbeam.model.model import Model
 
 Array = np.ndarray
+PUSHED, TURNED = "the load on {} points out of the plane", "the moment on {} is not about the normal of the plane"
 
 
 class Found(NamedTuple):
@@ -65,50 +66,21 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     features = [x for x in (*unpacked.numbered.links.features, unpacked.dragged) if x is not None]
     for lack, names in told(Analysis.PLANAR, features):
         raise NotPlanar(lack.text.format(name=names[0]))
-    q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
-    length = unpacked.numbered.length
-    rows = unpacked.loads.vectors[:, unpacked.joints.row_root]
-    within = [(q[:, 0] - q[0, 0], "{} lies out of the plane of other nodes"),
-              (v[:, 0], "the initial velocity of {} points out of the plane"),
-              (unpacked.gravity[None], "gravity points out of the plane"),
-              *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
-    turning: list[tuple[Array, str]] = []
-    # nodes of arrays whose rows are not all nodes of the scene
-    places: dict[int, Array] = {}
-    if unpacked.dragged is not None:
-        # several drags may act on one node, each with its own air
-        places[len(within)] = unpacked.dragged.node
-        within.append((unpacked.dragged.air, "the air at {} moves out of the plane"))
-    if unpacked.prescribed is not None:
-        for way, axes in unpacked.prescribed.directions(len(q)):
-            within.append((way, "the motion of {} leaves the plane"))
-            turning.append((axes, "the rotation of {} is not about the normal of the plane"))
-    # round-off of spins and moments has no axis
-    speed, push = (float(np.max(np.abs(x), initial=0.0)) for x in (v[:, 0], rows[:, :, :3]))
-    spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / length)
-    across = [(spins, "the initial spin of {} is not about the normal of the plane")]
-    across += [(_without_noise(x, push * length), "the moment on {} is not about the normal of the plane")
-               for x in rows[:, :, 3:6]]
-    across += turning
-    pushed, twisted = _following(unpacked.numbered.links.loaded, q, length)
-    within += [(x, "the load on {} points out of the plane") for x in pushed]
-    across += [(x, "the moment on {} is not about the normal of the plane") for x in twisted]
-    for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
-        within.append((pushes, f"{on} pushes {{}} out of the plane"))
-        across.append((turns, f"{on} turns {{}} about an axis that is not the normal of the plane"))
+    within, across = _vectors(unpacked)
+    q = unpacked.state.q.reshape(-1, 4, 3)
     masks = unpacked.joints.held & 7
     partly = np.flatnonzero((masks != 0) & (masks != 7))
     some_axes = held_axes(masks[partly]).astype(float)
-    normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:], some_axes)
+    normal = _normal([vectors.x for vectors in within], [vectors.x for vectors in across], q[0, 1:], some_axes)
     axes = _axes(normal)
     normal = axes[2]
     check_plane(unpacked.numbered.links.of(Bushing)[0], normal)
-    for of, (x, why) in enumerate(within):
-        _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked, places.get(of))
+    for x, why, nodes in within:
+        _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked, nodes)
     along = some_axes * normal
     _refuse(np.linalg.norm(along - (along @ normal)[:, None] * normal, axis=1), TOLERANCE,
             "the support of {} holds axes that are oblique to the plane", unpacked, partly)
-    for x, why in across:
+    for x, why, _ in across:
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
         _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
     for freedom, _, frame in unpacked.numbered.links.freedoms:
@@ -124,10 +96,48 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     singles = kept_in_plane(unpacked.kept, normal)[1]
     single = sum(link.forces(3) for link in unpacked.kept if not link.law.is_vector)
     plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors, singles, single)
-    check_state(unpacked.state.q, unpacked.state.v, plane, length)
+    check_state(unpacked.state.q, unpacked.state.v, plane, unpacked.numbered.length)
     _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
             "the section of {} does not stand upright on the plane", unpacked)
     return plane
+
+
+class _Vectors(NamedTuple):
+    """Vectors of nodes that lie in the plane of a scene, or along its normal."""
+
+    x: Array                      # float64 [n, 3]
+    why: str                      # what is said of a node, {}, where a vector has another
+    nodes: Array | None = None    # int64 [n]; default: all of the scene
+
+
+def _vectors(unpacked: Unpacked) -> tuple[list[_Vectors], list[_Vectors]]:
+    """Collect vectors that lie in the plane of a scene, and those along its normal: places, velocities, loads, what moves."""
+    q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
+    length = unpacked.numbered.length
+    rows = unpacked.loads.vectors[:, unpacked.joints.row_root]
+    within = [_Vectors(q[:, 0] - q[0, 0], "{} lies out of the plane of other nodes"),
+              _Vectors(v[:, 0], "the initial velocity of {} points out of the plane"),
+              _Vectors(unpacked.gravity[None], "gravity points out of the plane"),
+              *(_Vectors(x, PUSHED) for x in rows[:, :, :3])]
+    # round-off of spins and moments has no axis
+    speed, push = (float(np.max(np.abs(x), initial=0.0)) for x in (v[:, 0], rows[:, :, :3]))
+    spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / length)
+    across = [_Vectors(spins, "the initial spin of {} is not about the normal of the plane"),
+              *(_Vectors(_without_noise(x, push * length), TURNED) for x in rows[:, :, 3:6])]
+    if unpacked.dragged is not None:
+        # several drags may act on one node, each with air of its own
+        within.append(_Vectors(unpacked.dragged.air, "the air at {} moves out of the plane", unpacked.dragged.node))
+    if unpacked.prescribed is not None:
+        for way, axes in unpacked.prescribed.directions(len(q)):
+            within.append(_Vectors(way, "the motion of {} leaves the plane"))
+            across.append(_Vectors(axes, "the rotation of {} is not about the normal of the plane"))
+    pushed, twisted = _following(unpacked.numbered.links.loaded, q, length)
+    within += [_Vectors(x, PUSHED) for x in pushed]
+    across += [_Vectors(x, TURNED) for x in twisted]
+    for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
+        within.append(_Vectors(pushes, f"{on} pushes {{}} out of the plane"))
+        across.append(_Vectors(turns, f"{on} turns {{}} about an axis that is not the normal of the plane"))
+    return within, across
 
 
 def _following(loaded: Any, q: Array, length: float) -> tuple[list[Array], list[Array]]:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fastbeam.dynamics.bounds import Ways
@@ -33,6 +33,25 @@ DULLED = 0.05
 CONDITION = 100
 
 
+@dataclass
+class Plan:
+    """Steps that are taken next.
+
+    Attributes
+    ----------
+    end : float
+        Time up to which they go, s.
+    left : int
+        Whole steps until then; none with step control.
+    last : float
+        Size of a last one that differs, or 0, s.
+    """
+
+    end: float
+    left: int
+    last: float
+
+
 class Encounters:
     """The part of a run that goes on behind an event: the step is shortened to it, velocities jump or the slider is fixed or
     released, and steps are counted from there."""
@@ -53,11 +72,10 @@ class Encounters:
     steps: int
     between: bool
 
-    def plan(self) -> tuple[float, int, float]:
-        """Return the time up to which steps are taken next, the end of the run or where a lock or release is due; whole steps
-        until then and the size of a last one that differs or 0."""
+    def plan(self) -> Plan:
+        """Plan the steps up to the end of the run, or to where a lock or release is due."""
         end = min(self.t_end, self.locking.next_time(self.stepper.state)) if self.locking.is_present else self.t_end
-        return end, *(self.clock.plan(end) if self.control is None and self.clock.now < end else (0, 0.0))
+        return Plan(end, *(self.clock.plan(end) if self.control is None and self.clock.now < end else (0, 0.0)))
 
     def happen(self, t: float, found: Sequence[Any] = ()) -> bool:
         """Apply locks and releases that are due; return whether there are any."""

@@ -7,16 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fastbeam.dynamics.bounds import Ways
 from fastbeam.dynamics.callback import Callback
-from fastbeam.dynamics.checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
+from fastbeam.dynamics.checkpoint import SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from fastbeam.dynamics.contact_force import AT_END, AT_ROWS, ContactForces
-from fastbeam.dynamics.control import StepControl, composition, failure
-from fastbeam.dynamics.events import CONDITION, Encounters
+from fastbeam.dynamics.control import StepControl, composition, failure, step_control
+from fastbeam.dynamics.events import CONDITION, Encounters, Plan
 from fastbeam.dynamics.extrapolation import check_two_runs, extrapolates, of_two_runs
 from fastbeam.dynamics.filtering import FilteringStepper, check_filtered
 from fastbeam.dynamics.impacts import Impacts
@@ -40,7 +40,7 @@ from fastbeam.results.observe.points import PointRows
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
-from fastbeam.stepping.methods import choose_method
+from fastbeam.stepping.methods import Method, choose_method
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import AUGMENTATION, Stepper
 
@@ -193,27 +193,17 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         check_two_runs(tolerance, callback, checkpoint, min_step, max_step)
         return of_two_runs(simulate, model, clock.now, t_end, step, every, file, overwrite, {
             "rho_inf": rho_inf, "start": start if isinstance(start, State) else state, "observe": observe, "points": points,
-            "snapshots": snapshots,
-            "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation, "threads": threads,
-            "progress": progress, "mend_start": mend_start})
+            "snapshots": snapshots, "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation,
+            "threads": threads, "progress": progress, "mend_start": mend_start})
     if tolerance is None and not (min_step is None and max_step is None):
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     chosen = choose_method(method, rho_inf, order, tolerance, model)
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else every
-    control = None
-    if tolerance is not None:
-        largest = 0.1 * (t_end - clock.origin) if max_step is None else max_step
-        least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
-        smallest = min(max(1e-6 * step, least), largest) if min_step is None else min_step
-        control = StepControl(tolerance, order, smallest, largest)
-        check_times(clock.now, t_end, smallest, "min_step")
+    control = None if tolerance is None else step_control(tolerance, order, clock, t_end, min_step, max_step)
     memory = start.memory if isinstance(start, Checkpoint) else None
-    make: Any = ReactingStepper if "reaction" in observe else Stepper
-    if chosen.filters:
-        check_filtered(order, model, observe)
-        make = FilteringStepper
+    make = _stepper_class(chosen, order, model, observe)
     rows_of_points = PointRows(model, observe, points)
     if rows_of_points.measured:
         make = measuring(make, chosen, rows_of_points)
@@ -228,6 +218,30 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     run.info |= books
     run.impacts = Impacts(model, start.impacts if isinstance(start, Checkpoint) else None)
     return run.go(every)
+
+
+def _stepper_class(method: Method, order: int, model: Model, observe: Sequence[str]) -> Any:
+    """Choose the class of the stepper of a run, before what its points ask for.
+
+    Raises
+    ------
+    SceneError
+        A method that dissipates does not go with the order, the model or what is observed.
+    """
+    if method.filters:
+        check_filtered(order, model, observe)
+        return FilteringStepper
+    return ReactingStepper if "reaction" in observe else Stepper
+
+
+class _Taken(NamedTuple):
+    """Steps of a run that were taken together."""
+
+    outcome: Outcome
+    size: float          # of each, s
+    reached: float       # time behind them, s
+    proposed: float      # size of the next with step control, s
+    more: bool = False   # whether others follow before the next row
 
 
 class _Run(Encounters):
@@ -314,29 +328,11 @@ class _Run(Encounters):
                 clock.before = clock.before_size = None
             self.rows.first()
             begun = True
-            for kind, text in self.notes:
-                self.event({"kind": kind, "time": self.t_start, "text": text})
-            self.watch.massless()
-            self.watch.tables()
-            self.watch.order(clock.now)
+            self._tell_of_start()
             for t, outcome, size, row_due in self.chunks(every):
                 self.took(t, outcome, size)
                 self.between = False
-                if row_due:
-                    self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
-                    if outcome.status == OK:
-                        self.watch.turns(t, size)
-                        self.watch.friction(t, size)
-                        self.watch.order(t)
-                    self.watch.mesh(t, self.steps, size)
-                    if self.callback is not None:
-                        with self.interrupts.at_once():
-                            ended = self.call_back(t, size)
-                        if ended:
-                            self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
-                            break
-                    self.keep_checkpoint()
-                if self.rows.file_error is not None:
+                if row_due and self._record(t, outcome, size) or self.rows.file_error is not None:
                     break
                 self.interrupts.serve()
             self.rows.broken_off = False
@@ -356,19 +352,59 @@ class _Run(Encounters):
             self.rows.broken_off = self.between
             self.event({"kind": "failed", "time": clock.now, "text": f"{type(failed).__name__}: {failed}"})
         finally:
-            self.rows.close_last()
-            self.progress.close()
-            self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
-                          "fallbacks": self.stepper.linear.fallbacks,
-                          "scale": self.observer.scales(self.step) | {"gap": self.model.length},
-                          "wall_time": time.perf_counter() - begin}
-            if self.control is not None:
-                self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
-                              "rejected": self.control.rejected}
-            if not self.between:
-                self.watch.mesh(clock.now, self.steps, last=True)
-            self.watch.drift(clock.now, self.memory.close(self.info), self.info["conserved"])
-            self.rows.end(self.info)
+            self._close(begin)
+        return self._result(error)
+
+    def _tell_of_start(self) -> None:
+        """Put what is to be said of the start and of the model into the events."""
+        for kind, text in self.notes:
+            self.event({"kind": kind, "time": self.t_start, "text": text})
+        self.watch.massless()
+        self.watch.tables()
+        self.watch.order(self.clock.now)
+
+    def _record(self, t: float, outcome: Outcome, size: float) -> bool:
+        """Record a row, renew the checkpoint; whether the callback ends the run."""
+        self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
+        if outcome.status == OK:
+            self.watch.turns(t, size)
+            self.watch.friction(t, size)
+            self.watch.order(t)
+        self.watch.mesh(t, self.steps, size)
+        if self.callback is not None:
+            with self.interrupts.at_once():
+                ended = self.call_back(t, size)
+            if ended:
+                self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
+                return True
+        self.keep_checkpoint()
+        return False
+
+    def _close(self, begin: float) -> None:
+        """Close rows and files, and sum up a run that began at this reading of `time.perf_counter`, s."""
+        self.rows.close_last()
+        self.progress.close()
+        self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
+                      "fallbacks": self.stepper.linear.fallbacks,
+                      "scale": self.observer.scales(self.step) | {"gap": self.model.length},
+                      "wall_time": time.perf_counter() - begin}
+        if self.control is not None:
+            self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
+                          "rejected": self.control.rejected}
+        if not self.between:
+            self.watch.mesh(self.clock.now, self.steps, last=True)
+        self.watch.drift(self.clock.now, self.memory.close(self.info), self.info["conserved"])
+        self.rows.end(self.info)
+
+    def _result(self, error: BaseException | None) -> Result:
+        """Return the result with its checkpoint, or raise what broke the run off, with the result until then.
+
+        Raises
+        ------
+        ConvergenceError, ResultFileError, Interrupted, Exception
+            As `simulate`.
+        """
+        clock = self.clock
         # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
         present = None if self.between else self.present()
         if present is not None:
@@ -410,44 +446,15 @@ class _Run(Encounters):
         t, h = clock.now, clock.size
         quiet = not self.observer.series().keys() - {"iterations", "step_size"}
         quiet = quiet and self.rows.writer is None and self.callback is None and self.checkpoint is None
-        end, left, last = self.plan()
+        plan = self.plan()
         # steps since the last row, which controllers do not end
         since = 0
         while t < self.t_end:
             begin = time.perf_counter()
             self.sampling.ask(t, self.stepper)
             self.between = True
-            whole = left > 0
-            # whether steps follow that are taken one by one, because the last three tell the last row
-            more = False
-            if self.control is not None:
-                planned = min(max(h, self.control.smallest), self.control.largest)
-                rest = end - t
-                # neither a sliver at the end nor a step beyond the largest
-                sliver = planned < rest < (1.0 + SLIVER) * planned
-                cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
-                size, h, outcome = self.controlled(t, cut)
-                # a step that was cut to meet the end says nothing about the next
-                h = max(h, planned) if size == rest or size == cut != planned else h
-                reached = end if size == rest else t + size
-            elif whole:
-                size = self.step
-                most = every
-                if self.sampling.controllers:
-                    most = min(every - since, self.sampling.steps(t, size, self.stepper.core_state))
-                singly = self.rows.looks_back and left <= most
-                tail = 2 if last else 3
-                count = min(most, left) if not singly else max(1, left - tail)
-                outcome = self.advance(clock.origin, size, count, clock.done)
-                left -= outcome.steps
-                more = singly and left > 0
-                reached = clock.count(outcome.steps)
-                if outcome.status == OK and not left and not last:
-                    reached = end
-            else:
-                size = last
-                outcome = self.advance(t, size, 1)
-                reached = end
+            whole = plan.left > 0
+            outcome, size, reached, h, more = self._take(t, h, plan, every, since)
             if outcome.status == OK and not outcome.steps:
                 # left before the first step was done
                 self.between, h = False, clock.size
@@ -465,7 +472,7 @@ class _Run(Encounters):
                 if not goes_on:
                     return
                 t = clock.now
-                end, left, last = self.plan()
+                plan = self.plan()
                 continue
             if outcome.status != OK:
                 failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps, size)
@@ -476,19 +483,64 @@ class _Run(Encounters):
             self.progress.update(reached - t)
             t = clock.now = reached
             clock.size, self.impacts.in_a_row = h, 0
-            if self.locking.lifting or t >= end and self.locking.next_time(self.stepper.state) <= t:
+            if self.locking.lifting or t >= plan.end and self.locking.next_time(self.stepper.state) <= t:
                 # the row of this time is behind what happens now
                 self.took(t, outcome, size)
                 outcome = replace(outcome, steps=0, iterations=outcome.iterations // max(outcome.steps, 1))
                 self.happen(t)
                 self.count_from(t)
-                end, left, last = self.plan()
+                plan = self.plan()
             since += outcome.steps
             due = not (self.sampling.controllers or more) or since >= every or t >= self.t_end
             since = 0 if due else since
             yield t, outcome, size, due
             if quiet and self.control is None and time.perf_counter() - begin < 0.1:
                 every *= 2
+
+    def _take(self, t: float, h: float, plan: Plan, every: int, since: int) -> _Taken:
+        """Take the next steps from time t: one of the size that step control chooses, whole ones, or a last one that differs.
+
+        Parameters
+        ----------
+        h : float
+            Size that step control has proposed, s.
+        every, since : int
+            Steps between rows, and since the last one.
+        """
+        if self.control is not None:
+            return self._controlled_step(t, h, plan.end)
+        if plan.left:
+            return self._whole_steps(t, h, plan, every, since)
+        return _Taken(self.advance(t, plan.last, 1), plan.last, plan.end, h)
+
+    def _controlled_step(self, t: float, h: float, end: float) -> _Taken:
+        """Take a step of the size that step control chooses; the last one meets the end."""
+        assert self.control is not None
+        planned = min(max(h, self.control.smallest), self.control.largest)
+        rest = end - t
+        # neither a sliver at the end nor a step beyond the largest
+        sliver = planned < rest < (1.0 + SLIVER) * planned
+        cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
+        size, h, outcome = self.controlled(t, cut)
+        # a step that was cut to meet the end says nothing about the next
+        h = max(h, planned) if size == rest or size == cut != planned else h
+        return _Taken(outcome, size, end if size == rest else t + size, h)
+
+    def _whole_steps(self, t: float, h: float, plan: Plan, every: int, since: int) -> _Taken:
+        """Take whole steps up to a row, to where a controller is asked, or to the end; as `_take`."""
+        clock, most = self.clock, every
+        if self.sampling.controllers:
+            most = min(every - since, self.sampling.steps(t, self.step, self.stepper.core_state))
+        # the last three steps tell the last row, and are taken one by one
+        singly = self.rows.looks_back and plan.left <= most
+        tail = 2 if plan.last else 3
+        count = min(most, plan.left) if not singly else max(1, plan.left - tail)
+        outcome = self.advance(clock.origin, self.step, count, clock.done)
+        plan.left -= outcome.steps
+        reached = clock.count(outcome.steps)
+        if outcome.status == OK and not plan.left and not plan.last:
+            reached = plan.end
+        return _Taken(outcome, self.step, reached, h, singly and plan.left > 0)
 
 
 @cache

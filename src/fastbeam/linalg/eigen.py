@@ -152,37 +152,51 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
     return found._replace(is_complete=True) if found.values.size < n else _confirmed(found, n, backend)
 
 
-def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, float | None]:
-    """Find eigenvalues next to the shift with vectors [k, m], or a better shift."""
+class _Inverse:
+    """Inverse of K - shift M, as an operator on the unknowns that have mass.
 
-    def anything() -> Array:
-        """Return random start vectors [k, BLOCK]."""
-        return applied(mass @ (draw.standard_normal((k, BLOCK)) / root[:, None]))
+    Attributes
+    ----------
+    mass : sparse [k, k]
+        That of the pencil, times 1 or 2.
+    """
 
-    pencil, k = factors.pencil, factors.pencil.mass.shape[0]
-    size = pencil.multiplier.size
-    draw = np.random.default_rng(0)
-    # roots of masses times `by` have the same bits in other units
-    heavy = pencil.mass.diagonal() > 0.0
-    by = parity(pencil.mass.diagonal()[np.argmax(heavy)])
-    mass = by * pencil.mass
-    root = np.sqrt(np.where(heavy, mass.diagonal(), 1.0))
-    weights = np.asarray((mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
+    def __init__(self, factors: Shifted) -> None:
+        self.factors = factors
+        mass, still = factors.pencil.mass, factors.pencil.still
+        # of such masses roots have the same bits in other units
+        heavy = mass.diagonal() > 0.0
+        self._by = parity(mass.diagonal()[np.argmax(heavy)])
+        self.mass = self._by * mass
+        self._root = np.sqrt(np.where(heavy, self.mass.diagonal(), 1.0))
+        self._weights = np.asarray((self.mass @ still).multiply(still).sum(axis=0)).reshape(-1)
+        self._draw = np.random.default_rng(0)
 
-    def applied(right: Array) -> Array:
-        """Return the part with mass of (K - shift M)^-1 times right [k, m]."""
-        whole = np.zeros((size, right.shape[1]))
-        whole[:k] = right / by
-        x = factors.solve(whole)[:k]
-        if weights.size:
-            x -= pencil.still @ ((pencil.still.T @ (mass @ x)) / weights[:, None])
+    def anything(self) -> Array:
+        """Draw a block to begin with [k, BLOCK]."""
+        drawn = self._draw.standard_normal((self._root.size, BLOCK))
+        return self.on(self.mass @ (drawn / self._root[:, None]))
+
+    def on(self, right: Array) -> Array:
+        """Solve for right [k, m], without the vectors `still` of the pencil."""
+        pencil, k = self.factors.pencil, self._root.size
+        whole = np.zeros((pencil.multiplier.size, right.shape[1]))
+        whole[:k] = right / self._by
+        x = self.factors.solve(whole)[:k]
+        if self._weights.size:
+            x -= pencil.still @ ((pencil.still.T @ (self.mass @ x)) / self._weights[:, None])
         return x
 
+
+def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, float | None]:
+    """Eigenvalues next to the shift with vectors [k, m], or a better shift."""
+    pencil, inverse = factors.pencil, _Inverse(factors)
+    mass, k = inverse.mass, pencil.mass.shape[0]
     most = min(k, 12 * n + 200)
     basis = np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F")
     h = np.zeros((basis.shape[1],) * 2)
     m, look = 0, min(n, most)
-    block, weighed, _, _ = orthonormal(anything(), basis[:, :0], mass)
+    block, weighed, _, _ = orthonormal(inverse.anything(), basis[:, :0], mass)
     values, y = np.zeros(0, complex), np.zeros((0, 0))
     while block.shape[1]:
         b = block.shape[1]
@@ -192,7 +206,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             h = np.pad(h, (0, more))
         basis[:, m:m + b] = block
         known = basis[:, :m + b]
-        block, weighed, rest, h[:m + b, m:m + b] = orthonormal(applied(weighed), known, mass)
+        block, weighed, rest, h[:m + b, m:m + b] = orthonormal(inverse.on(weighed), known, mass)
         m += b
         if rest.size:
             h[m:m + len(rest), m - b:m] = rest
@@ -209,8 +223,8 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         if done or m >= most:
             break
         if not block.shape[1]:
-            # the space is closed under the operator: remaining vectors, if any, have equal eigenvalues
-            block, weighed, _, _ = orthonormal(anything(), known, mass)
+            # closed under the operator: what is left, if anything, has equal eigenvalues
+            block, weighed, _, _ = orthonormal(inverse.anything(), known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None
     if not done and block.shape[1] and m < k:

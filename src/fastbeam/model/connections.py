@@ -5,9 +5,10 @@ node gets entries of `kernels.beams.ties.Ties`, or, where beams of a net are wel
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -140,62 +141,17 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     root = root_of[touched]
     c = (directors[root] @ (phi[touched] - phi[root])[:, :, None])[:, :, 0]
     offset[touched] = np.where(np.abs(c) > tolerance, c, 0.0)
-    pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
-    np.bitwise_or.at(out.held, root_of[pinned], held[pinned])
-    for k in pinned[np.any(offset[pinned], axis=1) & (out.held[root_of[pinned]] & HOLD_TRIAD == 0)]:
-        raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root_of[k]]} at a distance, together they are "
-                         "more than one pin; clamp it, or pin only one of them")
-
-    def name(j: int) -> str:
-        return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
-
+    out.held = _held_roots(held, touched, root_of, offset, labels)
+    name = partial(_joint_name, balls, ball, labels)
     out.loops = _loops(root_of, ball, offset, out.held, name)
     base, arms = _ball_trees(root_of, np.delete(ball, out.loops, axis=0), offset, out.held, rank)
-
-    def fixed_axes(node: int) -> int:
-        """Return the axes along which nothing can move a node, bit by bit."""
-        top = root_of[node]
-        turns = np.any(offset[node]) or int(top) in arms
-        return HOLD_POSITION if out.held[top] == 63 else 0 if turns else int(out.held[base[top]]) & HOLD_POSITION
-
-    for j in out.loops.tolist():
-        a, b = ball[j].tolist()
-        both = fixed_axes(a) & fixed_axes(b)
-        if both:
-            along = "" if both == HOLD_POSITION else " along " + "".join(x for i, x in enumerate(AXES) if both >> i & 1)
-            raise SceneError(f"{name(j)}: both sides are held{along} ({labels[root_of[a]]}, {labels[root_of[b]]}), the joint "
-                             f"does nothing{along and ' there'}; remove {'' if along else 'it or '}one of the supports")
-
-    # entries: position, arms, triad of every slave node
+    trees = _Trees(root_of, offset, base, arms)
+    _check_held_joints(trees, ball, out, name, labels)
     slave = touched[(touched != root) | (base[root] != root)]
     root = root_of[slave]
-    kind, owner, target = [np.full(slave.size, POSITION)], [slave], [base[root]]
-    offsets, rotations = [np.zeros((slave.size, 3))], [np.broadcast_to(np.eye(3), (slave.size, 3, 3))]
-    on_arms = slave[np.any(offset[slave], axis=1)]
-    if arms:
-        through = np.isin(root, list(arms))
-        on_arms = on_arms[~np.isin(root_of[on_arms], list(arms))]
-        for k in slave[through].tolist():
-            spread: dict[int, Array] = {}
-            for node, part in [*arms[root_of[k]], (int(root_of[k]), offset[k])]:
-                spread[node] = spread.get(node, np.zeros(3)) + part
-            longer = {node: x for node, x in spread.items() if np.any(np.abs(x) > tolerance)}
-            kind.append(np.full(len(longer), ARM)); owner.append(np.full(len(longer), k))
-            target.append(np.array(list(longer), np.int64)); offsets.append(np.array(list(longer.values())).reshape(-1, 3))
-            rotations.append(np.broadcast_to(np.eye(3), (len(longer), 3, 3)))
     turns = (slave != root) & (rank[slave] != 9)
-    rotation = np.broadcast_to(np.eye(3), (slave.size, 3, 3)).copy()
-    rotation[turns] = directors[slave[turns]] @ directors[root[turns]].transpose(0, 2, 1)
-    kind += [np.full(on_arms.size, ARM), np.full(slave.size, TRIAD)]
-    owner += [on_arms, slave]
-    target += [root_of[on_arms], np.where(turns, root, slave)]
-    offsets += [offset[on_arms], np.zeros((slave.size, 3))]
-    rotations += [np.broadcast_to(np.eye(3), (on_arms.size, 3, 3)), rotation]
-    of = np.concatenate(owner)
-    order = np.argsort(of, kind="stable")
+    of, out.kind, out.target, out.offset, out.rotation = _entries(trees, slave, turns, directors, tolerance)
     out.start = np.concatenate(([0], np.cumsum(np.bincount(of, minlength=n))))
-    out.kind, out.target = np.concatenate(kind)[order], np.concatenate(target)[order]
-    out.offset, out.rotation = np.concatenate(offsets)[order], np.concatenate(rotations)[order]
     out.held[slave] |= HOLD_POSITION
     out.held[slave[turns]] |= HOLD_TRIAD
     out.spin_root[slave[turns]] = root[turns]
@@ -206,6 +162,92 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     out.row_root[slave[shares]] = root[shares]
     out.held[slave[shares]] = 0
     return out
+
+
+class _Trees(NamedTuple):
+    """Rigid sets of nodes, and how ball joints make them follow each other."""
+
+    root_of: Array    # int [n]: root of the rigid set of every node
+    offset: Array     # float64 [n, 3]: from there, in the triad of the root
+    base: Array       # int [n]: node whose position starts that of a root
+    arms: dict[int, list[tuple[int, Array]]]    # offsets in triads from there on, for the roots that have any
+
+
+def _held_roots(held: Array, touched: Array, root_of: Array, offset: Array, labels: Sequence[str]) -> Array:
+    """Pass pins of nodes on to their roots: masks of supports, int [n].
+
+    Raises
+    ------
+    SceneError
+        A pin at a distance from a root that may turn.
+    """
+    out, root = held.copy(), root_of[touched]
+    pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
+    np.bitwise_or.at(out, root_of[pinned], held[pinned])
+    for k in pinned[np.any(offset[pinned], axis=1) & (out[root_of[pinned]] & HOLD_TRIAD == 0)]:
+        raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root_of[k]]} at a distance, together they are "
+                         "more than one pin; clamp it, or pin only one of them")
+    return out
+
+
+def _joint_name(balls: list[tuple[int, int, str]], ball: Array, labels: Sequence[str], j: int) -> str:
+    """Name ball joint j for messages."""
+    return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
+
+
+def _check_held_joints(trees: _Trees, ball: Array, out: Connections, name: Callable[[int], str], labels: Sequence[str]) -> None:
+    """Refuse ball joints that close loops between sides which nothing can move.
+
+    Raises
+    ------
+    SceneError
+    """
+    a, b = ball[out.loops].T
+    fixed = _fixed_axes(trees, a, out.held) & _fixed_axes(trees, b, out.held)
+    for k in np.flatnonzero(fixed).tolist():
+        axes = "".join(x for i, x in enumerate(AXES) if fixed[k] >> i & 1)
+        along = "" if fixed[k] == HOLD_POSITION else f" along {axes}"
+        sides = ", ".join(labels[trees.root_of[x]] for x in (a[k], b[k]))
+        raise SceneError(f"{name(int(out.loops[k]))}: both sides are held{along} ({sides}), the joint does nothing"
+                         f"{along and ' there'}; remove {'' if along else 'it or '}one of the supports")
+
+
+def _fixed_axes(trees: _Trees, nodes: Array, held: Array) -> Array:
+    """Find axes along which nothing can move nodes, int [*], bit by bit."""
+    top = trees.root_of[nodes]
+    turns = np.any(trees.offset[nodes], axis=1) | np.isin(top, list(trees.arms))
+    return np.where(held[top] == 63, HOLD_POSITION, np.where(turns, 0, held[trees.base[top]] & HOLD_POSITION))
+
+
+def _entries(trees: _Trees, slave: Array, turns: Array, directors: Array, tolerance: float) -> Iterable[Array]:
+    """Form entries, position, arms, triad, of tied nodes, ordered by these: owner, kind, target, offset, rotation. turns: which
+    take their triads from their roots."""
+    root_of, offset, base, arms = trees
+    root = root_of[slave]
+    parts = [_alike(POSITION, slave, base[root])]
+    on_balls = np.isin(root, list(arms))
+    for k in slave[on_balls].tolist():
+        spread: dict[int, Array] = {}
+        for node, part in [*arms[root_of[k]], (int(root_of[k]), offset[k])]:
+            spread[node] = spread.get(node, np.zeros(3)) + part
+        longer = {node: x for node, x in spread.items() if np.any(np.abs(x) > tolerance)}
+        parts.append(_alike(ARM, np.full(len(longer), k), np.array(list(longer), np.int64),
+                            np.array(list(longer.values())).reshape(-1, 3)))
+    on_arms = slave[~on_balls & np.any(offset[slave], axis=1)]
+    rotation = np.broadcast_to(np.eye(3), (slave.size, 3, 3)).copy()
+    rotation[turns] = directors[slave[turns]] @ directors[root[turns]].transpose(0, 2, 1)
+    parts += [_alike(ARM, on_arms, root_of[on_arms], offset[on_arms]),
+              _alike(TRIAD, slave, np.where(turns, root, slave), rotation=rotation)]
+    whole = [np.concatenate(x) for x in zip(*parts)]
+    order = np.argsort(whole[0], kind="stable")
+    return (x[order] for x in whole)
+
+
+def _alike(kind: int, owner: Array, target: Array, offset: Array = np.zeros(3),
+           rotation: Array = np.eye(3)) -> tuple[Array, Array, Array, Array, Array]:
+    """Form entries of one kind: owner, kind, target, offset, rotation."""
+    n = owner.size
+    return owner, np.full(n, kind), target, np.broadcast_to(offset, (n, 3)), np.broadcast_to(rotation, (n, 3, 3))
 
 
 def _pairs(joints: list[tuple[int, int, str]]) -> Array:

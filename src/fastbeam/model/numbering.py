@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,59 +52,76 @@ class Labels(Sequence):
         return f"{owner.label} node {local}"
 
 
+class _Nodes(NamedTuple):
+    """Nodes that are numbered together."""
+
+    key: Any
+    label: Beam | Net | NodeRef | str
+    phi: Array
+    directors: Array
+    rank: int
+
+
+def _nodes_of_parts(scene: Scene) -> Iterator[_Nodes]:
+    """Yield the nodes of every beam, net, body and mass."""
+    for beam in scene.beams:
+        p, d = beam.reference(beam.node_s)
+        yield _Nodes(beam, beam, beam.basis.fit_positions(p), d, 3)
+    for net in scene.nets:
+        yield _Nodes(net, net, net.positions, net.directors, 3)
+    upright = np.eye(3)
+    for part in [*scene.bodies, *scene.masses]:
+        yield _Nodes(part, part.label, scene.position_of(part)[None], getattr(part, "directors", upright)[None],
+                     2 if isinstance(part, RigidBody) else 9)
+
+
+def _nodes_of_points(scene: Scene) -> Iterator[_Nodes]:
+    """Yield a node for every used point of a body off its centre and of the ground."""
+    points = [s.point for s in scene.sliders] + [load.at for load in scene.loads]
+    points += [force.at for force in scene.user_forces if not isinstance(force.at, Beam)]
+    points += [node for winch in scene.winches for node in (winch.drum, winch.load)]
+    points += [node for joint in [*scene.balls, *scene.rigid, *scene.links] for node in (joint.a, joint.b)]
+    known = set()
+    for node in points:
+        key = _arm(node)
+        fixed = isinstance(node.owner, Ground)
+        if isinstance(node.owner, Beam) or (node.is_center and not fixed) or key in known:
+            continue
+        known.add(key)
+        yield _Nodes(key, node, (node.offset if fixed else scene.position_of(node))[None], node.owner.directors[None],
+                     2 if fixed else 4)
+
+
+def _arm(node: NodeRef) -> tuple[Any, tuple[float, ...]]:
+    """Form the key of a point of a body or of the ground."""
+    return node.owner, tuple(node.offset.tolist())
+
+
 class NodeList:
     """Global numbers of all nodes: beams, nets, bodies, masses, and one node for every used point of a body off its
     centre and of the ground."""
 
     def __init__(self, scene: Scene) -> None:
         self.first: dict[Any, int] = {}
-        # curves of sliders (tracks.py)
+        self.arms: dict[tuple[Any, tuple[float, ...]], int] = {}
+        # what sliders run on (tracks.py)
         self.tracks: dict[tuple[Any, str, float], Any] = {}
         self.labels = Labels()
-        phi: list[Array] = []
-        directors: list[Array] = []
-        rank: list[tuple[int, int]] = []
-
-        def add(label: Beam | Net | NodeRef | str, p: Array, d: Array, r: int) -> int:
-            first = len(self.labels)
-            self.labels.add(label, len(p))
-            phi.append(p)
-            directors.append(d)
-            rank.append((r, len(p)))
-            return first
-
-        for beam in scene.beams:
-            p, d = beam.reference(beam.node_s)
-            self.first[beam] = add(beam, beam.basis.fit_positions(p), d, 3)
-        for net in scene.nets:
-            self.first[net] = add(net, net.positions, net.directors, 3)
-        upright = np.eye(3)
-        for part in [*scene.bodies, *scene.masses]:
-            self.first[part] = add(part.label, scene.position_of(part)[None], getattr(part, "directors", upright)[None],
-                                       2 if isinstance(part, RigidBody) else 9)
-        elsewhere = [self.first[x] for x in scene.masses if isinstance(x, PlaceOnBeam)]
-        self.arms: dict[tuple[Any, tuple[float, ...]], int] = {}
-        self.arm_owner: list[tuple[int, int]] = []
+        found: list[tuple[Array, Array, Array]] = []
+        for numbers, every in ((self.first, _nodes_of_parts(scene)), (self.arms, _nodes_of_points(scene))):
+            for key, label, phi, directors, rank in every:
+                numbers[key] = len(self.labels)
+                self.labels.add(label, len(phi))
+                found.append((phi, directors, np.full(len(phi), rank)))
+        self.phi, self.directors, self.rank = (np.concatenate(x) for x in zip(*found))
+        on_ground = {arm: owner for (owner, _), arm in self.arms.items() if isinstance(owner, Ground)}
         # points of the ground
-        self.ground: list[int] = []
-        points = [s.point for s in scene.sliders] + [load.at for load in scene.loads]
-        points += [force.at for force in scene.user_forces if not isinstance(force.at, Beam)]
-        points += [node for winch in scene.winches for node in (winch.drum, winch.load)]
-        points += [node for joint in [*scene.balls, *scene.rigid, *scene.links] for node in (joint.a, joint.b)]
-        for node in points:
-            key = (node.owner, tuple(node.offset.tolist()))
-            fixed = isinstance(node.owner, Ground)
-            if isinstance(node.owner, Beam) or (node.is_center and not fixed) or key in self.arms:
-                continue
-            if fixed:
-                self.arms[key] = add(node, node.offset[None], node.owner.directors[None], 2)
-                self.ground.append(self.arms[key])
-                if isinstance(node.owner, LineOfPlaces):
-                    elsewhere.append(self.arms[key])
-                continue
-            self.arms[key] = add(node, scene.position_of(node)[None], node.owner.directors[None], 4)
-            self.arm_owner.append((self.first[node.owner], self.arms[key]))
-        # part of every node: the first node of its beam, or beam of a net; for points of bodies the node of the body
+        self.ground = list(on_ground)
+        self.arm_owner = [(self.first[owner], arm) for (owner, _), arm in self.arms.items() if arm not in on_ground]
+        elsewhere = [self.first[x] for x in scene.masses if isinstance(x, PlaceOnBeam)]
+        elsewhere += [arm for arm, owner in on_ground.items() if isinstance(owner, LineOfPlaces)]
+        self._in_space = np.delete(np.arange(len(self.phi)), elsewhere)
+        # of every node the first one of the beam, or of the beam of a net, that it belongs to; of points that of their body
         self.part = np.arange(len(self.labels))
         for beam in scene.beams:
             self.part[self.span(beam)] = self.start(beam)
@@ -120,10 +137,6 @@ class NodeList:
                 self.turning[self.span(part)] += motion.spin
         for owner, arm in self.arm_owner:
             self.turning[arm] = self.turning[owner]
-        self.phi = np.concatenate(phi)
-        self._in_space = np.delete(np.arange(len(self.phi)), elsewhere)
-        self.directors = np.concatenate(directors)
-        self.rank = np.repeat(*np.array(rank).T)
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -161,4 +174,4 @@ class NodeList:
             return self.start(node.owner) + node.index
         if node.is_center and not isinstance(node.owner, Ground):
             return self.start(node.owner)
-        return self.arms[node.owner, tuple(node.offset.tolist())]
+        return self.arms[_arm(node)]

@@ -1,6 +1,7 @@
 """Supports of a scene in statics: check of every connected part against the rigid motions of space or of its plane."""
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -18,6 +19,8 @@ from fastbeam.model.model import Model
 from fastbeam.scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 
 Array = np.ndarray
+# rigid motions of a part of which supports feel less are free
+UNFELT = 1e-9
 
 
 def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> bool:
@@ -58,17 +61,63 @@ def _known(model: Model, flat: bool, may_turn: bool) -> str | None:
 
 def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
     """Check the supports of a model; returns the result of `_known`."""
+    mask = model.held_mask
+    if model.ties is not None:
+        mask[model.ties.slave] = 0
+    point = model.numbers.rank == 9
+    within = np.eye(6)
+    if flat:
+        axes = model.plane.axes
+        within = np.zeros((6, 3))
+        within[:3, 0], within[:3, 1], within[3:, 2] = axes
     aside: str | None = None
+    for nodes in connected_parts(model):
+        held = mask[nodes]
+        if np.all(point[nodes]) and np.all(held & 7 == 7):
+            continue
+        arms = _arms(model, nodes)
+        felt = _felt(arms, held, bool(np.any((held & 56 != 0) & ~point[nodes])))
+        values, motions = _free_motions(felt, np.eye(6))
+        if values[5] > UNFELT:
+            continue
+        what = model.labels[nodes[0]].split(" node ")[0]
+        if flat and not aside:
+            moved = (m for m in motions[values <= UNFELT] if np.max(_size(m[:3] + np.cross(m[3:], arms))) > UNFELT)
+            aside = next((f"{what} can {_how(motion)}" for motion in moved), "")
+        aside = aside or ""
+        if may_turn and np.any(held & 7 != 0):
+            continue
+        if flat:
+            values, motions = _free_motions(felt, within)
+            if values[2] > UNFELT:
+                continue
+        how = _how(motions[-1])
+        kind = "3 rigid motions in its plane" if flat else "6 rigid motions"
+        hangs = " (relax finds how it hangs)" if how.startswith("turn") and np.any(held) and np.any(model.gravity) else ""
+        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({np.sum(values <= UNFELT)} of {kind} are free); "
+                         f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}{hangs}"
+                         + ("" if flat else _planar_hint(model, motions[-1])))
+    return aside
+
+
+def connected_parts(model: Model) -> list[Array]:
+    """List the nodes of every connected part, int [*] each. Sliders and joints connect."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
-    pattern = model.pattern
+    rows, columns = map(np.concatenate, zip(*_coupled_rows(model)))
     n = model.n_nodes
-    graph = coo_matrix((np.ones(pattern.keys.size), (pattern.rows, pattern.columns)), shape=(n, n))
-    rows, columns = [pattern.row_of], [pattern.row_of]
+    _, part = connected_components(coo_matrix((np.ones(rows.size), (rows, columns)), shape=(n, n)), directed=False)
+    part = np.unique(part[model.pattern.row_of], return_inverse=True)[1]
+    return np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
+
+
+def _coupled_rows(model: Model) -> Iterator[tuple[Array, Array]]:
+    """Yield the rows of nodes that elements, ties, sliders and joints couple, int [*] each."""
+    pattern, row_of = model.pattern, model.pattern.row_of
+    yield pattern.rows, pattern.columns
     if model.inner is not None:
-        # an eliminated node is connected to the first node of its element
-        rows.append(pattern.n + np.arange(model.inner.element.size))
-        columns.append(model.inner.rows[model.inner.where[model.inner.element, ROWS]])
+        # an eliminated node hangs on the first node of its element
+        yield pattern.n + np.arange(model.inner.element.size), model.inner.rows[model.inner.where[model.inner.element, ROWS]]
     if model.substructures is not None:
         # a node of a condensed beam is connected to the start of the beam
         for tables, groups in zip((model.simo, model.green), model.groups_of_beams()):
@@ -76,78 +125,41 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
                 first = groups[(groups[:, ELEMENTS] == count) & (groups[:, NODES_EACH] == nn), FIRST_GROUP]
                 at = tables.meta[first[:, None] + np.arange(count), LIST]
                 own = tables.rows[at[:, :, None, None] + np.arange(8 * nn).reshape(nn, 8)]
-                rows.append(own.reshape(-1))
-                columns.append(np.broadcast_to(own[:, :1, :1], own.shape).reshape(-1))
+                yield own.reshape(-1), np.broadcast_to(own[:, :1, :1], own.shape).reshape(-1)
     if model.carriers is not None:
         # so is a node of a condensed beam with sliders
         for a, b in model.carriers.ends.tolist():
-            rows.append(pattern.row_of[a + 1:b + 1])
-            columns.append(np.broadcast_to(pattern.row_of[a], b - a))
+            yield row_of[a + 1:b + 1], np.broadcast_to(row_of[a], b - a)
     if model.ties is not None:
-        # a slave node is connected to its master nodes
-        count = np.diff(model.ties.start)
-        rows.append(np.repeat(pattern.row_of, count))
-        columns.append(model.ties.target_row)
-    graph = graph + coo_matrix((np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
+        # a tied node hangs on its targets
+        yield np.repeat(row_of, np.diff(model.ties.start)), model.ties.target_row
     for k in range(model.n_sliders):
         # a sliding point is connected to its beam
         nodes = curve_at(model, k, float(model.s0[k]))[0]
-        graph = graph + coo_matrix((np.ones(nodes.size), (pattern.row_of[nodes], np.full(nodes.size, pattern.row_of[
-            model.sliders.point[k]]))), shape=(n, n))
-    linked = pattern.row_of[np.array([link.node for link in model.kept], np.int64).reshape(-1, 2)]
-    graph = graph + coo_matrix((np.ones(len(linked)), (linked[:, 0], linked[:, 1])), shape=(n, n))
-    _, part = connected_components(graph, directed=False)
-    part = np.unique(part[pattern.row_of], return_inverse=True)[1]
-    phi = model.q0.reshape(-1, 12)[:, :3]
-    mask = model.held_mask
-    if model.ties is not None:
-        mask[model.ties.slave] = 0
-    point = model.numbers.rank == 9
-    eye6 = np.eye(6)
-    within = eye6
-    if flat:
-        axes = model.plane.axes
-        within = np.zeros((6, 3))
-        within[:3, 0], within[:3, 1], within[3:, 2] = axes
-    by_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
-    for nodes in by_part:
-        if np.all(point[nodes]) and np.all(mask[nodes] & 7 == 7):
-            continue
-        center = phi[nodes].mean(axis=0)
-        size = float(np.max(np.linalg.norm(phi[nodes] - center, axis=1))) or 1.0
-        eye, none = np.eye(3), np.zeros((3, 3))
-        # unit motions: shift, and turn about the centre
-        some = nodes[mask[nodes] & 7 != 0]
-        turn = np.cross(eye[:, None], ((phi[some] - center) / size)[None]).transpose(1, 2, 0)
-        held = [np.concatenate((np.broadcast_to(eye, turn.shape), turn), axis=2)[held_axes(mask[some])]]
-        if np.any((mask[nodes] & 56 != 0) & ~point[nodes]):
-            held.append(np.hstack((none, eye)))
-        matrix = np.concatenate(held)
-        values, motions = _free_motions(matrix, eye6)
-        if values[5] > 1e-9:
-            continue
-        aside = aside or ""
-        what = model.labels[nodes[0]].split(" node ")[0]
-        if flat:
-            for motion in motions[values <= 1e-9]:
-                moved = motion[:3] + np.cross(motion[3:], (phi[nodes] - center) / size)
-                if not aside and np.max(np.linalg.norm(moved, axis=1)) > 1e-9:
-                    aside = f"{what} can {_how(motion)}"
-        if may_turn and np.any(mask[nodes] & 7 != 0):
-            continue
-        if flat:
-            values, motions = _free_motions(matrix, within)
-            if values[2] > 1e-9:
-                continue
-        shift, turn = motions[-1][:3], motions[-1][3:]
-        how = _how(motions[-1])
-        n_free = int(np.sum(values <= 1e-9))
-        kind = "3 rigid motions in its plane" if flat else "6 rigid motions"
-        hangs = " (relax finds how it hangs)" if how.startswith("turn") and np.any(mask[nodes]) and np.any(model.gravity) else ""
-        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({n_free} of {kind} are free); "
-                         f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}{hangs}"
-                         + ("" if flat else _planar_hint(model, shift, turn)))
-    return aside
+        yield row_of[nodes], np.broadcast_to(row_of[model.sliders.point[k]], nodes.size)
+    linked = row_of[np.array([link.node for link in model.kept], np.int64).reshape(-1, 2)]
+    yield linked[:, 0], linked[:, 1]
+
+
+def _arms(model: Model, nodes: Array) -> Array:
+    """Form the arms of nodes about their centre, in the length of the longest, [n, 3]."""
+    phi = model.q0.reshape(-1, 12)[:, :3][nodes]
+    arms = phi - phi.mean(axis=0)
+    return arms / (float(np.max(_size(arms))) or 1.0)
+
+
+def _size(vectors: Array) -> Array:
+    """Return the lengths of vectors [n, 3]."""
+    return np.linalg.norm(vectors, axis=1)
+
+
+def _felt(arms: Array, held: Array, turns_held: bool) -> Array:
+    """Form what supports feel of rigid motions of a part, shifts and turns about its centre, [*, 6]. arms [n, 3], held [n]: of
+    its nodes; turns_held: whether a support holds a triad."""
+    some = held & 7 != 0
+    turn = np.cross(np.eye(3)[:, None], arms[some][None]).transpose(1, 2, 0)
+    felt = np.concatenate((np.broadcast_to(np.eye(3), turn.shape), turn), axis=2)[held_axes(held[some])]
+    return np.concatenate((felt, np.eye(6)[3:])) if turns_held else felt
 
 
 def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> int:
@@ -233,7 +245,7 @@ def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:
     return values, motions @ basis.T
 
 
-def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
+def _planar_hint(model: Model, motion: Array) -> str:
     """Return the hint that the scene is supported in its plane, for a message; empty where it is not."""
     plane = model.plane
     if plane is None:
@@ -244,6 +256,7 @@ def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
             told = model.not_planar == other.not_planar
             return f"; it would do in a plane, but it is not planar: {model.not_planar}" if told else ""
     normal = plane.axes[2]
+    shift, turn = motion[:3], motion[3:]
     inside = np.concatenate((shift - (shift @ normal) * normal, [turn @ normal]))
     if np.linalg.norm(inside) > 1e-6:
         return ""

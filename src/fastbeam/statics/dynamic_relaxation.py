@@ -35,6 +35,7 @@ from fastbeam.statics.load_steps import stability
 from fastbeam.statics.moving_supports import StaticMotion
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.statics.static_analysis import START
+from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
@@ -301,7 +302,7 @@ class _Motion:
 
     # --- the motion ---------------------------------------------------------------------------------------------------
     def go(self, step: float | None, most_steps: int, finish: bool) -> Result:
-        """Until it rests.
+        """Move until the scene rests.
 
         Raises
         ------
@@ -316,29 +317,10 @@ class _Motion:
         try:
             while self.steps < most_steps:
                 self.interrupts.serve()
-                saved = self.stepper.save()
-                # laws of forces see the time in the middle of a step
-                outcome = self.stepper.advance(self.at_time - 0.5 * h, h, 1)
-                if outcome.status == SLIDER_END:
-                    raise self._ran_off(outcome.slider)
-                far = self._way(saved[0].q) > LONGEST if outcome.status == OK else True
-                if far and h > smallest:
-                    self.stepper.load(saved)
-                    if self.way is not None:
-                        self.way.size *= 0.5
-                    h *= 0.5 if outcome.status == OK else 0.25
+                outcome, h = self._step(h, smallest)
+                if outcome is None:
                     continue
-                if outcome.status != OK:
-                    error = failure(self.stepper, outcome, self.t, self.steps, h)
-                    raise ConvergenceError(str(error).replace("step ", "relax: step ", 1), step=self.steps, time=self.t,
-                                           residuals=error.residuals, worst=error.worst, state=self.state(),
-                                           result=self.result()) from error.__cause__
-                self.steps += 1
                 since += 1
-                if self.way is not None and not self.way.is_done:
-                    self.way.took()
-                self.t += h
-                self.iterations += outcome.iterations
                 kinetic = self.energies()[0]
                 if kinetic > before:
                     before = kinetic
@@ -371,6 +353,37 @@ class _Motion:
             raise self._restless(most_steps)
         finally:
             bar.close()
+
+    def _step(self, h: float, smallest: float) -> tuple[Outcome | None, float]:
+        """Take a step of size h, s; where it fails or goes too far none, and return a size to try.
+
+        Raises
+        ------
+        ConvergenceError
+            The size is the smallest, or a slider has run off its beam.
+        """
+        saved = self.stepper.save()
+        # laws of forces see the time in the middle of a step
+        outcome = self.stepper.advance(self.at_time - 0.5 * h, h, 1)
+        if outcome.status == SLIDER_END:
+            raise self._ran_off(outcome.slider)
+        far = self._way(saved[0].q) > LONGEST if outcome.status == OK else True
+        if far and h > smallest:
+            self.stepper.load(saved)
+            if self.way is not None:
+                self.way.size *= 0.5
+            return None, h * (0.5 if outcome.status == OK else 0.25)
+        if outcome.status != OK:
+            error = failure(self.stepper, outcome, self.t, self.steps, h)
+            raise ConvergenceError(str(error).replace("step ", "relax: step ", 1), step=self.steps, time=self.t,
+                                   residuals=error.residuals, worst=error.worst, state=self.state(),
+                                   result=self.result()) from error.__cause__
+        self.steps += 1
+        if self.way is not None and not self.way.is_done:
+            self.way.took()
+        self.t += h
+        self.iterations += outcome.iterations
+        return outcome, h
 
     def _first_step(self) -> float:
         """Return a share of the time in which the loads, or the stresses of the start, move the scene by its size."""

@@ -160,6 +160,16 @@ def static_joints(solver: SlidingSolver) -> StaticJoints | None:
     return StaticJoints(solver, parts) if parts else None
 
 
+def _downhill(slopes: Array, left: Array) -> tuple[Array, bool]:
+    """Find the increments of coordinates by the forces left [n] and their slopes [n, n]: those of Newton's method where these are
+    stable, else downhill along every eigenvector; and whether they are stable."""
+    values, vectors = np.linalg.eigh(0.5 * (slopes + slopes.T))
+    if np.all(values > 1e-9 * np.max(np.abs(values))):
+        return -np.linalg.solve(slopes, left), True
+    least = 1e-3 * np.max(np.abs(values), initial=1e-300)
+    return -vectors @ ((vectors.T @ left) / np.maximum(np.abs(values), least)), False
+
+
 class StaticJoints:
     """Coordinates of joints with friction or rigid stops, and of sections with friction in their sleeves, R of them, in the
     equilibria of a solver.
@@ -259,13 +269,7 @@ class StaticJoints:
             slopes = self._slopes(moving)
             if slopes is None:
                 return NOT_CONVERGED, sizes
-            values, vectors = np.linalg.eigh(0.5 * (slopes + slopes.T))
-            stable = bool(np.all(values > 1e-9 * np.max(np.abs(values))))
-            if stable:
-                way = -np.linalg.solve(slopes, left)
-            else:
-                least = 1e-3 * np.max(np.abs(values), initial=1e-300)
-                way = -vectors @ ((vectors.T @ left) / np.maximum(np.abs(values), least))
+            way, stable = _downhill(slopes, left)
             # turned around: it went too far
             turned = moving[way * last[moving] < 0.0]
             if not stable:

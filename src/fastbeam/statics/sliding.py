@@ -180,80 +180,14 @@ class SlidingSolver(SaddleSolver):
 
     # --- sliding ------------------------------------------------------------------------------------------------------
     def _release(self) -> tuple[int, list[float]]:
-        """From an equilibrium with all sliders held to one in which those that are free do not push along their beams. They go
-        downhill: with the others in equilibrium F . c' is the derivative of the energy by s."""
-        state = self.stepper.core_state
-        held = np.zeros(self.held.size, bool)
-        sizes: list[float] = []
-        drag, trust, near, is_probed = 0.0, 1.0, NEWTON_FROM, False
-        # where they had gone too far, from where they came
-        beyond = np.full(self.held.size, np.nan)
+        """Go from an equilibrium with all sliders held to one in which free ones do not push along their beams: downhill, F . c'
+        being the derivative of the energy by s with the others in equilibrium."""
+        descent = _Descent(self)
         for _ in range(MOST_SLIDES):
-            # less those that have come to a rigid stop
-            free = self.sliding
-            if not free.any():
-                return OK, sizes
-            self.work.increment.control[0] = 0.0
-            x = self._increment(free, drag)
-            if x is None:
-                return SINGULAR, sizes
-            slope = np.where(free, self._of_constraints().sliding, 0.0)
-            largest = float(np.max(np.abs(x.s) / self.lengths))
-            close = largest * float(np.max(self.lengths)) <= CLOSE * self.core.length
-            work = float(slope @ x.s)
-            if not close and not work < 0.0:
-                # uphill, to where it is steepest or highest: as much against it as turns the increment round
-                drag = max(4.0 * drag, 2.0 * abs(work) / float(x.s @ x.s) + drag)
-                continue
-            saved = self._saved()
-            if close or (largest <= near and drag == 0.0):
-                status, more = self._newton(free, close)
-                sizes += more
-                way = state.s - saved[1]
-                if status == OK and (close or (np.all(np.abs(way) <= 4.0 * largest * self.lengths) and self._rises(way))):
-                    return OK, sizes
-                self._restore(saved)
-                if close and (status != SLIDER_END or not self._met(x.s, x.s).any()):
-                    off = np.nan_to_num(np.abs(beyond - state.s) / self.lengths, nan=1.0)
-                    if np.min(off) <= JUMPS:
-                        self.stuck, self.last_s = int(np.argmin(off)), state.s.copy()
-                        return SLIDER_END, sizes
-                    if is_probed:
-                        return (NOT_CONVERGED if status == SLIDER_END else status), sizes
-                    # a short step tells whether the slope jumps there
-                    is_probed = True
-                else:
-                    near = 0.25 * largest
-            steps, out = self._steps(x.s, slope, beyond)
-            steps *= trust
-            met = self._met(x.s, steps)
-            if out >= 0:
-                self.runaway = out
-                return SLIDER_END, sizes
-            share = float(np.max(np.abs(steps)) / np.max(np.abs(x.s)))
-            share *= self._share(share * x.size)
-            sizes.append(self.move(Increment(share * x.nodes, steps, share * x.force)))
-            status, more = self._newton(held)
-            sizes += more
-            after = np.where(free, self._of_constraints().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)
-            if float(np.sum(after)) <= 0.9 * abs(float(slope @ steps)):
-                trust, drag = min(1.0, 2.0 * trust), 0.0
-                if self.along is not None:
-                    self.along.meet(met, state.s)
-                continue
-            gone = state.s.copy()
-            self._restore(saved)
-            if status == OK:
-                beyond = np.where(after > 0.0, gone, beyond)
-                k = int(np.argmax(after))
-                if abs(gone[k] - state.s[k]) <= SAME_PLACE * self.lengths[k]:
-                    self.stuck, self.last_s = k, gone
-                    return SLIDER_END, sizes
-                continue
-            trust *= 0.25
-            if trust < LEAST_TRUST:
-                return status, sizes
-        return NOT_CONVERGED, sizes
+            status = descent.go_on()
+            if status is not None:
+                return status, descent.sizes
+        return NOT_CONVERGED, descent.sizes
 
     def _met(self, way: Array, steps: Array) -> Array:
         """Return -1 or 1 for sliders that steps [S] along their increments `way` [S] bring to a rigid stop, else 0."""
@@ -291,3 +225,108 @@ class SlidingSolver(SaddleSolver):
         if not slope @ steps < 0.0:
             steps = s * float(np.min(np.where(np.abs(s) > most, most / np.where(s == 0.0, 1.0, np.abs(s)), 1.0)))
         return steps, -1
+
+
+class _Descent:
+    """Free sliders on their way downhill, the rest of the scene following in equilibrium. What goes on returns a status where the
+    way ends, else None.
+
+    Attributes
+    ----------
+    sizes : list of float
+        Of the increments.
+    drag, trust : float
+        By how much increments are kept from going uphill; share of an increment that is taken.
+    near : float
+        Increments up to this share of the beams are tried as those of Newton's method.
+    beyond : float64 [S]
+        Places that lay too far, from where the sliders came; NaN: none is known.
+    is_probed : bool
+        Whether a step was taken since Newton's method failed close by.
+    """
+
+    def __init__(self, solver: SlidingSolver) -> None:
+        self.solver, self.state = solver, solver.stepper.core_state
+        self.sizes: list[float] = []
+        self.drag, self.trust, self.near, self.is_probed = 0.0, 1.0, NEWTON_FROM, False
+        self.beyond = np.full(solver.held.size, np.nan)
+
+    def go_on(self) -> int | None:
+        """Take the next increment, by Newton's method on everything or downhill."""
+        solver = self.solver
+        # less those that have come to a rigid stop
+        free = solver.sliding
+        if not free.any():
+            return OK
+        solver.work.increment.control[0] = 0.0
+        x = solver._increment(free, self.drag)
+        if x is None:
+            return SINGULAR
+        slope = np.where(free, solver._of_constraints().sliding, 0.0)
+        largest = float(np.max(np.abs(x.s) / solver.lengths))
+        close = largest * float(np.max(solver.lengths)) <= CLOSE * solver.core.length
+        work = float(slope @ x.s)
+        if not close and not work < 0.0:
+            # uphill, to where it is steepest or highest: as much against it as turns the increment round
+            self.drag = max(4.0 * self.drag, 2.0 * abs(work) / float(x.s @ x.s) + self.drag)
+            return None
+        saved = solver._saved()
+        status = None
+        if close or (largest <= self.near and self.drag == 0.0):
+            status = self._arrive(x, free, largest, close, saved)
+        return self._slide(x, free, slope, saved) if status is None else status
+
+    def _arrive(self, x: Increment, free: Array, largest: float, close: bool, saved: Any) -> int | None:
+        """Try Newton's method on everything. largest: share of the beams; close: whether the increment is one of its."""
+        solver = self.solver
+        status, more = solver._newton(free, close)
+        self.sizes += more
+        way = self.state.s - saved[1]
+        if status == OK and (close or (np.all(np.abs(way) <= 4.0 * largest * solver.lengths) and solver._rises(way))):
+            return OK
+        solver._restore(saved)
+        if not close or (status == SLIDER_END and solver._met(x.s, x.s).any()):
+            self.near = 0.25 * largest
+            return None
+        off = np.nan_to_num(np.abs(self.beyond - self.state.s) / solver.lengths, nan=1.0)
+        if np.min(off) <= JUMPS:
+            return self._stick(int(np.argmin(off)), self.state.s.copy())
+        if self.is_probed:
+            return NOT_CONVERGED if status == SLIDER_END else status
+        # a short step tells whether the slope jumps there
+        self.is_probed = True
+        return None
+
+    def _slide(self, x: Increment, free: Array, slope: Array, saved: Any) -> int | None:
+        """Take a step downhill, and go back where it leads uphill."""
+        solver, along, state = self.solver, self.solver.along, self.state
+        steps, out = solver._steps(x.s, slope, self.beyond)
+        steps *= self.trust
+        met = solver._met(x.s, steps)
+        if out >= 0:
+            solver.runaway = out
+            return SLIDER_END
+        share = float(np.max(np.abs(steps)) / np.max(np.abs(x.s)))
+        share *= solver._share(share * x.size)
+        self.sizes.append(solver.move(Increment(share * x.nodes, steps, share * x.force)))
+        status, more = solver._newton(np.zeros(free.size, bool))
+        self.sizes += more
+        after = np.where(free, solver._of_constraints().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)
+        if float(np.sum(after)) <= 0.9 * abs(float(slope @ steps)):
+            self.trust, self.drag = min(1.0, 2.0 * self.trust), 0.0
+            if along is not None:
+                along.meet(met, state.s)
+            return None
+        gone = state.s.copy()
+        solver._restore(saved)
+        if status != OK:
+            self.trust *= 0.25
+            return status if self.trust < LEAST_TRUST else None
+        self.beyond = np.where(after > 0.0, gone, self.beyond)
+        k = int(np.argmax(after))
+        return self._stick(k, gone) if abs(gone[k] - state.s[k]) <= SAME_PLACE * solver.lengths[k] else None
+
+    def _stick(self, k: int, s: Array) -> int:
+        """Note that slider k finds no place next to s, where the slope jumps."""
+        self.solver.stuck, self.solver.last_s = k, s
+        return SLIDER_END

@@ -147,6 +147,25 @@ def _both_ends(nodes: Array) -> Array:
     return out
 
 
+def _elements_of(model: Model, g: int, row_of: Array, n: int, sets: Any) -> tuple[list[Beams], Array]:
+    """Form the elements of group g, whose nodes have n rows row_of, and the keys of the blocks of all coupled rows, ascending.
+    sets: of strains."""
+    parts, pairs = [], [np.stack((np.arange(n), np.arange(n)), axis=1)]
+    assert model.carriers is not None
+    every = model.carriers.tables
+    for _, green, first, count in every[every[:, 0] == g].tolist():
+        tables, couples = local_elements(model.green if green else model.simo, first, count, row_of, n)
+        parts.append((tables, couples, sets[green]))
+        pairs.append(couples[(couples < n).all(axis=1)])
+    keys = ascending(np.concatenate([x[:, 0] * n + x[:, 1] for x in pairs]))
+    elements = []
+    for tables, couples, strains in parts:
+        place = np.searchsorted(keys, np.minimum(couples[:, 0] * n + couples[:, 1], n * n))
+        live = (couples < n).all(axis=1)
+        elements.append(Beams(strains, tables._replace(blocks=np.where(live, place, keys.size)), NoInner()))
+    return elements, keys
+
+
 class Group:
     """One group of carriers.
 
@@ -163,7 +182,7 @@ class Group:
         assert c is not None and model.bodies is not None and model.sliders is not None and model.substructures is not None
         self.owner, self.shared = owner, shared
         some, nodes = shared.groups[g]
-        row_of, size = shared.row_of, len(model.dofs)
+        row_of = shared.row_of
         n = nodes.size
         self.sliders = c.slider[c.slider_start[some[0]]:c.slider_start[some[-1] + 1]]
         beam_of = np.repeat(np.arange(some.size), np.diff(c.slider_start)[some])
@@ -172,22 +191,9 @@ class Group:
         self.constraints = np.concatenate((self.sliders, moments))
         self.group_rows = GroupRows(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some, np.zeros(0),
                                     np.zeros(0, np.int32), np.zeros(1, np.int64))
-
-        # elements, and the blocks of all coupled rows
-        parts, pairs = [], [np.stack((np.arange(n), np.arange(n)), axis=1)]
         sets = strain_sets(model, isinstance(owner.system.method, Equilibrium))
-        for _, green, first, count in c.tables[c.tables[:, 0] == g].tolist():
-            tables, couples = local_elements(model.green if green else model.simo, first, count, row_of, n)
-            parts.append((tables, couples, sets[green]))
-            pairs.append(couples[(couples < n).all(axis=1)])
-        keys = ascending(np.concatenate([x[:, 0] * n + x[:, 1] for x in pairs]))
+        elements, keys = _elements_of(model, g, row_of, n, sets)
         block = np.append(np.searchsorted(keys, np.arange(n) * (n + 1)), keys.size)
-        elements = []
-        for tables, couples, strains in parts:
-            place = np.searchsorted(keys, np.minimum(couples[:, 0] * n + couples[:, 1], n * n))
-            live = (couples < n).all(axis=1)
-            elements.append(Beams(strains, tables._replace(blocks=np.where(live, place, keys.size)), NoInner()))
-
         # what slides
         mine = np.zeros(model.n_nodes, bool)
         mine[c.point[c.point_start[some[0]]:c.point_start[some[-1] + 1]]] = True
@@ -205,9 +211,24 @@ class Group:
             t = shared.ties
             slave = model.ties.slave[mine[model.ties.slave]]
             self.ties = t._replace(slave=slave, row=row_of[slave], diagonal=block[np.minimum(t.target_row, n)])
+        self._couple(keys, mask, beam_of, on)
+        known, along = model.sliders, sliding.along
+        self.along = AlongGroup(along, self.sliders) if isinstance(along, Along) else None
+        limits = model.put_limits(np.zeros((model.n_sliders, 3)), model.s0)[self.sliders]
+        sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.spin_root),
+                          self.ties, limits, along if self.along is None else self.along.part, sleeves)
+        ties = () if isinstance(self.ties, NoTies) else (self.ties,)
+        of_moments = (sleeves,) if on.size else ()
+        self.terms = Record((sliding, *of_moments, *elements, self.bodies, *ties, self.held))
+        self._allocate()
 
-        # rows of the constraints, which wait for all but the ends; moments of sleeves are those of their sliders
-        ends = n - 2 * some.size + 2 * beam_of[:, None] + np.arange(2)
+    def _couple(self, keys: Array, mask: Array, beam_of: Array, on: Array) -> None:
+        """Make the rows of the constraints and the arrays of their equations. keys: of the blocks; mask: what is held of every
+        row; beam_of: carrier of every slider; on: those that are sleeves."""
+        model, n, carriers = self.owner.core, mask.size, self.group_rows.beam.size
+        size = len(model.dofs)
+        # they wait for all but the ends; moments of sleeves are those of their sliders
+        ends = n - 2 * carriers + 2 * beam_of[:, None] + np.arange(2)
         unknowns, forces = model.unknowns[self.constraints], model.forces[self.constraints]
         pairs = np.stack((on, self.sliders.size + np.arange(on.size)), axis=1)
         pattern = Pattern(np.arange(n), keys, None, n, np.stack((keys // n, keys % n), axis=1)[keys // n < keys % n])
@@ -227,15 +248,6 @@ class Group:
             integers, residual=empty((s, 8)), forces=forces, first=self.couplings.first,
             first_force=self.couplings.first_force, compliance=empty(s), softness=np.ones(s), remaining=empty(s),
             full=np.zeros(1, np.int64), augmented=empty(4), pair=pairs, cross=empty((on.size, 2, 8)))
-        known, along = model.sliders, sliding.along
-        self.along = AlongGroup(along, self.sliders) if isinstance(along, Along) else None
-        limits = model.put_limits(np.zeros((model.n_sliders, 3)), model.s0)[self.sliders]
-        sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.spin_root),
-                          self.ties, limits, along if self.along is None else self.along.part, sleeves)
-        ties = () if isinstance(self.ties, NoTies) else (self.ties,)
-        of_moments = (sleeves,) if on.size else ()
-        self.terms = Record((sliding, *of_moments, *elements, self.bodies, *ties, self.held))
-        self._allocate()
 
     def _allocate(self) -> None:
         """Allocate room for so many entries of a slider, and everything else by scale."""

@@ -56,6 +56,11 @@ class Method:
         return self.name == "energy_momentum" and self.rho_inf is not None
 
     @property
+    def is_compared(self) -> bool:
+        """True of methods that the conserving step is compared with."""
+        return self.middle is not None or self.parameters is not None
+
+    @property
     def at_end(self) -> bool:
         """True where forces belong to the end of a step, not to its middle."""
         return self.parameters is not None

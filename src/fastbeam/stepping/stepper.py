@@ -98,51 +98,26 @@ class Stepper:
         check_backend(backend)
         self.max_iterations = count("max_iterations", max_iterations)
         _announce()
-        compared = method.middle is not None or method.parameters is not None
-        if compared and model.substructures is not None and model.uncondensed is not None:
+        if method.is_compared and model.substructures is not None and model.uncondensed is not None:
             model = model.uncondensed()
-        self.model, self.method = model, method
+        self.model, self.method, self._static = model, method, static
+        self.weights = np.ascontiguousarray(weights, dtype=float)
         start = None if state is None else own_state(model, state)
         self.augmentation = number("augmentation", augmentation)
         if self.augmentation != 0.0 and not 1.0 <= self.augmentation <= 1e12:
             raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
                              f"is {AUGMENTATION:g}")
-        # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
-        flat = model.plane is not None and not compared
-        from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
-        self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
-        core: Model = model if self.plane is None else self.plane.model
-        if not static:
-            check_border(core)
-        self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
-        core, self.supports = own_supports(core, self.core_state, static)
-        self.core, self.weights = core, np.ascontiguousarray(weights, dtype=float)
-        # a step in one piece changes the state when it is done
-        rates = method.parameters is not None
-        keep = self.weights.size > 1 or core.n_constraints > 0 or core.moving is not None or rates
-        self.work = work_of(core, keep=keep, rates=rates)
-        self.inner = inner_of(core)
-        # sliders alone, as rows of the block matrix
-        self._factored = core.by_rows and core.n_constraints == core.n_sliders and not (compared or static)
-        self.rows: Constraints | None = None
-        if core.by_rows and not static:
-            self.capacity = capacity_of(core)
-            self.contact = self._contact_of(self.capacity.entries)
-            self._make_rows(self.capacity)
-        else:
-            self.contact = contact_of(core, at_rest=static)
+        self._choose_core(start, memory)
+        core = self.core
+        self._make_arrays()
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
         self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.dofs), threads, reproducible=condensed,
                                    symmetric=symmetric)
-        self.alpha, self._static = empty_rates(method, model.n_nodes), static
+        self.alpha = empty_rates(method, model.n_nodes)
         self._more_turns: Array | None = None
-        if compared:
-            require(Analysis.COMPARED, model, f"method {method.name!r}")
-        if self.weights.size > 1:
-            require(Analysis.ORDER_4, model)
-            require(Analysis.COMPOSED, model)
+        self._check_analyses()
         # arrays of this run, by the keys of features
         self.own = {x.key: x.work(core, self.plane, static) for x in core.features}
         self._scheduled = [x for x in core.features if type(x).schedules is not Feature.schedules]
@@ -166,22 +141,70 @@ class Stepper:
         mass = float(model.gravity_weight.sum()) + (0.0 if model.moving is None else model.moving.mass)
         self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
         self._timed = any(t is not None for t in model.load_times)
-        if not self._timed and len(core.loads) == 1 and not static:
-            # they stay as they are
-            self.work = self.work._replace(f_ext=core.loads[0])
-        elif not self._timed and model.loads.shape[0]:
-            kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
-        if self.alpha is not None:
-            if self._timed:
-                kernels.external_forces(model.loads, load_factors(model, np.full(1, t), np.zeros(1))[0], self.work.f_ext)
-            if memory is None:
-                start_rates(model, self.alpha, self.core_state, self._rows_at_rest)
+        self._put_first_loads(t)
+        if self.alpha is not None and memory is None:
+            start_rates(model, self.alpha, self.core_state, self._rows_at_rest)
         if self.along is not None:
             core.slider_forces.check_start(t, self.core_state.s, core.along_of(self.core_state.history))
         if memory is not None:
             self.memory = memory
         elif self.along is not None:
             self._start_sliding()
+
+    def _choose_core(self, start: State | None, memory: Array | None) -> None:
+        """Choose the model whose equations are solved, that in space or that in its plane, and reduce the start to it."""
+        model = self.model
+        # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
+        flat = model.plane is not None and not self.method.is_compared
+        from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
+        self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
+        core: Model = model if self.plane is None else self.plane.model
+        if not self._static:
+            check_border(core)
+        self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
+        self.core, self.supports = own_supports(core, self.core_state, self._static)
+
+    def _make_arrays(self) -> None:
+        """Make the work arrays of nodes and constraints."""
+        core, rates = self.core, self.method.at_end
+        # a step in one piece changes the state when it is done
+        keep = self.weights.size > 1 or core.n_constraints > 0 or core.moving is not None or rates
+        self.work = work_of(core, keep=keep, rates=rates)
+        self.inner = inner_of(core)
+        # sliders alone, as rows of the block matrix
+        self._factored = (core.by_rows and core.n_constraints == core.n_sliders
+                          and not (self.method.is_compared or self._static))
+        self.rows: Constraints | None = None
+        if core.by_rows and not self._static:
+            self.capacity = capacity_of(core)
+            self.contact = self._contact_of(self.capacity.entries)
+            self._make_rows(self.capacity)
+        else:
+            self.contact = contact_of(core, at_rest=self._static)
+
+    def _check_analyses(self) -> None:
+        """Refuse a model that does not go with the method or the substeps.
+
+        Raises
+        ------
+        SceneError
+        """
+        if self.method.is_compared:
+            require(Analysis.COMPARED, self.model, f"method {self.method.name!r}")
+        if self.weights.size > 1:
+            require(Analysis.ORDER_4, self.model)
+            require(Analysis.COMPOSED, self.model)
+
+    def _put_first_loads(self, t: float) -> None:
+        """Put the loads where steps read them: those that stay as they are, or those at time t that rates begin with."""
+        core, model = self.core, self.model
+        if self._timed:
+            if self.alpha is not None:
+                kernels.external_forces(model.loads, load_factors(model, np.full(1, t), np.zeros(1))[0], self.work.f_ext)
+        elif len(core.loads) == 1 and not self._static:
+            self.work = self.work._replace(f_ext=core.loads[0])
+        elif model.loads.shape[0]:
+            kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
 
     @property
     def along(self) -> Any:

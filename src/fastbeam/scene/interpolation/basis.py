@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
 from numbers import Integral
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -213,6 +214,35 @@ class Basis:
         return matrix, matrix_s
 
 
+class _Elements(NamedTuple):
+    """Elements of one family, on which shape functions are evaluated."""
+
+    degree: int
+    ends: Array     # [n + 1], m
+    sizes: Array    # [n], m
+    kinds: Array    # sizes of those with tables of their own, the first where all are equal, [1 or n], m
+    knots: Array | None = None    # of a spline
+    unit: float = 1.0             # in which knots are counted, m
+
+    def gauss(self, n_points: int) -> tuple[Array, Array, Array, Array]:
+        """Find Gauss points: arc lengths, weights, shape functions of the p + 1 own nodes and their d/ds there."""
+        xi, w = legendre.leggauss(n_points)
+        theta = 0.5 * (1.0 + xi)
+        shapes = lagrange_shapes(self.degree, xi, self.kinds) if self.knots is None else self.spline_shapes(theta)
+        weight, values, values_s = map(self.every, (0.5 * self.kinds[:, None] * w, *shapes))
+        return self.ends[:-1, None] + theta * self.sizes[:, None], weight, values, values_s
+
+    def spline_shapes(self, theta: Array) -> tuple[Array, Array]:
+        """Evaluate the shape functions of a spline and their d/ds at fractions theta of its elements."""
+        assert self.knots is not None
+        values, slopes = bspline_shapes(self.degree, self.knots, theta)
+        return values, slopes / self.unit
+
+    def every(self, table: Array) -> Array:
+        """Spread a table of `kinds` over all elements."""
+        return np.broadcast_to(table, (self.sizes.size, *table.shape[1:]))
+
+
 def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | ArrayLike, length: float,
                 directors: str = "greville") -> Basis:
     """Build the interpolation tables of a beam of the given length (m), theory.md 3.2.
@@ -240,10 +270,11 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
     length, n_elements = float(length), sizes.size
     element = np.arange(n_elements)
     spread: Array | None = None
-    kinds = sizes
+    equal = np.ndim(n_elements_or_ends) == 0
+    elements = _Elements(p, ends, sizes, sizes)
     if interpolation == "lagrange":
-        # equal elements share their tables
-        kinds = sizes[:1] if np.ndim(n_elements_or_ends) == 0 else sizes
+        # equal elements share what they have
+        elements = elements._replace(kinds=sizes[:1] if equal else sizes)
         directors, stride, n_nodes = "nodes", p, n_elements * p + 1
         xi_nodes = gll_nodes(p)
         node_s = np.append((ends[:-1, None] + 0.5 * (1.0 + xi_nodes[:-1]) * sizes[:, None]).ravel(), length)
@@ -251,41 +282,29 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
     else:
         stride, n_nodes = 1, n_elements + p
         # equal elements: knots 0, 1, 2, ... keep every knot difference exact
-        unit = sizes[0] if np.ndim(n_elements_or_ends) == 0 else 1.0
-        breaks = np.arange(n_elements + 1.0) if np.ndim(n_elements_or_ends) == 0 else ends
+        unit = sizes[0] if equal else 1.0
+        breaks = np.arange(n_elements + 1.0) if equal else ends
         knots = np.concatenate((np.full(p, breaks[0]), breaks, np.full(p, breaks[-1])))
         greville = sum(knots[1 + j:1 + j + n_nodes] for j in range(p)) / p
         node_s = greville * unit
         node_s[0], node_s[-1] = 0.0, length
+        elements = elements._replace(knots=knots, unit=unit)
         first, nn = element, p + 1
         if directors == "greville":
             first, nn, spread = spread_table(knots, greville, p)
 
-    def shapes(n_points: int) -> tuple[Array, Array, Array, Array]:
-        # arc lengths, weights, shape functions of the p + 1 own nodes and their d/ds at Gauss points
-        xi, w = legendre.leggauss(n_points)
-        if interpolation == "lagrange":
-            values, values_s = lagrange_shapes(p, xi, kinds)
-        else:
-            values, values_s = bspline_shapes(p, knots, 0.5 * (1.0 + xi))
-            values_s /= unit
-        return ends[:-1, None] + 0.5 * (1.0 + xi) * sizes[:, None], *map(every, (0.5 * kinds[:, None] * w, values, values_s))
-
-    def every(table: Array) -> Array:
-        return np.broadcast_to(table, (n_elements, *table.shape[1:]))
-
     rule = points_of(p, sizes) if interpolation == "bspline" else None
     if rule is None:
-        point_s, weight, own, own_s = shapes(p)
+        point_s, weight, own, own_s = elements.gauss(p)
     else:
         at, share = rule
         point_s, weight = ends[:-1, None] + at * sizes[:, None], share * sizes[:, None]
-        own, own_s = bspline_shapes(p, knots, at)
-        own_s /= unit
-    mass_point_s, mass_weight, mass_own, _ = shapes(p + 1)  # exact to degree 2 p + 1
+        own, own_s = elements.spline_shapes(at)
+    mass_point_s, mass_weight, mass_own, _ = elements.gauss(p + 1)  # exact to degree 2 p + 1
     shift = element * stride - first
     phi, phi_s, mass_values = (_widen(table, shift, nn) for table in (own, own_s, mass_own))  # zero for nodes that do not matter
-    mass_phi = every(_mass(mass_own[:kinds.size], mass_weight[:kinds.size]))
+    kinds = elements.kinds.size
+    mass_phi = elements.every(_mass(mass_own[:kinds], mass_weight[:kinds]))
     if nn > p + 1:
         mass_phi = _widen(_widen(mass_phi, shift, nn).transpose(0, 2, 1), shift, nn)  # columns, then rows
     dir_, dir_s, mass_dir = phi, phi_s, mass_phi
