@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 import fastbeam as fb
 
 rope = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0, damping=[1e-3] * 6)

@@ -16,9 +16,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np  # noqa: E402
+
 import fastbeam as fb  # noqa: E402
-from perf.printing import table  # noqa: E402
 from perf.places import module, private  # noqa: E402
+from perf.printing import table  # noqa: E402
 
 FilteringStepper = private("filtering", "FilteringStepper")
 kernels = module("kernels.step")

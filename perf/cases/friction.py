@@ -16,12 +16,13 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from perf.cases import sliders as plain  # noqa: E402
 import numpy as np  # noqa: E402
+
 import fastbeam as fb  # noqa: E402
+from perf.cases import sliders as plain  # noqa: E402
+from perf.places import private  # noqa: E402
 from perf.printing import table  # noqa: E402
 from perf.processes import in_turn, smallest  # noqa: E402
-from perf.places import private  # noqa: E402
 
 Stepper = private("newton", "Stepper")
 

@@ -17,6 +17,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np  # noqa: E402
+
 import fastbeam as fb  # noqa: E402
 from perf.printing import Bar, judged  # noqa: E402
 

@@ -30,10 +30,9 @@ import numpy as np  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "src")]
 
+import fastbeam as fb  # noqa: E402
 from perf.cases.net_step import STEP, square_net  # noqa: E402
 from perf.cases.sliders import BYTES, judged  # noqa: E402
-
-import fastbeam as fb  # noqa: E402
 from perf.places import private  # noqa: E402
 
 Stepper = private("newton", "Stepper")

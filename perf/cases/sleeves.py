@@ -16,11 +16,12 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np  # noqa: E402
+
 import fastbeam as fb  # noqa: E402
-from perf.printing import table  # noqa: E402
-from perf.processes import in_turn, smallest  # noqa: E402
 from perf.cases.sliders import Bar, judged  # noqa: E402
 from perf.places import private  # noqa: E402
+from perf.printing import table  # noqa: E402
+from perf.processes import in_turn, smallest  # noqa: E402
 
 Stepper = private("newton", "Stepper")
 

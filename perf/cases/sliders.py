@@ -29,8 +29,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "src")]
 
 import fastbeam as fb  # noqa: E402
-from perf.printing import Bar, judged, table  # noqa: E402
 from perf.places import private  # noqa: E402
+from perf.printing import Bar, judged, table  # noqa: E402
 
 Stepper = private("newton", "Stepper")
 

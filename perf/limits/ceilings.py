@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from perf.places import private
 
 kernel = private("_jit", "kernel")

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
+
 from perf.places import module, private
 
 GenericFunction = private("_generic", "GenericFunction")

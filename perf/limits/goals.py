@@ -34,13 +34,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "src")]
 
 import fastbeam as fb  # noqa: E402
-
 from perf.limits import counting, traffic  # noqa: E402
 from perf.limits.ceilings import Ceilings, best  # noqa: E402
 from perf.limits.parts import ChainParts, iteration, shortest  # noqa: E402
 from perf.limits.scaling import chain_scene, number_of_elements  # noqa: E402
-from perf.printing import table  # noqa: E402
 from perf.places import private  # noqa: E402
+from perf.printing import table  # noqa: E402
 
 Pardiso = private("linsolve", "Pardiso")
 load_mkl = private("mkl", "load_mkl")
@@ -398,7 +397,8 @@ def memory(m: Measurements) -> list[Verdict]:
 
 
 def net_on_two_threads(m: Measurements) -> list[Verdict]:
-    from perf.cases.net_step import iteration as one_step, square_net
+    from perf.cases.net_step import iteration as one_step
+    from perf.cases.net_step import square_net
     out = []
     sizes = [(6, 20, 1)] if m.quick else [(31, 50, 2), (71, 10, 1)]
     for cells, per_beam, degree in sizes + ([(71, 100, 1)] if m.large else []):

@@ -34,14 +34,13 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "src")]
 
 import fastbeam as fb  # noqa: E402
-
+from perf.cases.net_step import square_net  # noqa: E402
 from perf.limits import counting, traffic  # noqa: E402
 from perf.limits.ceilings import Ceilings, clock  # noqa: E402
-from perf.cases.net_step import square_net  # noqa: E402
 from perf.limits.parts import ChainParts, iteration  # noqa: E402
 from perf.limits.scaling import chain_scene, number_of_elements  # noqa: E402
-from perf.printing import table  # noqa: E402
 from perf.places import private  # noqa: E402
+from perf.printing import table  # noqa: E402
 
 ANALYSE, call_pardiso = private("kernels.sparse", "ANALYSE", "call_pardiso")
 Pardiso = private("linsolve", "Pardiso")

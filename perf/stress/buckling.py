@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from buckling_scenes import KINDS
-from perf.stress.table import Row
 from test_out_of_plane import compared
+
+from perf.stress.table import Row
 
 
 def rows(quick: bool = False) -> Iterator[Row]:

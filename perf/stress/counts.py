@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from column_scenes import counted, drawn
+
 from perf.stress.table import Row
 
 

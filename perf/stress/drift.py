@@ -18,8 +18,9 @@ if __name__ == "__main__":
     ROOT = Path(__file__).resolve().parents[2]
     sys.path[:0] = [str(ROOT), str(ROOT / "src"), str(ROOT / "tests")]
 
-import fastbeam as fb
 from small_scenes import SECTION
+
+import fastbeam as fb
 from perf.stress.table import Row
 
 Array = np.ndarray

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-import fastbeam as fb
 from hostile_files import HOSTILE, make_hostile
 from small_scenes import bead, cantilever, free_beam
+
+import fastbeam as fb
 from perf.stress.table import Row
 from perf.stress.victims import RUN, damage, long_rail
 

@@ -31,8 +31,8 @@ import numpy as np  # noqa: E402
 
 import fastbeam as fb  # noqa: E402
 from fastbeam.kernels import empty_arrays  # noqa: E402
-from perf.stress.feature_analyses import ANALYSES, WrongError, forget  # noqa: E402
 from perf.feature_scenes import FEATURES, MakesNoSense  # noqa: E402
+from perf.stress.feature_analyses import ANALYSES, WrongError, forget  # noqa: E402
 from perf.stress.table import Row  # noqa: E402
 from perf.suite.same_bits_cases import found_in  # noqa: E402
 

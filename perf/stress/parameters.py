@@ -13,10 +13,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 from scipy.optimize import brentq
+from small_scenes import bent
 
 import fastbeam as fb
 from perf.stress.matrices import matrices
-from small_scenes import bent
 from perf.stress.table import Row
 
 Array = np.ndarray

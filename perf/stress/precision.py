@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from small_scenes import bent, free_beam, straight
 
 import fastbeam as fb
-from small_scenes import bent, free_beam, straight
 from perf.stress.table import Row
 
 Array = np.ndarray

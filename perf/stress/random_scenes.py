@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from hypothesis import given, settings
-
 import sliding_checks as sliding
+from hypothesis import given, settings
 from scene_strategies import scenes, sliding_paths
-from perf.stress.table import Row
 from test_scene_properties import CHECKS, QUICK
+
+from perf.stress.table import Row
 
 
 def tried(what: str, strategy: Any, holds: Callable[[Any], None], examples: int) -> Row:

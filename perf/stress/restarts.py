@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from random_restarts import BAR, restart
+
 from perf.stress.table import Row
 
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from small_scenes import SECTION, straight
 
 import fastbeam as fb
 from fastbeam.stepping.stepper import AUGMENTATION
-from small_scenes import SECTION, straight
 from perf.stress.table import Row
 
 Array = np.ndarray

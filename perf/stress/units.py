@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from perf.stress.table import Row
 from unit_systems import ASK_LAWS, BALANCE, FAMILIES, LAWS, compared, scene_of, silent
+
+from perf.stress.table import Row
 
 
 def rows(quick: bool = False) -> Iterator[Row]:

@@ -12,10 +12,9 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parents[1] / "src"), str(HERE.parents[1] / "tests")]
 
 import numpy as np  # noqa: E402
-
-import fastbeam as fb  # noqa: E402
 from small_scenes import bead, bent, cantilever, free_beam, straight  # noqa: E402
 
+import fastbeam as fb  # noqa: E402
 
 
 def long_rail() -> fb.Scene:

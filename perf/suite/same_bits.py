@@ -49,8 +49,9 @@ def of_study(make: Callable[..., Any], options: dict[str, Any]) -> dict[str, str
 def cases() -> Iterator[tuple[str, Callable[[], dict[str, str]]]]:
     """Names of all cases and how to find their hashes, with the package that is imported."""
     sys.path.insert(0, str(ROOT / "examples" / "study"))
-    from perf.suite import same_bits_cases
     import scenes
+
+    from perf.suite import same_bits_cases
     for name, make in scenes.CASES.items():
         for family, options in FAMILIES.items():
             yield f"study: {name}, {family}", lambda make=make, options=options: of_study(make, options)

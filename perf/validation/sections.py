@@ -3,8 +3,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import fastbeam as fb
 import numpy as np
+
+import fastbeam as fb
 
 from .rows import Row
 

@@ -6,7 +6,9 @@ from fastbeam.interface import *
 from fastbeam.results import *
 from fastbeam.scene import *
 from fastbeam.statics import *
+from fastbeam.sweeps import Sweep as Sweep
+from fastbeam.sweeps import load_sweep as load_sweep
+from fastbeam.sweeps import sweep as sweep
 from fastbeam.vibration import *
-from fastbeam.sweeps import Sweep as Sweep, load_sweep as load_sweep, sweep as sweep
 
 __version__: str

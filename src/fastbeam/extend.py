@@ -4,7 +4,8 @@ These names stay. Everything else below `fastbeam` that is no public name may ch
 """
 from __future__ import annotations
 
-from fastbeam.compile.links import Ends, register as register_link
+from fastbeam.compile.links import Ends
+from fastbeam.compile.links import register as register_link
 from fastbeam.interface.arguments import Flag, Name, Number, Vector, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.algebra.dimensions import add_stiffness, add_to, position

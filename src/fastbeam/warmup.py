@@ -9,8 +9,19 @@ from collections.abc import Callable
 
 from fastbeam.compile.compile import compile_scene
 from fastbeam.dynamics.time_loop import simulate
-from fastbeam.scene import (BallJoint, Beam, Clamp, Load, PointMass, RigidBody, RigidConnection, RigidMotion, Scene, Section,
-    Slider)
+from fastbeam.scene import (
+    BallJoint,
+    Beam,
+    Clamp,
+    Load,
+    PointMass,
+    RigidBody,
+    RigidConnection,
+    RigidMotion,
+    Scene,
+    Section,
+    Slider,
+)
 from fastbeam.statics.static_analysis import solve_static
 
 SECTION = Section.circle(radius=0.01, E=1e8, rho=1000.0)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from counted import calls
 
 import fastbeam as fb
-from counted import calls
 from fastbeam.model.feature import OfRun
 from fastbeam.model.workspace import work_of
 from fastbeam.stepping.stepper import Stepper

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from restarts import assert_goes_on
 
 import fastbeam as fb
-from restarts import assert_goes_on
 
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
 SOFT = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from restarts import assert_goes_on
 
 import fastbeam as fb
 import fastbeam.dynamics.time_loop
@@ -13,7 +14,6 @@ from fastbeam.dynamics.velocity_jumps import jump
 from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, HISTORY, STOP_LOSS
 from fastbeam.model.mapping import contact
 from fastbeam.model.maps import mass_map
-from restarts import assert_goes_on
 
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
 SOFT = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)

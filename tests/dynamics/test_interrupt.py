@@ -19,7 +19,8 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.dynamics import interrupt
-from fastbeam.kernels.jit import decorators as _jit, parts as _parts
+from fastbeam.kernels.jit import decorators as _jit
+from fastbeam.kernels.jit import parts as _parts
 from fastbeam.results import hdf5_writer as store
 from fastbeam.stepping import iteration
 

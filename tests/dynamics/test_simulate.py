@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from counted import peak_bytes
 
 import fastbeam as fb
-from counted import peak_bytes
 from fastbeam import Result
 from fastbeam.stepping import stepper as newton
 

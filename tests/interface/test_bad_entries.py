@@ -10,8 +10,30 @@ from typing import Any
 import numpy as np
 import pytest
 from test_bad_input import (
-    ACROSS, ARRAYS, BEAM, MASS, NUMBERS, PATIENCE, RAIL, REFUSED, SECTION, WRONG, TooLong, _ring, bar_of, calls, either, held,
-    is_count, is_function, is_real, is_text, model, one_of, result, short,
+    ACROSS,
+    ARRAYS,
+    BEAM,
+    MASS,
+    NUMBERS,
+    PATIENCE,
+    RAIL,
+    REFUSED,
+    SECTION,
+    WRONG,
+    TooLong,
+    _ring,
+    bar_of,
+    calls,
+    either,
+    held,
+    is_count,
+    is_function,
+    is_real,
+    is_text,
+    model,
+    one_of,
+    result,
+    short,
 )
 
 import fastbeam as fb

@@ -11,7 +11,8 @@ from numpy.polynomial import legendre as np_legendre
 
 from fastbeam.compile.compile import compile_scene
 from fastbeam.compile.tracks import Track
-from fastbeam.kernels.algebra import lanes as rows, vectors as al
+from fastbeam.kernels.algebra import lanes as rows
+from fastbeam.kernels.algebra import vectors as al
 from fastbeam.kernels.algebra.blocks import SIX
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables, element_groups
@@ -31,8 +32,20 @@ from fastbeam.model.workspace import scratch_of
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive import (Twin, beam_forms, beam_strains, cay, cayley_vector, form_matrix, increments, internal_forces,  # noqa: E402
-                   project, skew, strains_of, stresses_of_forms)
+from naive import (  # noqa: E402
+    Twin,
+    beam_forms,
+    beam_strains,
+    cay,
+    cayley_vector,
+    form_matrix,
+    increments,
+    internal_forces,
+    project,
+    skew,
+    strains_of,
+    stresses_of_forms,
+)
 
 Array = np.ndarray
 EXACT = 1e-14  # a handful of operations on numbers of order one

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from fastbeam.kernels.jit import decorators as _jit, parts as _parts
+from fastbeam.kernels.jit import decorators as _jit
+from fastbeam.kernels.jit import parts as _parts
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 PAIR = """

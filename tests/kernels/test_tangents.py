@@ -8,24 +8,38 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fastbeam.compile.compile import compile_scene
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.call_tables import Calls, SystemRecord
 from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.call_tables import Calls, SystemRecord
 from fastbeam.kernels.contact.slider import predict_sliders
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.loads import load_factors
 from fastbeam.model.model import Model
 from fastbeam.model.workspace import contact_of, work_of
-from fastbeam.scene import (AddedMass, BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody,
-    RigidConnection, Scene, Section, Slider)
+from fastbeam.scene import (
+    AddedMass,
+    BallJoint,
+    Beam,
+    Clamp,
+    DistributedLoad,
+    Drag,
+    Load,
+    Pin,
+    PointMass,
+    RigidBody,
+    RigidConnection,
+    Scene,
+    Section,
+    Slider,
+)
 from fastbeam.stepping.constraint_rows import constraints_of
 from fastbeam.stepping.terms import system_of, terms_of
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import __main__ as front, doctor
+from fastbeam import __main__ as front
+from fastbeam import doctor
 
 
 def test_doctor_prints_what_is_there_and_passes(capsys: pytest.CaptureFixture[str]) -> None:

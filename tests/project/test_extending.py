@@ -18,7 +18,8 @@ import fastbeam as fb
 from fastbeam import extend
 from fastbeam.compile import links
 from fastbeam.kernels.forces.spring import Springs, assemble_springs
-from fastbeam.kernels.jit import decorators as _jit, sources as _outside
+from fastbeam.kernels.jit import decorators as _jit
+from fastbeam.kernels.jit import sources as _outside
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")

@@ -16,16 +16,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_scenes import bead
 
 import fastbeam as fb
-from fastbeam.kernels.jit import cache as _folder, decorators as _jit, sealed as _sealed
-from fastbeam.results import hdf5_reader as reading, hdf5_writer as store
-
-from small_scenes import bead
+from fastbeam.kernels.jit import cache as _folder
+from fastbeam.kernels.jit import decorators as _jit
+from fastbeam.kernels.jit import sealed as _sealed
+from fastbeam.results import hdf5_reader as reading
+from fastbeam.results import hdf5_writer as store
 
 pytest.importorskip("h5py")
 from counted import peak_bytes  # noqa: E402
 from hostile_files import HOSTILE, make_hostile  # noqa: E402
+
 from perf.stress.victims import long_rail  # noqa: E402
 
 H = 0.01

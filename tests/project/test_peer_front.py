@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perf.peers import front as peers, names
+from perf.peers import front as peers
+from perf.peers import names
 from perf.peers.environments import trouble
 
 Run = peers.Run

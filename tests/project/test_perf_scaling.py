@@ -14,7 +14,9 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.kernels.algebra.dimensions import PLANE, SPACE
-from fastbeam.kernels.beams import element_loop as beam, green_lagrange, simo_reissner, strain_measures as strain_sets, strains
+from fastbeam.kernels.beams import element_loop as beam
+from fastbeam.kernels.beams import green_lagrange, simo_reissner, strains
+from fastbeam.kernels.beams import strain_measures as strain_sets
 from fastbeam.kernels.beams.motions import OverStep
 from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.linalg import chain

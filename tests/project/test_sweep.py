@@ -15,9 +15,9 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from small_scenes import SECTION, straight
 
 import fastbeam as fb
-from small_scenes import SECTION, straight
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 RATES = {"rate": [0.5, 1.0, 1.5], "mass": [0.4, 0.5]}

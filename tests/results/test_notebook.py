@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_scenes import bead
 
 import fastbeam as fb
 from fastbeam.results import progress
 from fastbeam.results.progress import Progress
-from small_scenes import bead
 
 
 class Texts(HTMLParser):

@@ -5,11 +5,11 @@ import warnings
 
 import numpy as np
 import pytest
+from test_notebook import Texts
 
 import fastbeam as fb
 from fastbeam.interface import result_warnings as doubts
 from fastbeam.interface.result_warnings import KINDS
-from test_notebook import Texts
 
 ROD = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
 SAYS = "not to be trusted, coarse: beam 'strip'"

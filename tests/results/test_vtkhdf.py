@@ -11,12 +11,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from small_scenes import SECTION, bead
 
 import fastbeam as fb
 from fastbeam.results.lines import Lines
 from fastbeam.results.mode_shapes import DampedModes
 from fastbeam.results.result import Result
-from small_scenes import SECTION, bead
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 

@@ -6,10 +6,10 @@ import sys
 
 import numpy as np
 import pytest
+from counted import calls
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from counted import calls
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.interpolation.basis import Basis, CurveBasis, build_basis, gll_nodes
 

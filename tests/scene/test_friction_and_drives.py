@@ -5,9 +5,9 @@ from typing import Any, Callable
 
 import numpy as np
 import pytest
+from exchange import balanced
 
 import fastbeam as fb
-from exchange import balanced
 
 SECTION = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
 BEAM = fb.Beam.straight("rail", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2)

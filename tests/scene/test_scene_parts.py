@@ -6,8 +6,21 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.interface.errors import SceneError
-from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody,
-    RigidConnection, RigidMotion, Section, Slider)
+from fastbeam.scene import (
+    BallJoint,
+    Beam,
+    Clamp,
+    DistributedLoad,
+    InitialVelocity,
+    Load,
+    Pin,
+    PointMass,
+    RigidBody,
+    RigidConnection,
+    RigidMotion,
+    Section,
+    Slider,
+)
 
 BAR = Section.circle(radius=0.01, E=70e9, rho=2700.0)
 BOOM = Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=BAR, elements=4, degree=1)

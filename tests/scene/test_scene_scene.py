@@ -6,11 +6,26 @@ import sys
 
 import numpy as np
 import pytest
-
 from counted import calls
+
 from fastbeam.interface.errors import SceneError
-from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, InitialVelocity, Load, Path, Pin, PointMass, RigidBody,
-    RigidConnection, RigidMotion, Scene, Section, Slider)
+from fastbeam.scene import (
+    BallJoint,
+    Beam,
+    Clamp,
+    DistributedLoad,
+    InitialVelocity,
+    Load,
+    Path,
+    Pin,
+    PointMass,
+    RigidBody,
+    RigidConnection,
+    RigidMotion,
+    Scene,
+    Section,
+    Slider,
+)
 
 BAR = Section.circle(radius=0.01, E=70e9, rho=2700.0)
 

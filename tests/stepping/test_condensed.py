@@ -11,8 +11,7 @@ import fastbeam as fb
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.linalg import substructures as beams
 from fastbeam.linalg import linear_system as linsolve
-from fastbeam.linalg.mkl import SMALL
-from fastbeam.linalg.mkl import load_mkl
+from fastbeam.linalg.mkl import SMALL, load_mkl
 from fastbeam.stepping import condensed
 from fastbeam.stepping.stepper import Stepper
 

@@ -21,13 +21,18 @@ from fastbeam.kernels.layout import NODES, POINTS
 from fastbeam.kernels.linalg import substructures
 from fastbeam.kernels.state import State
 from fastbeam.linalg import linear_system as linsolve
-from fastbeam.model import moving_supports as prescribed, workspace
+from fastbeam.model import moving_supports as prescribed
+from fastbeam.model import workspace
 from fastbeam.model.contact import sleeves, slider_forces
 from fastbeam.model.joints import drives as joint_drives
 from fastbeam.model.model import Model
-from fastbeam.results.observe import observer as observe, resolution
+from fastbeam.results.observe import observer as observe
+from fastbeam.results.observe import resolution
 from fastbeam.statics import equilibrium
-from fastbeam.stepping import carriers as carrying, constraint_rows as constraints, methods, stepper as newton
+from fastbeam.stepping import carriers as carrying
+from fastbeam.stepping import constraint_rows as constraints
+from fastbeam.stepping import methods
+from fastbeam.stepping import stepper as newton
 
 Array = np.ndarray
 H = 0.01

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from perf.validation.invariants import rail
-from perf.validation.time_order import T_END, soft_scene
 
 import fastbeam as fb
 from fastbeam.model.model import Model
+from perf.validation.invariants import rail
+from perf.validation.time_order import T_END, soft_scene
 
 Array = np.ndarray
 METHODS: dict[str, dict[str, Any]] = {

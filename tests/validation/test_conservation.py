@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from perf.validation import misses
 from perf.validation.invariants import check_beam_slider, check_body_slider, check_mass_slider, fly, mass_scene
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exchange import balanced
 
 import fastbeam as fb
-from exchange import balanced
 
 SECTION = fb.Section(EA=1e4, GA2=1e3, GA3=1e3, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
 SPIN = {True: (0.0, 0.0, 2.0), False: (0.3, 1.0, 2.0)}

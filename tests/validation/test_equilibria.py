@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+
 from perf.validation import check, misses
 from perf.validation.equilibria import check_bend45, check_cantilever, check_helix, check_rollup, check_slenderness, helix
 from perf.validation.rows import reference

@@ -11,7 +11,8 @@ from scipy.special import ellipe, ellipk
 
 import fastbeam as fb
 from fastbeam.statics.arc_length import PathSolver
-from fastbeam.statics.paths import critical_points, walk as path_walk
+from fastbeam.statics.paths import critical_points
+from fastbeam.statics.paths import walk as path_walk
 
 Array = np.ndarray
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_static_friction import CAPSTAN, capstan
 
 import fastbeam as fb
-from test_static_friction import CAPSTAN, capstan
 
 MASS, G = 20.0, 9.81
 

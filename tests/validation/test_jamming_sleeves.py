@@ -10,9 +10,9 @@ from scene_strategies import Drawn, build
 from sliding_checks import settings_of
 
 import fastbeam as fb
-from fastbeam.model import start
 from fastbeam.kernels.contact.friction_fallback import LEVEL, MOST_FLIPS, WITHIN
 from fastbeam.kernels.loop import OK
+from fastbeam.model import start
 from fastbeam.stepping.stepper import Stepper
 
 SOFT: dict[str, float] = dict(EA=10.0, GA2=10.0, GA3=10.0, GJ=10.0, EI2=10.0, EI3=10.0, rhoA=0.1, rhoI2=1e-3, rhoI3=1e-3,
@@ -75,7 +75,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     def run(self: Stepper, *args: Any) -> Any:
         outcome = taken(self, *args)
         if outcome.status == OK:
-            doubtful.extend(self.along.doubt.counts[k].copy() for k in np.flatnonzero(self.along.flips >= MOST_FLIPS))
+            doubtful.extend(self.along.fallback.counts[k].copy() for k in np.flatnonzero(self.along.flips >= MOST_FLIPS))
         return outcome
 
     monkeypatch.setattr(Stepper, "_run", run)

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from restarts import assert_goes_on
 from scipy.integrate import solve_ivp
 
 import fastbeam as fb
 from fastbeam.dynamics.impacts import strike_joint
 from fastbeam.kernels.joints.coordinates import WORK
 from fastbeam.kernels.joints.friction import AGAINST, STOP_LOSS
-from restarts import assert_goes_on
 
 Array = np.ndarray
 G = 9.81

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exchange import balanced
 
 import fastbeam as fb
-from exchange import balanced
 
 G = 9.81
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from restarts import assert_goes_on
 
 import fastbeam as fb
-from restarts import assert_goes_on
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "study"))

@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fastbeam as fb
-from perf.cases.moving_mesh import ROD as SECTION, driven
+from perf.cases.moving_mesh import ROD as SECTION
+from perf.cases.moving_mesh import driven
 
 Array = np.ndarray
 

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+
 from fastbeam.kernels.loop import has_converged, next_increment
 from perf.validation import Row, misses
 from perf.validation.tangents import check_newton, exponent

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exchange import balanced
 
 import fastbeam as fb
-from exchange import balanced
 from fastbeam.dynamics.locks import Locking
 from fastbeam.model.mapping import shapes_at
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from buckling_scenes import KINDS, buckling_scene
 
 import fastbeam as fb
-from buckling_scenes import KINDS, buckling_scene
 from fastbeam.statics.paths.critical_points import CriticalPoint, PathStep
 
 LATERAL = 4.0126

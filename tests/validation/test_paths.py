@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exchange import balanced
 from hypothesis import HealthCheck, assume, given, settings
+from naive import Step, Twin, cayley_vector
+from scene_strategies import DrawnPath, build_path, paths
 
 import fastbeam as fb
-from exchange import balanced
-from naive import Step, Twin, cayley_vector
 from perf.cases import ropeway
-from scene_strategies import DrawnPath, build_path, paths
 
 SECTION = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=500, EI2=500, EI3=500, rhoA=1, rhoI2=0.1, rhoI3=0.1)
 SOFT = fb.Section(EA=1e6, GA2=4e5, GA3=4e5, GJ=10, EI2=10, EI3=10, rhoA=1, rhoI2=1e-4, rhoI3=1e-4)

@@ -12,7 +12,7 @@ import fastbeam as fb
 from fastbeam.kernels.contact.slider_forces import AGAINST, HELD, HISTORY, LOCKED, STICKS
 
 sys.path.insert(0, str(Path(__file__).parent))
-from test_slider_forces import G, STIFF, rigid_rail  # noqa: E402
+from test_slider_forces import STIFF, G, rigid_rail  # noqa: E402
 
 Array = np.ndarray
 MASS = 0.01

@@ -4,10 +4,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import fastbeam as fb
 import numpy as np
 import pytest
 from restarts import assert_goes_on
+
+import fastbeam as fb
 from perf.validation import misses
 from perf.validation.sections import check_sections
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exchange import balanced, exchanged, unit_of_strains
 
 import fastbeam as fb
-from exchange import balanced, exchanged, unit_of_strains
 from fastbeam.kernels import loop as kernels
 from fastbeam.kernels.contact.friction_fallback import MOST_FLIPS
 from fastbeam.kernels.contact.slider_forces import AGAINST

@@ -3,10 +3,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from naive import Step, Twin, cayley_vector
 
 import fastbeam as fb
 from fastbeam.model import start
-from naive import Step, Twin, cayley_vector
 from perf.stress import sliding
 
 CASES = {case.name: case for part in sliding.PARTS for case in part()}

@@ -6,20 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from naive import cay, cayley_vector
+from restarts import assert_goes_on
 from scipy.integrate import quad
 
 import fastbeam as fb
 from fastbeam.kernels import loop as kernels
-from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord
 from fastbeam.kernels.algebra.dimensions import SPACE
+from fastbeam.kernels.call_tables import ASSEMBLY, Calls, SystemRecord
 from fastbeam.kernels.forces.spring_laws import SpringLaws, damping_force, mean_force
 from fastbeam.kernels.terms import Conserving
 from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.spring_laws import laws_of
 from fastbeam.model.workspace import work_of
 from fastbeam.stepping.terms import system_of, terms_of
-from naive import cay, cayley_vector
-from restarts import assert_goes_on
 
 Array = np.ndarray
 ORIGIN = fb.GROUND.point((0, 0, 0))

@@ -105,8 +105,8 @@ def arch(*parts: Any) -> fb.Model:
 def gripped(rotation: Any) -> tuple[fb.Beam, fb.Model]:
     """A rod whose right end is held by a gripper that turns about the axis."""
     beam = cantilever()
-    grip = fb.PrescribedMotion("grip", beam.end, displacement=lambda t: (0, 0, 0), rotation=rotation)
-    return beam, fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), grip), planar=False)
+    gradient = fb.PrescribedMotion("grip", beam.end, displacement=lambda t: (0, 0, 0), rotation=rotation)
+    return beam, fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), gradient), planar=False)
 
 
 ALONG = np.array((1.0, 0.0, 0.0))
@@ -325,10 +325,10 @@ def test_the_end_of_a_rod_is_pushed_and_turned_whatever_the_load_steps(kind: str
         hand = fb.PrescribedMotion("hand", rod.end, position=lambda t: end + t**2 * far, rotation=lambda t: (0, t**2 * turn, 0))
         parts: tuple[Any, ...] = (hand,)
     else:
-        arm, grip = (fb.RigidBody(name, mass=1.0, inertia=(1, 1, 1), position=end) for name in ("arm", "grip"))
+        arm, gradient = (fb.RigidBody(name, mass=1.0, inertia=(1, 1, 1), position=end) for name in ("arm", "grip"))
         hand = fb.PrescribedMotion("hand", arm.center, position=lambda t: end + t**2 * far, rotation=lambda t: (0, 0, 0))
-        wrist = fb.RevoluteJoint(arm, grip, axis=(0, 1, 0), angle=lambda t: t**2 * turn)
-        parts = arm, grip, hand, fb.RigidConnection(rod.end, grip.center), wrist
+        wrist = fb.RevoluteJoint(arm, gradient, axis=(0, 1, 0), angle=lambda t: t**2 * turn)
+        parts = arm, gradient, hand, fb.RigidConnection(rod.end, gradient.center), wrist
     model = fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), *parts))
     shapes = [fb.solve_static(model, at_time=1.0, load_step=step, points={"mid": rod.at(0.5)}).point("mid")[-1]
               for step in (0.25, 0.5, 0.01)]

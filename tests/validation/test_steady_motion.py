@@ -12,6 +12,7 @@ from scipy.optimize import brentq, newton
 
 import fastbeam as fb
 from fastbeam.results.mode_shapes import SteadyModes
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import spectral  # noqa: E402
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exchange import balanced
 
 import fastbeam as fb
-from exchange import balanced
 
 SECTION = fb.Section(EA=1e5, GA2=4e4, GA3=4e4, GJ=200, EI2=200, EI3=200, rhoA=1.0, rhoI2=1e-2, rhoI3=1e-2)
 LOOP = 2.0 * np.pi

@@ -12,8 +12,8 @@ import fastbeam as fb
 from fastbeam.model.contact.sleeve_conditions import sections
 
 sys.path.insert(0, str(Path(__file__).parent))
-from test_sleeves import scene as flying  # noqa: E402
 from exchange import balanced  # noqa: E402
+from test_sleeves import scene as flying  # noqa: E402
 from test_slider_forces import run  # noqa: E402
 
 MU, RADIUS, WEIGHT, INERTIA = 0.3, 0.02, 50.0, 2e-3

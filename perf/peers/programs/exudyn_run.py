@@ -26,7 +26,6 @@ import exudyn.itemInterface as item  # noqa: E402
 import numpy as np  # noqa: E402
 from exudyn.beams import GenerateBeamElementsAlongLine  # noqa: E402
 from exudyn.rigidBodyUtilities import RotationMatrix2EulerParameters, RotationMatrix2RotXYZ  # noqa: E402
-
 from protocol import SAMPLES, answer, settings, steps, timed  # noqa: E402
 from scenes import Sliding, Spaghetti  # noqa: E402
 

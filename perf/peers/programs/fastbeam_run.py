@@ -16,10 +16,10 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import fastbeam as fb  # noqa: E402
-
 from protocol import SAMPLES, answer, settings, steps, timed  # noqa: E402
 from scenes import Sliding, Spaghetti  # noqa: E402
+
+import fastbeam as fb  # noqa: E402
 
 OPTIONS: dict[str, Any] = {"order": 2, "cable": False, "energy": False}
 

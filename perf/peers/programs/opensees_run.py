@@ -14,7 +14,6 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import openseespy.opensees as ops  # noqa: E402
-
 from protocol import SAMPLES, answer, settings, steps, timed  # noqa: E402
 from scenes import Spaghetti  # noqa: E402
 

@@ -13,7 +13,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import elastica as ea  # noqa: E402
 import numpy as np  # noqa: E402
-
 from protocol import SAMPLES, answer, settings, steps, timed  # noqa: E402
 from scenes import Spaghetti  # noqa: E402
 

@@ -19,9 +19,32 @@ from fastbeam.model.analyses import AT_REST, Analysis, Lack, without_adjoint
 from fastbeam.model.contact.moving_tables import Mesh, element_lengths, mass_matrix, masses, momenta, of_rates
 from fastbeam.model.feature import Feature, OfRun
 from fastbeam.model.workspace import moving_of_run
-from fastbeam.scene import (BallJoint, Beam, Bushing, Clamp, CylindricalJoint, Damper, DistanceJoint, InitialVelocity, Load,
-    MovingMesh, Pin, PlanarJoint, PointMass, PrismaticJoint, RevoluteJoint, RigidBody, RigidConnection, RigidMotion, Scene,
-    Sleeve, Slider, SphericalJoint, Spring, UniversalJoint)
+from fastbeam.scene import (
+    BallJoint,
+    Beam,
+    Bushing,
+    Clamp,
+    CylindricalJoint,
+    Damper,
+    DistanceJoint,
+    InitialVelocity,
+    Load,
+    MovingMesh,
+    Pin,
+    PlanarJoint,
+    PointMass,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    RigidConnection,
+    RigidMotion,
+    Scene,
+    Sleeve,
+    Slider,
+    SphericalJoint,
+    Spring,
+    UniversalJoint,
+)
 from fastbeam.scene.moving_mesh import LineOfPlaces
 
 Array = np.ndarray

@@ -7,8 +7,14 @@ from typing import Any
 
 from fastbeam.dynamics.bounds import Ways
 from fastbeam.dynamics.checkpoint import Clock
-from fastbeam.dynamics.control import (END_TOLERANCE, TRANSFER_TOLERANCE, StepControl, failure, run_to_condition,
-    run_to_end_of_beam)
+from fastbeam.dynamics.control import (
+    END_TOLERANCE,
+    TRANSFER_TOLERANCE,
+    StepControl,
+    failure,
+    run_to_condition,
+    run_to_end_of_beam,
+)
 from fastbeam.dynamics.corners import TOO_SHORT, Corners, Passed
 from fastbeam.dynamics.impacts import SAME_TIME, Impacts
 from fastbeam.dynamics.interrupt import Calls

@@ -13,8 +13,21 @@ from fastbeam.dynamics.one_sided import ON_AXIS, Finder, Place, land
 from fastbeam.dynamics.velocity_jumps import blow
 from fastbeam.interface.arguments import Refusal, real, shown
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.contact.slider_forces import (AGAINST, CAME_BY, FREE, HELD, HISTORY, LOCK_LOSS, LOCKED, OFF, OFFSET, SIGN,
-    STICKS, STOP_LOSS, TURNS)
+from fastbeam.kernels.contact.slider_forces import (
+    AGAINST,
+    CAME_BY,
+    FREE,
+    HELD,
+    HISTORY,
+    LOCK_LOSS,
+    LOCKED,
+    OFF,
+    OFFSET,
+    SIGN,
+    STICKS,
+    STOP_LOSS,
+    TURNS,
+)
 from fastbeam.kernels.energies import slider_motion
 from fastbeam.kernels.state import State
 from fastbeam.model.gap_rows import GapRows

@@ -22,8 +22,8 @@ from fastbeam.model.connections import held_axes
 from fastbeam.model.contact.sleeve_twist import with_known_twist
 from fastbeam.model.feature import OfRun
 from fastbeam.model.forces.damping_and_drag import COEFFICIENTS
-from fastbeam.model.forces.user_forces import ON_NODES
 from fastbeam.model.forces.loads import load_factors
+from fastbeam.model.forces.user_forces import ON_NODES
 from fastbeam.model.joints.constraints import Distance, KeptLink
 from fastbeam.model.released_supports import OwnSupports
 from fastbeam.results.observe.resultants import Sections

@@ -6,8 +6,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.contact.slider_forces import (AGAINST, DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION,
-    SIGN, STICKS)
+from fastbeam.kernels.contact.slider_forces import (
+    AGAINST,
+    DRIVE_WORK,
+    FREE,
+    HELD,
+    HISTORY,
+    INCREMENT,
+    LOCKED,
+    OFF,
+    POSITION,
+    SIGN,
+    STICKS,
+)
 from fastbeam.kernels.joints import friction as joint_friction
 from fastbeam.kernels.joints.coordinates import VALUE, WORK
 from fastbeam.kernels.state import State

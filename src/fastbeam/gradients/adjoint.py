@@ -165,7 +165,7 @@ class AdjointRun(Doubts):
         self._rows = {name: empty((2, n + 1, 3)) for name in self._points}
         self._saved: list[Any] = []
         # step and slider whose friction no branch was found for
-        self._in_doubt: tuple[int, str] | None = None
+        self._undecided: tuple[int, str] | None = None
         # all steps, or those of the newest stretch
         self._stretch: Stretch | None = None
         for first in range(0, n, every):
@@ -198,9 +198,9 @@ class AdjointRun(Doubts):
                 if stepper.along is not None:
                     along = stepper.along if stepper.linear.fallbacks == pivoting else stepper.fallback.along
                     out.sign[k], out.rest[k] = along.sign, along.rest
-                    doubt = np.flatnonzero((along.flips >= MOST_FLIPS) & self.model.slider_forces.hold_by_friction)
-                    if doubt.size and self._in_doubt is None:
-                        self._in_doubt = first + k, self.model.names["sliders"][doubt[0]]
+                    fallback = np.flatnonzero((along.flips >= MOST_FLIPS) & self.model.slider_forces.hold_by_friction)
+                    if fallback.size and self._undecided is None:
+                        self._undecided = first + k, self.model.names["sliders"][fallback[0]]
         return out
 
     def _again(self, first: int) -> Stretch:
@@ -276,8 +276,8 @@ class AdjointRun(Doubts):
         """
         if not points and not velocities:
             raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
-        if self._in_doubt is not None:
-            k, name = self._in_doubt
+        if self._undecided is not None:
+            k, name = self._undecided
             raise SceneError(f"gradient: in the step from t = {self.t[k]:.6g} s neither slipping nor sticking of slider {name!r} "
                              "solved the equations; what was taken between them (theory.md 5.6) has no derivative; use smaller "
                              "steps, or smoothing= in its friction")

@@ -13,8 +13,25 @@ from fastbeam.kernels.jit.decorators import address_of, prepare
 from fastbeam.kernels.jit.records import Record, RecordType, same_record
 from fastbeam.kernels.jit.sources import is_term
 from fastbeam.kernels.questions import BY_CONTACT
-from fastbeam.kernels.terms import (NoTies, Shared, System, WithContact, WithMethod, accept, account, assemble, begin_contact,
-    begin_step, clear, first_guess, put_loads, scale_residual, scale_solutions, spread_nodes, within_limits)
+from fastbeam.kernels.terms import (
+    NoTies,
+    Shared,
+    System,
+    WithContact,
+    WithMethod,
+    accept,
+    account,
+    assemble,
+    begin_contact,
+    begin_step,
+    clear,
+    first_guess,
+    put_loads,
+    scale_residual,
+    scale_solutions,
+    spread_nodes,
+    within_limits,
+)
 
 Array = np.ndarray
 # words ahead of the entries (code, term): for each question the begin and the length of its list

@@ -17,14 +17,60 @@ from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.records import in_memory
 from fastbeam.kernels.linalg.border import fill_panel, fill_residual, solve_border, take_solution
 from fastbeam.kernels.linalg.chain import Elimination, OneSide, RightSides, back_substitute, factor
-from fastbeam.kernels.linalg.pardiso import PardisoTables, begin_step as begin_pardiso_step, solve_sparse
-from fastbeam.kernels.state import (IN_DOUBT, MORE_ITERATIONS, clear_equations, copy, follow_increment, keep_arrays,
-    restore_arrays, start_increment)
-from fastbeam.kernels.terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, account, advance_nodes,
-    assemble, axes_of, begin_contact, begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns,
-    fill, first_guess, follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
-    push_increments, put_loads, recover, restore, save, scale_residual, scale_solutions, solve, spread_nodes, take_increments,
-    take_unknowns, within_limits)
+from fastbeam.kernels.linalg.pardiso import PardisoTables, solve_sparse
+from fastbeam.kernels.linalg.pardiso import begin_step as begin_pardiso_step
+from fastbeam.kernels.state import (
+    IN_FALLBACK,
+    MORE_ITERATIONS,
+    clear_equations,
+    copy,
+    follow_increment,
+    keep_arrays,
+    restore_arrays,
+    start_increment,
+)
+from fastbeam.kernels.terms import (
+    AtRest,
+    Equilibrium,
+    Loads,
+    NoContact,
+    SolverOutside,
+    accept,
+    account,
+    advance_nodes,
+    assemble,
+    axes_of,
+    begin_contact,
+    begin_solver,
+    begin_step,
+    carry_columns,
+    clear,
+    clear_increments,
+    close,
+    complete_columns,
+    fill,
+    first_guess,
+    follow_nodes,
+    inner_share,
+    is_regular,
+    is_settled,
+    move_nodes,
+    node_share,
+    potential_energy,
+    predict_nodes,
+    push_increments,
+    put_loads,
+    recover,
+    restore,
+    save,
+    scale_residual,
+    scale_solutions,
+    solve,
+    spread_nodes,
+    take_increments,
+    take_unknowns,
+    within_limits,
+)
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 # increments below these may be round-off: if they do not shrink; if they are far longer than expected
@@ -285,7 +331,7 @@ def newton(terms, system, h, max_iterations, largest, sizes_out):
     for it in range(sizes_out.shape[0]):
         sizes_out[it] = 0.0
     for it in range(MORE_ITERATIONS * max_iterations):
-        if it == max_iterations and system.work.increment.control[IN_DOUBT] == 0.0:
+        if it == max_iterations and system.work.increment.control[IN_FALLBACK] == 0.0:
             return NOT_CONVERGED, it
         assemble_step(terms, system, h)
         fill.call(system.contact, terms, system)

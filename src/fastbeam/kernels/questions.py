@@ -10,10 +10,40 @@ from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.calls import CALLS, COUNTS, INTEGER, NUMBER, PAIR, TRUTH, contents
 from fastbeam.kernels.jit.decorators import table_entry
 from fastbeam.kernels.linalg.constraints import recover_inside
-from fastbeam.kernels.terms import (NoContact, accept, account, advance_nodes, assemble, axes_of, begin_contact, begin_solver,
-    begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess, follow_nodes, is_regular,
-    is_settled, move_nodes, push_increments, put_loads, recover, restore, save, scale_residual, scale_solutions, solve,
-    spread_nodes, take_increments, take_unknowns, within_limits)
+from fastbeam.kernels.terms import (
+    NoContact,
+    accept,
+    account,
+    advance_nodes,
+    assemble,
+    axes_of,
+    begin_contact,
+    begin_solver,
+    begin_step,
+    carry_columns,
+    clear,
+    clear_increments,
+    close,
+    complete_columns,
+    fill,
+    first_guess,
+    follow_nodes,
+    is_regular,
+    is_settled,
+    move_nodes,
+    push_increments,
+    put_loads,
+    recover,
+    restore,
+    save,
+    scale_residual,
+    scale_solutions,
+    solve,
+    spread_nodes,
+    take_increments,
+    take_unknowns,
+    within_limits,
+)
 
 # questions of `fill` and `close` to terms, by the class of the contact; for other contacts they ask none
 OF_NODES = push_increments, recover

@@ -13,7 +13,7 @@ from fastbeam.kernels.jit.decorators import kernel, separate
 # `LastIncrement.control` before the first increment of a step: the line is at its start
 FROM_START = 2.0
 # index in `control`: 1 if slip directions cycle (friction_fallback.py); the step may then take this many times the iterations
-IN_DOUBT, MORE_ITERATIONS = 3, 4
+IN_FALLBACK, MORE_ITERATIONS = 3, 4
 # index in `control`: 1 if friction began to stick or to slip in this iteration, so that its increment is more than round-off
 CHANGED = 4
 
@@ -110,7 +110,7 @@ def start_increment(work):
     first = work.past[work.past.shape[0] - 1]
     follow_increment(work.increment, first if work.past[0] > 0.0 else np.inf)
     work.increment.control[2] = -1.0
-    work.increment.control[IN_DOUBT] = 0.0
+    work.increment.control[IN_FALLBACK] = 0.0
     work.increment.control[CHANGED] = 0.0
     if work.increment.control[0] != 0.0:
         work.increment.control[0] = FROM_START

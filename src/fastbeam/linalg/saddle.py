@@ -16,8 +16,18 @@ from typing import Any
 import numpy as np
 
 from fastbeam.linalg.factors import LU, Factoriser, Factors, lu, refined
-from fastbeam.linalg.inertia import (SKEW, Entries, Nodes, Signs, Terms, held, inertia, negative_pivots, orthonormal_columns,
-    sizes_of)
+from fastbeam.linalg.inertia import (
+    SKEW,
+    Entries,
+    Nodes,
+    Signs,
+    Terms,
+    held,
+    inertia,
+    negative_pivots,
+    orthonormal_columns,
+    sizes_of,
+)
 from fastbeam.linalg.scaling import typical_factors, with_values
 
 Array = np.ndarray

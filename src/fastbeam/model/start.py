@@ -19,7 +19,7 @@ from fastbeam.model.gap_rows import GapRows
 from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
 from fastbeam.model.mapping import follow, turned
-from fastbeam.model.maps import (free_unknowns, mass_map, rates_map, share_map, tie_map, velocities_and_spins, velocity_map)
+from fastbeam.model.maps import free_unknowns, mass_map, rates_map, share_map, tie_map, velocities_and_spins, velocity_map
 from fastbeam.model.model import Model
 
 Array = np.ndarray

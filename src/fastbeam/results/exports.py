@@ -16,6 +16,7 @@ from fastbeam.results.readings import ROWS, SECTION
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
     from fastbeam.dynamics.checkpoint import Checkpoint
     from fastbeam.kernels.state import State
     from fastbeam.results.observe.resultants import SectionForces

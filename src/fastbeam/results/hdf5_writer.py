@@ -40,8 +40,18 @@ import numpy as np
 from fastbeam.interface.arguments import FilePath, take
 from fastbeam.interface.errors import ResultFileError
 from fastbeam.interface.paths import check_new, claim
-from fastbeam.results.hdf5_reader import (COUNTS, FORMAT, MARGIN, MOST_EVENT_BYTES, MOST_EVENTS, MOST_PARTS, VERSION, import_h5py,
-    load_result, parts_of)
+from fastbeam.results.hdf5_reader import (
+    COUNTS,
+    FORMAT,
+    MARGIN,
+    MOST_EVENT_BYTES,
+    MOST_EVENTS,
+    MOST_PARTS,
+    VERSION,
+    import_h5py,
+    load_result,
+    parts_of,
+)
 from fastbeam.results.result import Result, ResultHeader, shape_row
 from fastbeam.results.rows import RowBuffer, Rows
 

@@ -12,8 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fastbeam.interface.arguments import (LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, hides_others,
-    is_masked, shown)
+from fastbeam.interface.arguments import (
+    LONGEST_RANGE,
+    Anything,
+    FilePath,
+    Flag,
+    Refusal,
+    Word,
+    checked,
+    hides_others,
+    is_masked,
+    shown,
+)
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.result_warnings import Doubts
 from fastbeam.interface.synonyms import known
@@ -24,6 +34,7 @@ from fastbeam.results.rows import RowBuffer, Rows
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
     from fastbeam.kernels.state import State
     from fastbeam.model.model import Model
 

@@ -9,8 +9,22 @@ from typing import TYPE_CHECKING, Any, ClassVar, Required, TypedDict, Unpack
 
 import numpy as np
 
-from fastbeam.interface.arguments import (LARGEST, Anything, Instance, Name, Number, Numbers, Refusal, Vector, Word, checked,
-    numbers, shown, spell_out, whole)
+from fastbeam.interface.arguments import (
+    LARGEST,
+    Anything,
+    Instance,
+    Name,
+    Number,
+    Numbers,
+    Refusal,
+    Vector,
+    Word,
+    checked,
+    numbers,
+    shown,
+    spell_out,
+    whole,
+)
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array, ArrayField, Takes, noun
@@ -19,6 +33,7 @@ from fastbeam.scene.sections import Section
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
     from fastbeam.scene.bodies import PointMass, RigidBody
     from fastbeam.scene.fixed import Ground
     from fastbeam.scene.interpolation.basis import Basis

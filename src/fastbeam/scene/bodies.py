@@ -12,8 +12,22 @@ from fastbeam.interface.arguments import Anything, Flag, Name, Number, Refusal, 
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
-from fastbeam.scene.checks import (Array, ArrayField, Factor, Field, FieldField, FieldLike, FilledArray, NodeField, OptionalArray,
-    OptionalField, Rotation, Takes, TimeFactor, noun)
+from fastbeam.scene.checks import (
+    Array,
+    ArrayField,
+    Factor,
+    Field,
+    FieldField,
+    FieldLike,
+    FilledArray,
+    NodeField,
+    OptionalArray,
+    OptionalField,
+    Rotation,
+    Takes,
+    TimeFactor,
+    noun,
+)
 from fastbeam.scene.nets import Net
 from fastbeam.scene.paths import ABeam
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union, dataclass_transf
 
 import numpy as np
 
-from fastbeam.interface.arguments import (  # noqa: F401
-    LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take)
+from fastbeam.interface.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take  # noqa: F401
 from fastbeam.interface.errors import SceneError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
     from fastbeam.kernels.state import State
     from fastbeam.scene.beams import Beam, NodeRef
     from fastbeam.scene.bodies import PointMass, RigidBody

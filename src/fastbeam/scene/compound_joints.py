@@ -11,8 +11,20 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.axis_joint import JOINED, ONE_AXIS, SIDE, AxisJoint, Condition, OneAxisJoint
 from fastbeam.scene.checks import Array, ArrayField, OfTimeLike, SideField, noun
-from fastbeam.scene.joint_freedoms import (ABOUT_A, ABOUT_B, COSINES, SWING, TWIST, ForEach, Freedom, Shape, distance_along,
-    drives_of, stops_of, times_of)
+from fastbeam.scene.joint_freedoms import (
+    ABOUT_A,
+    ABOUT_B,
+    COSINES,
+    SWING,
+    TWIST,
+    ForEach,
+    Freedom,
+    Shape,
+    distance_along,
+    drives_of,
+    stops_of,
+    times_of,
+)
 from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 
 # largest deviation of two axes from a right angle, as the cosine of the angle

@@ -9,8 +9,21 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.interface.arguments import (LARGEST, Count, Flag, Name, Number, Numbers, Refusal, Vector, Word, checked, numbers,
-    shown, take)
+from fastbeam.interface.arguments import (
+    LARGEST,
+    Count,
+    Flag,
+    Name,
+    Number,
+    Numbers,
+    Refusal,
+    Vector,
+    Word,
+    checked,
+    numbers,
+    shown,
+    take,
+)
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.bodies import Node

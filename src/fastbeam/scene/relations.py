@@ -18,7 +18,6 @@ from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch
 
-
 # depth of the search for controllers, and number of entries of a list that it looks at
 DEEPEST, MOST = 4, 100
 

@@ -15,8 +15,17 @@ from fastbeam.scene import checks
 from fastbeam.scene.added_mass import AddedMass
 from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.bodies import (BallJoint, DistributedLoad, InitialVelocity, Load, Node, PointMass, RigidBody, RigidConnection,
-    RigidMotion)
+from fastbeam.scene.bodies import (
+    BallJoint,
+    DistributedLoad,
+    InitialVelocity,
+    Load,
+    Node,
+    PointMass,
+    RigidBody,
+    RigidConnection,
+    RigidMotion,
+)
 from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing, Knot
@@ -52,7 +61,7 @@ P = TypeVar("P")
 
 
 @dataclass(frozen=True)
-class APart:
+class OnePart:
     """Check of a part of a scene."""
 
     def __call__(self, value: Any) -> Part:
@@ -72,7 +81,7 @@ class APart:
         return value
 
 
-@checked(parts=APart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
+@checked(parts=OnePart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
 class Scene(notebook.Parts):
     """Set of parts under one gravity.
 
@@ -118,7 +127,7 @@ class Scene(notebook.Parts):
         self._places: Placing | None = None
         self.add(*parts)
 
-    @checked(parts=APart())
+    @checked(parts=OnePart())
     def add(self, *parts: Part) -> Scene:
         """Append parts; returns the scene.
 

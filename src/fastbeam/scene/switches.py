@@ -19,6 +19,7 @@ from fastbeam.scene.slider_forces import needed_arguments
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
     from fastbeam.kernels.state import State
     from fastbeam.scene.locks import Lock, Release
     from fastbeam.scene.slider_forces import Stops

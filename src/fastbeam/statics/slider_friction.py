@@ -12,8 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.contact.slider_forces import (AGAINST, HISTORY, INCREMENT, NO_DRIVE, OFFSET, POSITION, SIGN, STICKS,
-    STIFFNESS)
+from fastbeam.kernels.contact.slider_forces import (
+    AGAINST,
+    HISTORY,
+    INCREMENT,
+    NO_DRIVE,
+    OFFSET,
+    POSITION,
+    SIGN,
+    STICKS,
+    STIFFNESS,
+)
 from fastbeam.kernels.state import State
 from fastbeam.model.contact.sleeve_conditions import sections
 from fastbeam.model.maps import RowMap

@@ -6,8 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.interface.arguments import (Anything, Count, Flag, Instance, Listing, Name, Number, Numbers, Refusal, Word, checked,
-    shown)
+from fastbeam.interface.arguments import (
+    Anything,
+    Count,
+    Flag,
+    Instance,
+    Listing,
+    Name,
+    Number,
+    Numbers,
+    Refusal,
+    Word,
+    checked,
+    shown,
+)
 from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
 from fastbeam.interface.result_warnings import warns
 from fastbeam.interface.synonyms import its_sliders

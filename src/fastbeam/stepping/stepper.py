@@ -33,8 +33,17 @@ from fastbeam.model.forces.loads import load_factors
 from fastbeam.model.model import Model
 from fastbeam.model.released_supports import own_supports
 from fastbeam.model.start import own_state
-from fastbeam.model.workspace import (Capacity, capacity_of, check_border, contact_of, factored_contact_of, inner_of,
-    larger_capacity, law_work, work_of)
+from fastbeam.model.workspace import (
+    Capacity,
+    capacity_of,
+    check_border,
+    contact_of,
+    factored_contact_of,
+    inner_of,
+    larger_capacity,
+    law_work,
+    work_of,
+)
 from fastbeam.stepping.condensed import CondensedIteration, thread_count
 from fastbeam.stepping.constraint_rows import constraints_of
 from fastbeam.stepping.iteration import LEFT, Iteration

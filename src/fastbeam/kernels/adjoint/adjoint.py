@@ -12,8 +12,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.adjoint.adjoint_border import (add_transposed, begin_border, drop_held, end_border, equations_product,
-    put_slides, solve_step)
+from fastbeam.kernels.adjoint.adjoint_border import (
+    add_transposed,
+    begin_border,
+    drop_held,
+    end_border,
+    equations_product,
+    put_slides,
+    solve_step,
+)
 from fastbeam.kernels.adjoint.adjoint_sliders import add_slides, add_start, add_turning, put_branch, put_start
 from fastbeam.kernels.adjoint.section_gradients import add_sections
 from fastbeam.kernels.algebra.dimensions import Plane, Space, coordinates, dim

@@ -12,16 +12,45 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.algebra.dimensions import (Plane, Space, add_to, coordinates, cross_product, dim, position, spin_cross,
-    vector, zero_vector)
+from fastbeam.kernels.algebra.dimensions import (
+    Plane,
+    Space,
+    add_to,
+    coordinates,
+    cross_product,
+    dim,
+    position,
+    spin_cross,
+    vector,
+    zero_vector,
+)
 from fastbeam.kernels.algebra.vectors import dot, ld3
 from fastbeam.kernels.contact.curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot
 from fastbeam.kernels.contact.held_directors import director, holder_of
 from fastbeam.kernels.contact.sleeve import Sleeves
-from fastbeam.kernels.contact.slider import (NoForceAlong, NoSleeves, Sliding, SlidingLaw, begin_passage, mean_tangent,
-    pass_along, sliding_law)
-from fastbeam.kernels.contact.slider_forces import (INCREMENT, POSITION, Along, force_of_edges, has_signs, hold, is_prescribed,
-    other_forces, pressing, rub, slide_with_forces)
+from fastbeam.kernels.contact.slider import (
+    NoForceAlong,
+    NoSleeves,
+    Sliding,
+    SlidingLaw,
+    begin_passage,
+    mean_tangent,
+    pass_along,
+    sliding_law,
+)
+from fastbeam.kernels.contact.slider_forces import (
+    INCREMENT,
+    POSITION,
+    Along,
+    force_of_edges,
+    has_signs,
+    hold,
+    is_prescribed,
+    other_forces,
+    pressing,
+    rub,
+    slide_with_forces,
+)
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.joints.coordinates import VALUE, JointMotion

@@ -15,8 +15,14 @@ import numpy as np
 from fastbeam.kernels.algebra.blocks import FOUR, TWELVE
 from fastbeam.kernels.algebra.dimensions import Plane, Space
 from fastbeam.kernels.algebra.lanes import gather_lanes
-from fastbeam.kernels.algebra.vectors import (WIDTH, address, component0, component1, component2, dot, pld as vld, pld2 as vld2,
-    pld3 as vld3, pst as vst, pzero as vzero, pzero2 as vzero2, pzero3 as vzero3, triple)
+from fastbeam.kernels.algebra.vectors import WIDTH, address, component0, component1, component2, dot, triple
+from fastbeam.kernels.algebra.vectors import pld as vld
+from fastbeam.kernels.algebra.vectors import pld2 as vld2
+from fastbeam.kernels.algebra.vectors import pld3 as vld3
+from fastbeam.kernels.algebra.vectors import pst as vst
+from fastbeam.kernels.algebra.vectors import pzero as vzero
+from fastbeam.kernels.algebra.vectors import pzero2 as vzero2
+from fastbeam.kernels.algebra.vectors import pzero3 as vzero3
 from fastbeam.kernels.beams.element_loop import ElementTables, gather_group
 from fastbeam.kernels.beams.motions import motion
 from fastbeam.kernels.beams.planar import Shape, planar_shapes
@@ -25,8 +31,21 @@ from fastbeam.kernels.beams.strain_measures import planar_changes, planar_point_
 from fastbeam.kernels.beams.strains import interpolate, mean_strains
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.layout import (CONSTANTS, END, HALF_CHANGE, LIST, MIDDLE, NODES, POINTS, REFERENCE, SHAPES_AT, STEP,
-    STRAINS, TEMPORARY, layout)
+from fastbeam.kernels.layout import (
+    CONSTANTS,
+    END,
+    HALF_CHANGE,
+    LIST,
+    MIDDLE,
+    NODES,
+    POINTS,
+    REFERENCE,
+    SHAPES_AT,
+    STEP,
+    STRAINS,
+    TEMPORARY,
+    layout,
+)
 
 
 class SectionSums(NamedTuple):

@@ -11,8 +11,22 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from fastbeam.kernels.algebra.vectors import (LANES, WIDTH, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _div, _int, _mul, _splat,
-    _sub, f8)
+from fastbeam.kernels.algebra.vectors import (
+    _DOUBLE,
+    _I32,
+    _I64,
+    _VECTOR,
+    LANES,
+    WIDTH,
+    _add,
+    _data,
+    _div,
+    _int,
+    _mul,
+    _splat,
+    _sub,
+    f8,
+)
 
 SIX = (0, 0, 0, 0, 0, 0)
 THREE = (0, 0, 0)

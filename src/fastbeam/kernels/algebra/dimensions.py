@@ -13,8 +13,27 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from fastbeam.kernels.algebra.vectors import (M3, V2, V3, _DOUBLE, _I64, _add, _int, _lane_ir, _mul, _pack, _parts, _pointer,
-    _sub, cross, cross2, dot, f8, native, perp)
+from fastbeam.kernels.algebra.vectors import (
+    _DOUBLE,
+    _I64,
+    M3,
+    V2,
+    V3,
+    _add,
+    _int,
+    _lane_ir,
+    _mul,
+    _pack,
+    _parts,
+    _pointer,
+    _sub,
+    cross,
+    cross2,
+    dot,
+    f8,
+    native,
+    perp,
+)
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic
 

@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from fastbeam.kernels.algebra.vectors import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _int, _pointer, vec, vld, vst
+from fastbeam.kernels.algebra.vectors import _DOUBLE, _I32, _I64, _VECTOR, LANES, _add, _data, _int, _pointer, vec, vld, vst
 from fastbeam.kernels.jit.decorators import kernel
 
 

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.beams import planar as planar_beam  # noqa: F401  points in a plane
 from fastbeam.kernels.beams.element_loop import ElementTables, element_groups
 from fastbeam.kernels.beams.generalized_alpha import Alpha
-from fastbeam.kernels.beams.inner_nodes import (Inner, clear_rhs, eliminate_columns, halve_rhs, put_inner_rhs, recover_inner,
-    recover_rows)
+from fastbeam.kernels.beams.inner_nodes import (
+    Inner,
+    clear_rhs,
+    eliminate_columns,
+    halve_rhs,
+    put_inner_rhs,
+    recover_inner,
+    recover_rows,
+)
 from fastbeam.kernels.beams.motions import motion
+from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.terms import assemble, carry_columns, clear, complete_columns, is_regular, recover, scale_solutions
 
 

@@ -10,7 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space
-from fastbeam.kernels.algebra.vectors import WIDTH, address, dot, pld as vld, pst as vst, pzero as vzero
+from fastbeam.kernels.algebra.vectors import WIDTH, address, dot
+from fastbeam.kernels.algebra.vectors import pld as vld
+from fastbeam.kernels.algebra.vectors import pst as vst
+from fastbeam.kernels.algebra.vectors import pzero as vzero
 from fastbeam.kernels.beams.element_loop import ElementTables, gather_group
 from fastbeam.kernels.beams.motions import motion
 from fastbeam.kernels.beams.planar import Shape, planar_shapes
@@ -19,8 +22,22 @@ from fastbeam.kernels.beams.strain_measures import planar_strains, set_over
 from fastbeam.kernels.beams.strains import interpolate, mean_strains
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.layout import (CONSTANTS, COUPLED, END, HALF_CHANGE, LIST, MIDDLE, NODES, POINTS, REFERENCE, SHAPES_AT,
-    STRAINS, VISCOSITY, VISCOSITY_IN_PLANE, layout)
+from fastbeam.kernels.layout import (
+    CONSTANTS,
+    COUPLED,
+    END,
+    HALF_CHANGE,
+    LIST,
+    MIDDLE,
+    NODES,
+    POINTS,
+    REFERENCE,
+    SHAPES_AT,
+    STRAINS,
+    VISCOSITY,
+    VISCOSITY_IN_PLANE,
+    layout,
+)
 from fastbeam.kernels.terms import account
 
 

@@ -20,26 +20,86 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fastbeam.kernels.algebra.dimensions import (
+    Plane,
+    Space,
+    add_turned,
+    coordinates,
+    dim,
+    dyad,
+    moment,
+    put_lanes,
+    vector_lanes,
+    zero_dyad,
+    zero_moment,
+)
+from fastbeam.kernels.algebra.lanes import scatter_rows
+from fastbeam.kernels.algebra.vectors import WIDTH, add_iso, add_skew, address, cross, outer
+from fastbeam.kernels.algebra.vectors import padd3 as vadd3
+from fastbeam.kernels.algebra.vectors import padd_matrix as vadd_matrix
+from fastbeam.kernels.algebra.vectors import pld as vld
+from fastbeam.kernels.algebra.vectors import pld3 as vld3
+from fastbeam.kernels.algebra.vectors import pldm as vldm
+from fastbeam.kernels.algebra.vectors import pst as vst
+from fastbeam.kernels.algebra.vectors import pst_matrix as vst_matrix
+from fastbeam.kernels.algebra.vectors import pzero3 as vzero3
+from fastbeam.kernels.algebra.vectors import pzerom as vzerom
+from fastbeam.kernels.beams import (  # noqa: F401  the strain sets
+    gather,  # noqa: F401  of all motions
+    green_lagrange,
+    simo_reissner,
+)
+from fastbeam.kernels.beams.inner_nodes import eliminate_group
+from fastbeam.kernels.beams.motions import (
+    AtEnd,
+    add_inertia,
+    add_spin_rates,
+    columns,
+    gather_ends,
+    gather_increment,
+    gather_spin_rates,
+    needs_increment,
+    pair_mass_factor,
+)
+from fastbeam.kernels.beams.section_laws import tangent_law
+from fastbeam.kernels.beams.strain_measures import (
+    add_director_forces,
+    add_forces,
+    add_geometric,
+    add_stresses,
+    point_stiffness,
+    prepare_points,
+    set_over,
+    sum_pair,
+)
+from fastbeam.kernels.beams.strains import excess_strains, interpolate, mean_strains, stresses
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.beams import green_lagrange, simo_reissner  # noqa: F401  the strain sets
-from fastbeam.kernels.algebra.dimensions import (Plane, Space, add_turned, coordinates, dim, dyad, moment, put_lanes,
-    vector_lanes, zero_dyad, zero_moment)
-from fastbeam.kernels.algebra.lanes import scatter_rows
-from fastbeam.kernels.algebra.vectors import (WIDTH, add_iso, add_skew, address, cross, outer, padd3 as vadd3,
-    padd_matrix as vadd_matrix, pld as vld, pld3 as vld3, pldm as vldm, pst as vst, pst_matrix as vst_matrix, pzero3 as vzero3,
-    pzerom as vzerom)
-from fastbeam.kernels.beams.inner_nodes import eliminate_group
-from fastbeam.kernels.beams.motions import (AtEnd, add_inertia, add_spin_rates, columns, gather_ends, gather_increment,
-    gather_spin_rates, needs_increment, pair_mass_factor)
-from fastbeam.kernels.beams.section_laws import tangent_law
-from fastbeam.kernels.layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINT_MATRIX, POINT_NODE,
-    POINT_NODES, POINTS, POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2, SHEAR_3, STEP, STRAINS,
-    TEMPORARY, layout)
-from fastbeam.kernels.beams import gather  # noqa: F401  of all motions
-from fastbeam.kernels.beams.strain_measures import (add_director_forces, add_forces, add_geometric, add_stresses, point_stiffness,
-    prepare_points, set_over, sum_pair)
-from fastbeam.kernels.beams.strains import excess_strains, interpolate, mean_strains, stresses
+from fastbeam.kernels.layout import (
+    BEFORE,
+    BLOCKS,
+    CONSTANTS,
+    COUPLED,
+    END,
+    LIST,
+    MIDDLE,
+    NODES,
+    POINT_MATRIX,
+    POINT_NODE,
+    POINT_NODES,
+    POINTS,
+    POSITION_ROTATION,
+    PRODUCTS,
+    REFERENCE,
+    ROTATION_POSITION,
+    SHAPES_AT,
+    SHEAR_2,
+    SHEAR_3,
+    STEP,
+    STRAINS,
+    TEMPORARY,
+    layout,
+)
 from fastbeam.kernels.terms import Equilibrium
 
 

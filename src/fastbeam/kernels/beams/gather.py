@@ -10,8 +10,16 @@ from fastbeam.kernels.algebra.cayley import director_increment, planar_turn, tur
 from fastbeam.kernels.algebra.dimensions import Plane, Space
 from fastbeam.kernels.algebra.lanes import clear_lanes, copy_lanes, gather_lanes
 from fastbeam.kernels.algebra.vectors import cross, dot, perp, vld, vld2, vld3, vst2, vst3
-from fastbeam.kernels.beams.motions import (OverStep, Resting, Still, ToEnd, gather_ends, gather_increment, gather_spin_rates,
-    needs_increment)
+from fastbeam.kernels.beams.motions import (
+    OverStep,
+    Resting,
+    Still,
+    ToEnd,
+    gather_ends,
+    gather_increment,
+    gather_spin_rates,
+    needs_increment,
+)
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.state import FROM_START

@@ -18,12 +18,40 @@ from fastbeam.kernels.algebra.blocks import SIX, THREE, TWELVE
 from fastbeam.kernels.algebra.cayley import cayley_increment, director_increment
 from fastbeam.kernels.algebra.dimensions import Space, coordinates
 from fastbeam.kernels.algebra.lanes import gather_lanes, load_rows, store_rows
-from fastbeam.kernels.algebra.vectors import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, total,
-    vld, vld3, vst, vst3, vzero, zero3, zerom)
+from fastbeam.kernels.algebra.vectors import (
+    add3,
+    add_iso,
+    add_matrix,
+    add_skew,
+    cross,
+    dot,
+    largest,
+    ld3,
+    outer,
+    st3,
+    total,
+    vld,
+    vld3,
+    vst,
+    vst3,
+    vzero,
+    zero3,
+    zerom,
+)
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.terms import (AtRest, Conserving, Equilibrium, Midpoint, advance_nodes, assemble, carry_columns, move_nodes,
-    predict_nodes, spread_nodes)
+from fastbeam.kernels.terms import (
+    AtRest,
+    Conserving,
+    Equilibrium,
+    Midpoint,
+    advance_nodes,
+    assemble,
+    carry_columns,
+    move_nodes,
+    predict_nodes,
+    spread_nodes,
+)
 
 
 class Bodies(NamedTuple):

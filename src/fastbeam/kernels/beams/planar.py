@@ -18,17 +18,45 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from fastbeam.kernels.algebra.dimensions import Plane
-from fastbeam.kernels.algebra.vectors import (component0, component1, component2, cross2, dot, padd2 as vadd2, perp, pld as vld,
-    pld2 as vld2, pld3 as vld3, pst as vst, pst2 as vst2, pzero as vzero, pzero2 as vzero2, square_root, triple)
+from fastbeam.kernels.algebra.vectors import component0, component1, component2, cross2, dot, perp, square_root, triple
+from fastbeam.kernels.algebra.vectors import padd2 as vadd2
+from fastbeam.kernels.algebra.vectors import pld as vld
+from fastbeam.kernels.algebra.vectors import pld2 as vld2
+from fastbeam.kernels.algebra.vectors import pld3 as vld3
+from fastbeam.kernels.algebra.vectors import pst as vst
+from fastbeam.kernels.algebra.vectors import pst2 as vst2
+from fastbeam.kernels.algebra.vectors import pzero as vzero
+from fastbeam.kernels.algebra.vectors import pzero2 as vzero2
 from fastbeam.kernels.beams.element_loop import add_node_inertia, evaluate_point, put_pairs
 from fastbeam.kernels.beams.motions import share_of_end
 from fastbeam.kernels.beams.section_laws import Law, apply_law, matrix_at, planar_modulus, planar_stress
-from fastbeam.kernels.beams.strain_measures import (GreenLagrange, SimoReissner, planar_changes, planar_director_forces,
-    planar_extrapolated, planar_form_stresses, planar_geometric, planar_no_sums, planar_point_data, planar_point_stiffness,
-    planar_position_force, planar_reversed, planar_strains, planar_sums)
+from fastbeam.kernels.beams.strain_measures import (
+    GreenLagrange,
+    SimoReissner,
+    planar_changes,
+    planar_director_forces,
+    planar_extrapolated,
+    planar_form_stresses,
+    planar_geometric,
+    planar_no_sums,
+    planar_point_data,
+    planar_point_stiffness,
+    planar_position_force,
+    planar_reversed,
+    planar_strains,
+    planar_sums,
+)
 from fastbeam.kernels.jit.decorators import inlined, kernel
-from fastbeam.kernels.layout import (NODE_TABLE, PLANAR_MATRIX, PLANAR_NODE, PLANAR_NODES, PLANAR_POSITION_ROTATION,
-    PLANAR_PRODUCTS, PLANAR_ROTATION_POSITION, PLANAR_ROWS)
+from fastbeam.kernels.layout import (
+    NODE_TABLE,
+    PLANAR_MATRIX,
+    PLANAR_NODE,
+    PLANAR_NODES,
+    PLANAR_POSITION_ROTATION,
+    PLANAR_PRODUCTS,
+    PLANAR_ROTATION_POSITION,
+    PLANAR_ROWS,
+)
 
 
 class Shape(NamedTuple):

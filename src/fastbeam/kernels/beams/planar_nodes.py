@@ -19,8 +19,19 @@ from fastbeam.kernels.entries.dense import tied_arm
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import ARM, POSITION, TRIAD
-from fastbeam.kernels.terms import (Conserving, Equilibrium, advance_nodes, apply_ties, assemble, move_nodes, predict_nodes,
-    pull_tied_columns, push_tied_columns, spread_nodes, tie_increments)
+from fastbeam.kernels.terms import (
+    Conserving,
+    Equilibrium,
+    advance_nodes,
+    apply_ties,
+    assemble,
+    move_nodes,
+    predict_nodes,
+    pull_tied_columns,
+    push_tied_columns,
+    spread_nodes,
+    tie_increments,
+)
 
 
 class PlanarBodies(NamedTuple):

@@ -9,16 +9,57 @@ directors and their derivatives; out [6], strains.
 from __future__ import annotations
 
 from fastbeam.kernels.algebra.dimensions import Space
-from fastbeam.kernels.algebra.vectors import (add_iso, cross, dot, outer, padd3 as vadd3, pld as vld, pld3 as vld3, pst as vst,
-    pst3 as vst3, pstm as vstm, pzero as vzero, pzero3 as vzero3, pzerom as vzerom, square_root)
+from fastbeam.kernels.algebra.vectors import add_iso, cross, dot, outer, square_root
+from fastbeam.kernels.algebra.vectors import padd3 as vadd3
+from fastbeam.kernels.algebra.vectors import pld as vld
+from fastbeam.kernels.algebra.vectors import pld3 as vld3
+from fastbeam.kernels.algebra.vectors import pst as vst
+from fastbeam.kernels.algebra.vectors import pst3 as vst3
+from fastbeam.kernels.algebra.vectors import pstm as vstm
+from fastbeam.kernels.algebra.vectors import pzero as vzero
+from fastbeam.kernels.algebra.vectors import pzero3 as vzero3
+from fastbeam.kernels.algebra.vectors import pzerom as vzerom
 from fastbeam.kernels.beams.section_laws import modulus, put_half_change
-from fastbeam.kernels.beams.strain_measures import (SimoReissner, add_director_forces, add_forces, add_geometric, add_stresses,
-    extrapolated_strains, form_stresses, mean_of_forms, point_stiffness, prepare_points, present_strains, quadratic_forms,
-    strain_changes, strains_of_state, sum_pair)
+from fastbeam.kernels.beams.strain_measures import (
+    SimoReissner,
+    add_director_forces,
+    add_forces,
+    add_geometric,
+    add_stresses,
+    extrapolated_strains,
+    form_stresses,
+    mean_of_forms,
+    point_stiffness,
+    prepare_points,
+    present_strains,
+    quadratic_forms,
+    strain_changes,
+    strains_of_state,
+    sum_pair,
+)
 from fastbeam.kernels.jit.decorators import inlined, kernel
-from fastbeam.kernels.layout import (CURVATURE_2, CURVATURE_3, END, LENGTHS, MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE,
-    POINT_NODES, POINT_PRODUCTS, POSITION_ROTATION, PRODUCTS, ROTATION_POSITION, SHAPE, SHAPES_AT, SHEAR_2, SHEAR_3, STRESSES,
-    TWIST, TWISTS)
+from fastbeam.kernels.layout import (
+    CURVATURE_2,
+    CURVATURE_3,
+    END,
+    LENGTHS,
+    MIDDLE,
+    NODE_TABLE,
+    POINT_MATRIX,
+    POINT_NODE,
+    POINT_NODES,
+    POINT_PRODUCTS,
+    POSITION_ROTATION,
+    PRODUCTS,
+    ROTATION_POSITION,
+    SHAPE,
+    SHAPES_AT,
+    SHEAR_2,
+    SHEAR_3,
+    STRESSES,
+    TWIST,
+    TWISTS,
+)
 
 
 # --- strains ------------------------------------------------------------------------------------------------------------

@@ -6,8 +6,20 @@ from fastbeam.kernels.beams.planar_nodes import PlanarTies
 from fastbeam.kernels.beams.ties import Ties, tie_coordinates
 from fastbeam.kernels.entries.dense import put_tied_translation, put_translation
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.terms import (accept, apply_ties, assemble, carry_columns, clear, complete_columns, first_guess,
-    follow_nodes, pull_tied_columns, push_increments, push_tied_columns, tie_increments)
+from fastbeam.kernels.terms import (
+    accept,
+    apply_ties,
+    assemble,
+    carry_columns,
+    clear,
+    complete_columns,
+    first_guess,
+    follow_nodes,
+    pull_tied_columns,
+    push_increments,
+    push_tied_columns,
+    tie_increments,
+)
 
 put_translation.register(Ties)(put_tied_translation)
 put_translation.register(PlanarTies)(put_tied_translation)

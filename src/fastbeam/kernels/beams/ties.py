@@ -10,14 +10,25 @@ from typing import NamedTuple
 import numpy as np
 
 from fastbeam.kernels.algebra.cayley import director_increment
-from fastbeam.kernels.algebra.vectors import (add3, add_iso, add_matrix, component0, component1, component2, cross, dot, ld3,
-    outer, st3, zero3)
+from fastbeam.kernels.algebra.vectors import (
+    add3,
+    add_iso,
+    add_matrix,
+    component0,
+    component1,
+    component2,
+    cross,
+    dot,
+    ld3,
+    outer,
+    st3,
+    zero3,
+)
 from fastbeam.kernels.beams.nodes import turn_of
 from fastbeam.kernels.entries.dense import tied_arm
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.layout import ARM, POSITION, TRIAD
 from fastbeam.kernels.terms import apply_ties, pull_tied_columns, push_tied_columns, tie_increments
-
 
 # columns of `moves`
 SOURCE, ROW_ENTRY, COLUMN_ENTRY, TARGET = range(4)

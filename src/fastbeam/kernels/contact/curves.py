@@ -17,7 +17,6 @@ from fastbeam.kernels.algebra.dimensions import position, zero_vector
 from fastbeam.kernels.jit.decorators import inlined, kernel, one_variant
 from fastbeam.kernels.jit.generic import generic
 
-
 # columns of `meta`
 FIRST_NODE, ELEMENTS, ENDS, FIRSTS, COEFFICIENTS = range(5)
 # columns of `shape`

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.state import CHANGED, IN_DOUBT
+from fastbeam.kernels.state import CHANGED, IN_FALLBACK
 
 # changes of the slip direction in one step, or iterations of it, after which Newton's method counts as cycling
 MOST_FLIPS, LATE = 6, 12
-# columns of `Doubt.counts`: 0 while the coordinate sticks, then number of c tried; iterations since; 1 if friction of the last
+# columns of `Fallback.counts`: 0 while the coordinate sticks, then number of c tried; iterations since; 1 if friction of the last
 # one was below the bound; number of smaller c that have not converged; number of steps of the run that missed Coulomb's law
 LEVEL, TRIED, WITHIN, FAILED, MISSED = range(5)
 COUNTS = 5
@@ -32,7 +32,7 @@ LEVELS, SHARPER, SOFTER, MOST_FAILED = 5, 1.0 / 64.0, 8.0, 2
 PATIENCE, KNOWN, LATEST = 8, 2, 75
 
 
-class Doubt(NamedTuple):
+class Fallback(NamedTuple):
     """Friction fallback of n coordinates (module docstring): compliance c and counters."""
 
     compliance: np.ndarray  # float64 [n]: c of this iteration, m/N or rad/(N m); 0 until it is known
@@ -40,28 +40,28 @@ class Doubt(NamedTuple):
     inertia: np.ndarray     # float64 [n]: mass of the scene, kg; for angles times the square of its size, kg m^2
 
 
-def no_doubt(inertia: np.ndarray) -> Doubt:
-    """Return the fallback record `Doubt` of coordinates with this inertia, none of which uses the fallback."""
-    return Doubt(np.zeros(inertia.size), np.zeros((inertia.size, COUNTS), np.int64), inertia)
+def fallback_of(inertia: np.ndarray) -> Fallback:
+    """Return the fallback record `Fallback` of coordinates with this inertia, none of which uses the fallback."""
+    return Fallback(np.zeros(inertia.size), np.zeros((inertia.size, COUNTS), np.int64), inertia)
 
 
 @kernel
-def clear_doubt(doubt, i):
+def clear_fallback(fallback, i):
     """Clear the fallback of coordinate i at the start of a step; the count MISSED of the run stays."""
-    doubt.compliance[i] = 0.0
+    fallback.compliance[i] = 0.0
     for c in range(MISSED):
-        doubt.counts[i, c] = 0
+        fallback.counts[i, c] = 0
 
 
 @kernel
-def is_in_doubt(flips, judged, i, increment):
+def needs_fallback(flips, judged, i, increment):
     """Return whether the slip direction of coordinate i cycles, and flag it in IN_DOUBT: the step may then take more
     iterations."""
     if judged[i] == LATE:
         flips[i] = MOST_FLIPS
     if flips[i] < MOST_FLIPS:
         return False
-    increment.control[IN_DOUBT] = 1.0
+    increment.control[IN_FALLBACK] = 1.0
     return True
 
 
@@ -73,53 +73,53 @@ def note_change(changed, increment):
 
 
 @kernel
-def factor(doubt, i):
+def factor(fallback, i):
     """Return the factor from this c to the next smaller one."""
-    return SHARPER if doubt.counts[i, FAILED] == 0 else 1.0 / SOFTER
+    return SHARPER if fallback.counts[i, FAILED] == 0 else 1.0 / SOFTER
 
 
 @kernel
-def go_back(doubt, i):
+def go_back(fallback, i):
     """Return to the last c with which Newton's method has converged, and count the failure."""
-    counts = doubt.counts
-    doubt.compliance[i] /= factor(doubt, i)
+    counts = fallback.counts
+    fallback.compliance[i] /= factor(fallback, i)
     counts[i, LEVEL] -= 1
     counts[i, TRIED] = 0
     counts[i, FAILED] += 1
 
 
 @kernel
-def sticks_in_doubt(doubt, i, h, found, way, most, breaks):
+def sticks_in_fallback(fallback, i, h, found, way, most, breaks):
     """Begin an iteration of coordinate i and return whether it sticks in it; if not, c is in `compliance`. h: size of the step;
     found: compliance that the solver found last, 0 if there is none; way: increment Ds; most: bound of the friction; breaks:
     whether the friction that sticking needed in the last iteration is above the bound."""
-    counts = doubt.counts
+    counts = fallback.counts
     counts[i, TRIED] += 1
     tried = counts[i, TRIED]
     if counts[i, LEVEL] == 0 and tried > PATIENCE:
         counts[i, LEVEL] = 1
         counts[i, TRIED] = 1
     elif counts[i, LEVEL] == 1 and counts[i, FAILED] == 0 and tried > PATIENCE:
-        doubt.compliance[i] *= SOFTER
+        fallback.compliance[i] *= SOFTER
         counts[i, TRIED] = 0
     elif counts[i, LEVEL] > 1 and counts[i, FAILED] < MOST_FAILED and tried > PATIENCE:
-        go_back(doubt, i)
-    if counts[i, LEVEL] > 0 and doubt.compliance[i] == 0.0 and found > 0.0:
+        go_back(fallback, i)
+    if counts[i, LEVEL] > 0 and fallback.compliance[i] == 0.0 and found > 0.0:
         # round the compliance up to h^2/inertia times a power of 8: solvers find it to a few digits only
-        unit = h * h / doubt.inertia[i]
-        doubt.compliance[i] = unit * 8.0 ** np.ceil(np.log2(found / unit) / 3.0)
-    sticks = counts[i, LEVEL] == 0 or not doubt.compliance[i] > 0.0
+        unit = h * h / fallback.inertia[i]
+        fallback.compliance[i] = unit * 8.0 ** np.ceil(np.log2(found / unit) / 3.0)
+    sticks = counts[i, LEVEL] == 0 or not fallback.compliance[i] > 0.0
     if sticks:
         counts[i, WITHIN] = 0 if breaks else 1
     else:
-        counts[i, WITHIN] = 1 if abs(way) < doubt.compliance[i] * most else 0
+        counts[i, WITHIN] = 1 if abs(way) < fallback.compliance[i] * most else 0
     return sticks
 
 
 @kernel
-def is_sharp(doubt, i, iterations):
+def is_sharp(fallback, i, iterations):
     """Return whether the converged step obeys Coulomb's law, or no smaller c is left to try; False asks for another iteration."""
-    counts = doubt.counts
+    counts = fallback.counts
     if counts[i, LEVEL] == 0:
         if counts[i, TRIED] < KNOWN:
             return False
@@ -130,19 +130,19 @@ def is_sharp(doubt, i, iterations):
             counts[i, TRIED] = 0
         return counts[i, WITHIN] == 1
     counts[i, TRIED] = 0
-    if doubt.compliance[i] == 0.0:
+    if fallback.compliance[i] == 0.0:
         # the coordinate sticks: no compliance was found
         return True
     if counts[i, FAILED] == MOST_FAILED or counts[i, WITHIN] == 0 or counts[i, LEVEL] == LEVELS or iterations > LATEST:
         return True
     counts[i, LEVEL] += 1
-    doubt.compliance[i] *= factor(doubt, i)
+    fallback.compliance[i] *= factor(fallback, i)
     return False
 
 
 @kernel
-def count_missed(doubt, flips, i):
+def count_missed(fallback, flips, i):
     """Count a step that ends off Coulomb's law: the coordinate moves with less friction than the bound, or sticks with more."""
-    counts = doubt.counts
-    if flips[i] >= MOST_FLIPS and counts[i, LEVEL] > 0 and (counts[i, WITHIN] == 1 or doubt.compliance[i] == 0.0):
+    counts = fallback.counts
+    if flips[i] >= MOST_FLIPS and counts[i, LEVEL] > 0 and (counts[i, WITHIN] == 1 or fallback.compliance[i] == 0.0):
         counts[i, MISSED] += 1

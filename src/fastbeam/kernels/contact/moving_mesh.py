@@ -9,8 +9,21 @@ Arrays: q, q_mid, q_end, v [12 N]; raw [84 n], with n nodes an element; rows [42
 from __future__ import annotations
 
 from fastbeam.kernels.algebra.vectors import add3, cross, dot, ld3, zero3
-from fastbeam.kernels.contact.moving_beam import (MovingBeam, add_inertia, add_shape_stiffness, clear_element, density_place,
-    energy_at, mean_density, put_forms, put_scales, put_slopes, put_stresses, size_of, strains_at)
+from fastbeam.kernels.contact.moving_beam import (
+    MovingBeam,
+    add_inertia,
+    add_shape_stiffness,
+    clear_element,
+    density_place,
+    energy_at,
+    mean_density,
+    put_forms,
+    put_scales,
+    put_slopes,
+    put_stresses,
+    size_of,
+    strains_at,
+)
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.terms import Conserving, account, assemble, potential_energy, spread_nodes, within_limits
 

@@ -27,8 +27,16 @@ from fastbeam.kernels.algebra.vectors import V2, V3, dot, f8
 from fastbeam.kernels.contact.curves import node_of, slot
 from fastbeam.kernels.contact.held_directors import director, holder_of, products, sum_held_directors, way_of
 from fastbeam.kernels.contact.point_entries import take_forces_of
-from fastbeam.kernels.contact.slider import (Sliding, begin_passage, hold_section, mean_tangent, note_passage, pass_along,
-    push_of_moments, sums_of_sections)
+from fastbeam.kernels.contact.slider import (
+    Sliding,
+    begin_passage,
+    hold_section,
+    mean_tangent,
+    note_passage,
+    pass_along,
+    push_of_moments,
+    sums_of_sections,
+)
 from fastbeam.kernels.contact.slider_forces import Along, force_of_edges, last_passage, lead_passage
 from fastbeam.kernels.entries.dense import Weights, entry_of
 from fastbeam.kernels.jit.decorators import inlined, kernel

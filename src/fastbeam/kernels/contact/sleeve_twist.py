@@ -22,8 +22,17 @@ import numpy as np
 from fastbeam.kernels.algebra.dimensions import vector, zero_vector
 from fastbeam.kernels.algebra.vectors import dot
 from fastbeam.kernels.contact.curves import find_element, node_of, slot
-from fastbeam.kernels.contact.friction_fallback import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt,
-    is_sharp, note_change, sticks_in_doubt)
+from fastbeam.kernels.contact.friction_fallback import (
+    MOST_FLIPS,
+    WITHIN,
+    Fallback,
+    clear_fallback,
+    count_missed,
+    is_sharp,
+    needs_fallback,
+    note_change,
+    sticks_in_fallback,
+)
 from fastbeam.kernels.contact.held_directors import director, holder_director, twist_between
 from fastbeam.kernels.contact.sleeve import account_twist, begin_twist, twist_is_settled, twist_rubs
 from fastbeam.kernels.contact.slider import begin_passage, motion_along
@@ -57,7 +66,7 @@ class Twist(NamedTuple):
     sign: np.ndarray    # int64 [O]: sign of the velocity at the end of the step, as taken in this iteration
     flips: np.ndarray   # int64 [O]: how often an iteration of this step has changed the sign
     judged: np.ndarray  # int64 [O]: how many iterations of this step have asked for the sign
-    doubt: Doubt        # of O sleeves
+    fallback: Fallback        # of O sleeves
     clock: np.ndarray   # float64 [1]: size of the step, s
 
 
@@ -131,7 +140,7 @@ def begin_rubbing(twist, sleeves, term, system, h):
         twist.flips[o] = 0
         twist.judged[o] = 0
         twist.soft[o] = 0.0
-        clear_doubt(twist.doubt, o)
+        clear_fallback(twist.fallback, o)
         sticks = 1.0 if state.history[twist.place[o] + STICKS] != 0.0 else 0.0
         twist.before[2 * o] = sticks * state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
         twist.before[2 * o + 1] = sticks * state.history[twist.place[o] + MOST]
@@ -180,7 +189,7 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     ahead = 1.0 if twist.clock[0] > 0.0 else -1.0
     if twist.sign[o] == 0 and twist.judged[o] > 0:
         twist.soft[o] = contact.compliance[c]
-    doubtful = is_in_doubt(twist.flips, twist.judged, o, work.increment)
+    doubtful = needs_fallback(twist.flips, twist.judged, o, work.increment)
     twist.judged[o] += 1
     if doubtful and twist.rest[o] != 0.0:
         twist.rest[o] = 0.0
@@ -189,13 +198,13 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
     twist.way[o] = end - sine_of_section(sleeves, o, point, contact.basis, 0, dofs, state.q, nodes, lo, hi)
     if doubtful:
         breaks = abs(state.force[f] + twist.before[2 * o]) > most + twist.before[2 * o + 1]
-        if sticks_in_doubt(twist.doubt, o, twist.clock[0], twist.soft[o], twist.way[o], most, breaks):
+        if sticks_in_fallback(twist.fallback, o, twist.clock[0], twist.soft[o], twist.way[o], most, breaks):
             twist.sign[o] = 0
             contact.residual[c, 2] = end
             return 1.0
         twist.sign[o] = 1 if ahead * twist.way[o] > 0.0 else -1
-        if twist.doubt.counts[o, WITHIN] != 0:
-            soft = ahead * twist.doubt.compliance[o]
+        if twist.fallback.counts[o, WITHIN] != 0:
+            soft = ahead * twist.fallback.compliance[o]
             contact.corner[c, 18] = soft
             contact.residual[c, 2] = end + soft * state.force[f]
             return 1.0
@@ -241,7 +250,7 @@ def twist_takes_energy(twist, sleeves, system):
             continue
         if twist.judged[o] < JUDGED:
             settled = False
-        if twist.flips[o] >= MOST_FLIPS and not is_sharp(twist.doubt, o, twist.judged[o]):
+        if twist.flips[o] >= MOST_FLIPS and not is_sharp(twist.fallback, o, twist.judged[o]):
             settled = False
         moment = system.state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
         bound = (twist.most[o] + twist.before[2 * o + 1]) * (1.0 + 1e-12)
@@ -275,7 +284,7 @@ def account_rubbing(twist, sleeves, term, system, h):
         angle = twist.start[o] + twist.rest[o]
         if twist.sign[o] != 0:
             angle += np.arctan2(end, cosine_of_section(sleeves, o, point, contact.basis, 1, dofs, work.q_end, nodes, lo, hi))
-        count_missed(twist.doubt, twist.flips, o)
+        count_missed(twist.fallback, twist.flips, o)
         own = twist.place[o]
         state.history[own + ANGLE] = angle
         state.history[own + SIGN] = twist.sign[o]

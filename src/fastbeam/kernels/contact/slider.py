@@ -22,16 +22,36 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.algebra.dimensions import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put,
-    spin_cross, vector, zero_spin, zero_vector)
+from fastbeam.kernels.algebra.dimensions import (
+    add_to,
+    cayley_vector,
+    coordinates,
+    cross_product,
+    dim,
+    on_spin,
+    position,
+    put,
+    spin_cross,
+    vector,
+    zero_spin,
+    zero_vector,
+)
 from fastbeam.kernels.algebra.vectors import dot
 from fastbeam.kernels.contact.curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot, step_basis
 from fastbeam.kernels.entries.dense import Frame, Weights, put_corner, put_frame, put_node, put_translation
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.terms import (Conserving, Equilibrium, WithContact, account, assemble, first_guess, is_settled,
-    take_unknowns, within_limits)
-
+from fastbeam.kernels.terms import (
+    Conserving,
+    Equilibrium,
+    WithContact,
+    account,
+    assemble,
+    first_guess,
+    is_settled,
+    take_unknowns,
+    within_limits,
+)
 
 END_SLACK = 1e-12
 

@@ -19,10 +19,31 @@ import numpy as np
 from fastbeam.kernels.algebra.dimensions import cayley_vector, dim, position, put, spin_cross, vector, zero_spin, zero_vector
 from fastbeam.kernels.algebra.vectors import call_law, dot
 from fastbeam.kernels.contact.curves import find_element, node_of, nodes_of, slot
-from fastbeam.kernels.contact.friction_fallback import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt,
-    is_sharp, note_change, sticks_in_doubt)
-from fastbeam.kernels.contact.slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along,
-    begin_passage, is_settled_along, motion_along, note_passage, put_residual, sliding_law)
+from fastbeam.kernels.contact.friction_fallback import (
+    MOST_FLIPS,
+    WITHIN,
+    Fallback,
+    clear_fallback,
+    count_missed,
+    is_sharp,
+    needs_fallback,
+    note_change,
+    sticks_in_fallback,
+)
+from fastbeam.kernels.contact.slider import (
+    NoSleeves,
+    SlidingLaw,
+    account_along,
+    add_contact,
+    add_slider,
+    begin_along,
+    begin_passage,
+    is_settled_along,
+    motion_along,
+    note_passage,
+    put_residual,
+    sliding_law,
+)
 from fastbeam.kernels.entries.dense import Weights, put_idle_corner, put_translation
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic
@@ -73,7 +94,7 @@ class Along(NamedTuple):
     judged: np.ndarray      # int64 [S]: how many iterations of this step have asked for the sign
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
-    doubt: Doubt            # of S sliders
+    fallback: Fallback            # of S sliders
     held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
     offset: np.ndarray      # float64 [S]: arc length travelled less s, m: on switches, else 0
     under: np.ndarray       # int64 [S, 2]: first of the nodes under the slider in the last iteration, and the one behind the last
@@ -316,9 +337,9 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
         return rub(factor * mu, press, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
     along.needed[k] = dot(force, tangent) - other
     along.judged[k] += 1
-    if is_in_doubt(along.flips, along.judged, k, system.work.increment):
+    if needs_fallback(along.flips, along.judged, k, system.work.increment):
         if along.against[k] == 0:
-            return rub_in_doubt(along, k, s1 - s0, system.contact.compliance[k], most, press, law)
+            return rub_in_fallback(along, k, s1 - s0, system.contact.compliance[k], most, press, law)
         # a slider at a stop stays there for this step
         along.sign[k] = 0
         return hold(along, s1 - s0, force)
@@ -332,16 +353,16 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
 
 
 @kernel
-def rub_in_doubt(along, k, ds, found, most, press, law):
+def rub_in_fallback(along, k, ds, found, most, press, law):
     """Return the law of the friction fallback, see friction_fallback.py. found: compliance of the parts in the last iteration."""
     along.rest[k] = 0.0
-    if sticks_in_doubt(along.doubt, k, along.clock[0], found, ds, most, abs(along.needed[k]) > most):
+    if sticks_in_fallback(along.fallback, k, along.clock[0], found, ds, most, abs(along.needed[k]) > most):
         along.sign[k] = 0
         return hold(along, ds, law.force)
     ahead = 1.0 if along.clock[0] > 0.0 else -1.0
     along.sign[k] = 1 if ahead * ds > 0.0 else -1
-    if along.doubt.counts[k, WITHIN] != 0:
-        soft = ahead * along.doubt.compliance[k]
+    if along.fallback.counts[k, WITHIN] != 0:
+        soft = ahead * along.fallback.compliance[k]
         return SlidingLaw(law.force, law.tangent, law.rest + ds / soft, law.slope + 1.0 / soft, 1.0, 0.0)
     return rub(along.sign[k] * along.friction[k], press, law)
 
@@ -365,7 +386,7 @@ def begin_forces(along, term, system, h):
             along.flips[k] = 0
             along.judged[k] = 0
             along.rest[k] = 0.0
-            clear_doubt(along.doubt, k)
+            clear_fallback(along.fallback, k)
             if sign != 0 or (along.against[k] == 0 and state.history[HISTORY * k + STICKS] < RESTS):
                 e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
                 tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,
@@ -388,7 +409,7 @@ def friction_takes_energy(along, term, system):
             continue
         if along.judged[k] < JUDGED:
             settled = False
-        if along.flips[k] >= MOST_FLIPS and along.against[k] == 0 and not is_sharp(along.doubt, k, along.judged[k]):
+        if along.flips[k] >= MOST_FLIPS and along.against[k] == 0 and not is_sharp(along.fallback, k, along.judged[k]):
             settled = False
         if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
             ds = system.work.s_end[k] - system.state.s[k]
@@ -418,7 +439,7 @@ def account_forces(along, term, system, h):
             if along.friction[k] > 0.0:
                 state.history[HISTORY * k + SIGN] = sign_of_given(system.work.s_end[k] - state.s[k], system)
         elif has_signs(along, k):
-            count_missed(along.doubt, along.flips, k)
+            count_missed(along.fallback, along.flips, k)
             place = HISTORY * k
             state.history[place + SIGN] = along.sign[k]
             sticks = along.sign[k] == 0 and along.against[k] == 0

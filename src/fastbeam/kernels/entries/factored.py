@@ -19,8 +19,21 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import add_cross, add_to, add_turn, cross_product, dim, put, spin, vector
 from fastbeam.kernels.algebra.vectors import vst
-from fastbeam.kernels.entries.dense import (add_column, add_column_times, add_line, add_line_rows, first_of_own_block,
-    largest_share, put_arm, put_corner, put_frame, put_idle_corner, put_node, put_own_block, put_position)
+from fastbeam.kernels.entries.dense import (
+    add_column,
+    add_column_times,
+    add_line,
+    add_line_rows,
+    first_of_own_block,
+    largest_share,
+    put_arm,
+    put_corner,
+    put_frame,
+    put_idle_corner,
+    put_node,
+    put_own_block,
+    put_position,
+)
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.terms import System
 

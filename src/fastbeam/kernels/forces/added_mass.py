@@ -8,8 +8,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.algebra.dimensions import (Plane, Space, add_cross, add_outer, add_stiffness, add_to, add_turn,
-    cayley_vector, coordinates, cross_product, dim, on_spin, spin_cross, vector)
+from fastbeam.kernels.algebra.dimensions import (
+    Plane,
+    Space,
+    add_cross,
+    add_outer,
+    add_stiffness,
+    add_to,
+    add_turn,
+    cayley_vector,
+    coordinates,
+    cross_product,
+    dim,
+    on_spin,
+    spin_cross,
+    vector,
+)
 from fastbeam.kernels.algebra.vectors import dot
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic

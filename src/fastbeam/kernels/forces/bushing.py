@@ -17,8 +17,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.algebra.dimensions import (add_cross, add_outer, add_to, add_turn, cross_product, dim, position, zero_spin,
-    zero_vector)
+from fastbeam.kernels.algebra.dimensions import (
+    add_cross,
+    add_outer,
+    add_to,
+    add_turn,
+    cross_product,
+    dim,
+    position,
+    zero_spin,
+    zero_vector,
+)
 from fastbeam.kernels.algebra.vectors import dot
 from fastbeam.kernels.contact.sleeve import add_double_cross
 from fastbeam.kernels.jit.decorators import kernel

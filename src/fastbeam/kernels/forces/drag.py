@@ -10,8 +10,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space, add_outer, add_stiffness, add_to, coordinates, dim, vector
-from fastbeam.kernels.algebra.vectors import (add_matrix, add_skew, call_law, component0, component1, cross, cross2, dot, ld3,
-    outer, perp)
+from fastbeam.kernels.algebra.vectors import (
+    add_matrix,
+    add_skew,
+    call_law,
+    component0,
+    component1,
+    cross,
+    cross2,
+    dot,
+    ld3,
+    outer,
+    perp,
+)
 from fastbeam.kernels.forces.user_force import BASE, FAILED, FOUND, GIVEN, INCREMENT, RATES, TIME, Laws
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic

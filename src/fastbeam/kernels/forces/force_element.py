@@ -15,8 +15,22 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import add_to, position, zero_vector
 from fastbeam.kernels.algebra.vectors import call_law, cross, dot
-from fastbeam.kernels.forces.user_force import (FAILED, FOUND, GIVEN, INCREMENT, KEPT, ORIGIN, OTHER, RATES, SLOPES, TIME, WRENCH,
-    Laws, find_slopes, known)
+from fastbeam.kernels.forces.user_force import (
+    FAILED,
+    FOUND,
+    GIVEN,
+    INCREMENT,
+    KEPT,
+    ORIGIN,
+    OTHER,
+    RATES,
+    SLOPES,
+    TIME,
+    WRENCH,
+    Laws,
+    find_slopes,
+    known,
+)
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.joints.conditions import direction
 from fastbeam.kernels.terms import account, assemble, spread_nodes

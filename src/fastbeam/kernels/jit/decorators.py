@@ -26,7 +26,8 @@ from typing import Any, BinaryIO, Callable, TypeVar
 import numba
 from numba import config, version_info
 
-from fastbeam.kernels.jit import background as _background, sources as _outside
+from fastbeam.kernels.jit import background as _background
+from fastbeam.kernels.jit import sources as _outside
 from fastbeam.kernels.jit.cache import cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -54,7 +55,8 @@ def _fast_way() -> Any:
     reason = _why_numba_only(os.environ.get("FASTBEAM_PLAIN_NUMBA", ""), version_info.short)
     if reason is None:
         try:
-            from fastbeam.kernels.jit import parts as _parts, sealed as _sealed
+            from fastbeam.kernels.jit import parts as _parts
+            from fastbeam.kernels.jit import sealed as _sealed
             return _parts, _sealed
         except Exception as error:  # whatever is not there any more
             reason = f"its faster compilation does not work with it ({type(error).__name__}: {error})"

@@ -34,7 +34,8 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
-from fastbeam.kernels.jit import background as _background, separate as _separate
+from fastbeam.kernels.jit import background as _background
+from fastbeam.kernels.jit import separate as _separate
 from fastbeam.kernels.jit.separate import WholeCache as WholeCache
 from fastbeam.kernels.jit.sources import classes_of, is_outside
 

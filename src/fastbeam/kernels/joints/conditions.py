@@ -26,8 +26,17 @@ from fastbeam.kernels.entries.dense import entry_of, tied_arm
 from fastbeam.kernels.jit.decorators import inlined, kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.layout import ARM, POSITION
-from fastbeam.kernels.terms import (Conserving, Equilibrium, Midpoint, NoTies, WithContact, assemble, first_guess, is_settled,
-    take_unknowns)
+from fastbeam.kernels.terms import (
+    Conserving,
+    Equilibrium,
+    Midpoint,
+    NoTies,
+    WithContact,
+    assemble,
+    first_guess,
+    is_settled,
+    take_unknowns,
+)
 
 
 class JointConditions(NamedTuple):

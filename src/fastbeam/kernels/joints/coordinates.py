@@ -62,7 +62,7 @@ class Parts(NamedTuple):
     z: float
 
 
-class Grip(NamedTuple):
+class CoordinateGradient(NamedTuple):
     """Derivatives of a joint coordinate between two shapes by its sums y and z."""
 
     way: float             # Dx
@@ -132,28 +132,28 @@ def angle_over(p, q):
 
 
 @kernel
-def grip_of(motion, c, dofs, q0, q1):
+def gradient_of(motion, c, dofs, q0, q1):
     """Return `Grip` of coordinate c from coordinates q0 to q1. Where both are the same its derivatives are half of those of the
     slopes of x, as equilibria need them."""
     before = parts_of(motion, c, dofs, q0)
     after = parts_of(motion, c, dofs, q1)
     y0, z0, y1, z1 = before.y, before.z, after.y, after.z
     if motion.kind[c] == LINE:
-        return Grip(y1 - y0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+        return CoordinateGradient(y1 - y0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     if motion.kind[c] == SWING:
         p, q = z1 - z0, max(y0 + y1, NO_SWING)
         share, slope = angle_over(p, q)
         sine = max(y1, NO_SWING)
         by_z = -2.0 * (slope + z1 / sine / (p * p + q * q))
-        return Grip(-2.0 * share * p, 0.0, -2.0 * share, 0.0, 0.0, 0.0, by_z, 0.0, -1.0 / sine)
+        return CoordinateGradient(-2.0 * share * p, 0.0, -2.0 * share, 0.0, 0.0, 0.0, by_z, 0.0, -1.0 / sine)
     p, q = y1 * z0 - z1 * y0, y1 * y0 + z1 * z0
     share, slope = angle_over(p, q)
     by_q = -1.0 / (p * p + q * q)
     by_y, by_z = slope * z0 + by_q * y0, by_q * z0 - slope * y0
     y, z = 0.5 * (y0 + y1), 0.5 * (z0 + z1)
     n = y1 * y1 + z1 * z1
-    return Grip(share * p, share * z, -share * y, z * by_y, z * by_z + 0.5 * share, -y * by_y - 0.5 * share, -y * by_z,
-                z1 / n, -y1 / n)
+    return CoordinateGradient(share * p, share * z, -share * y, z * by_y, z * by_z + 0.5 * share, -y * by_y - 0.5 * share,
+                              -y * by_z, z1 / n, -y1 / n)
 
 
 # --- values --------------------------------------------------------------------------------------------------------------
@@ -258,24 +258,24 @@ def push_parts(motion, c, system, by_y, by_z, slopes):
 
 
 @kernel
-def push(motion, c, system, grip, force, slope):
+def push(motion, c, system, gradient, force, slope):
     """Add a force on coordinate c, and its derivative by the coordinate at the end of the step."""
-    by_y, by_z = slope * grip.end_y, slope * grip.end_z
-    slopes = (force * grip.yy + by_y * grip.y, force * grip.yz + by_z * grip.y,
-              force * grip.zy + by_y * grip.z, force * grip.zz + by_z * grip.z)
-    push_parts(motion, c, system, force * grip.y, force * grip.z, slopes)
+    by_y, by_z = slope * gradient.end_y, slope * gradient.end_z
+    slopes = (force * gradient.yy + by_y * gradient.y, force * gradient.yz + by_z * gradient.y,
+              force * gradient.zy + by_y * gradient.z, force * gradient.zz + by_z * gradient.z)
+    push_parts(motion, c, system, force * gradient.y, force * gradient.z, slopes)
 
 
 @kernel
-def grip_in_step(motion, c, system):
+def gradient_in_step(motion, c, system):
     """Return `Grip` of coordinate c in this step."""
-    return grip_of(motion, c, system.dofs, system.state.q, system.work.q_end)
+    return gradient_of(motion, c, system.dofs, system.state.q, system.work.q_end)
 
 
 @kernel
-def grip_at_rest(motion, c, system):
+def gradient_at_rest(motion, c, system):
     """Return `Grip` of coordinate c in an equilibrium."""
-    return grip_of(motion, c, system.dofs, system.work.q_end, system.work.q_end)
+    return gradient_of(motion, c, system.dofs, system.work.q_end, system.work.q_end)
 
 
 @kernel
@@ -283,11 +283,11 @@ def put_entries(term, c, system, k, p, share, by_end):
     """Add column and line of force p of constraint k, which acts on coordinate c: `share` times a force on it, and `by_end` times
     the derivative of its value at the end; both may be zero, the rows that it touches are the same."""
     motion, contact, work, dofs = term.motion, system.contact, system.work, system.dofs
-    grip = grip_in_step(motion, c, system)
+    gradient = gradient_in_step(motion, c, system)
     for m in range(motion.start[c], motion.start[c + 1]):
         i, j = motion.pair[m, 1], motion.pair[m, 2]
-        push_m = share * motion.sign[m] * (grip.z if motion.pair[m, 0] else grip.y)
-        end_m = by_end * motion.sign[m] * (grip.end_z if motion.pair[m, 0] else grip.end_y)
+        push_m = share * motion.sign[m] * (gradient.z if motion.pair[m, 0] else gradient.y)
+        end_m = by_end * motion.sign[m] * (gradient.end_z if motion.pair[m, 0] else gradient.end_y)
         one, two = system.row_of[motion.spin_node[c, 0]], system.row_of[motion.spin_node[c, 1]]
         mid = direction.call(dofs, motion, c, 0, i, work.q_mid)
         end = direction.call(dofs, motion, c, 0, i, work.q_end)

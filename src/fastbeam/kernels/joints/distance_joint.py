@@ -14,8 +14,16 @@ from fastbeam.kernels.beams.generalized_alpha import Alpha
 from fastbeam.kernels.contact.point_entries import begin_joint, forget_gaps, joints_are_closed, put_point, take_forces
 from fastbeam.kernels.entries.pairs import add_pair, difference
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.terms import (Conserving, Equilibrium, Midpoint, WithContact, assemble, first_guess, is_settled,
-    take_unknowns)
+from fastbeam.kernels.terms import (
+    Conserving,
+    Equilibrium,
+    Midpoint,
+    WithContact,
+    assemble,
+    first_guess,
+    is_settled,
+    take_unknowns,
+)
 
 
 class DistanceJoints(NamedTuple):

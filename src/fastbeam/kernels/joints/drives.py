@@ -20,11 +20,31 @@ from fastbeam.kernels.contact.point_entries import begin_joint, is_closed, take_
 from fastbeam.kernels.contact.sleeve import SETTLED
 from fastbeam.kernels.contact.slider_forces import drive_force
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.joints.coordinates import (LINE, VALUE, WORK, JointMotion, grip_at_rest, grip_in_step, missing, push,
-    put_entries, value_of)
+from fastbeam.kernels.joints.coordinates import (
+    LINE,
+    VALUE,
+    WORK,
+    JointMotion,
+    gradient_at_rest,
+    gradient_in_step,
+    missing,
+    push,
+    put_entries,
+    value_of,
+)
 from fastbeam.kernels.joints.forces import way_of
-from fastbeam.kernels.terms import (Conserving, Equilibrium, WithContact, account, assemble, first_guess, is_settled, known,
-    put_loads, take_unknowns)
+from fastbeam.kernels.terms import (
+    Conserving,
+    Equilibrium,
+    WithContact,
+    account,
+    assemble,
+    first_guess,
+    is_settled,
+    known,
+    put_loads,
+    take_unknowns,
+)
 
 # prescribed quantity of a coordinate: its value at the end of the step, or its increment
 TO, BY = range(2)
@@ -131,7 +151,7 @@ def assemble_drives(term, method, system, h):
         c = term.which[i]
         k = term.first[0] + i
         begin_joint(contact, k, 1)
-        push(term.motion, c, system, grip_in_step(term.motion, c, system), system.state.force[contact.first_force[k]], 0.0)
+        push(term.motion, c, system, gradient_in_step(term.motion, c, system), system.state.force[contact.first_force[k]], 0.0)
         put_entries(term, c, system, k, 0, 1.0, 1.0)
         contact.residual[k, 0] = missing(term.motion, c, system.dofs, system.work.q_end, given_value(term, i))
 
@@ -189,9 +209,9 @@ def assemble_control(term, method, system, h):
     for i in range(term.which.shape[0]):
         c = term.which[i]
         before = system.state.history[motion.place[c] + VALUE]
-        grip = grip_in_step(motion, c, system)
-        found = drive_force(term, i, before, before + way_of(motion, c, system, grip, before))
-        push(motion, c, system, grip, found.value, found.slope)
+        gradient = gradient_in_step(motion, c, system)
+        found = drive_force(term, i, before, before + way_of(motion, c, system, gradient, before))
+        push(motion, c, system, gradient, found.value, found.slope)
 
 
 @assemble.register(JointControl, Equilibrium)
@@ -203,7 +223,7 @@ def assemble_control_at_rest(term, method, system, h):
         c = term.which[i]
         value = value_of(motion, c, system.dofs, system.work.q_end, system.state.history[motion.place[c] + VALUE])
         found = drive_force(term, i, value, value)
-        push(motion, c, system, grip_at_rest(motion, c, system), term.share[0] * found.value, term.share[0] * found.slope)
+        push(motion, c, system, gradient_at_rest(motion, c, system), term.share[0] * found.value, term.share[0] * found.slope)
 
 
 @account.register(JointControl)
@@ -223,4 +243,4 @@ def account_control(term, system, h):
 def push_known(term, method, system, h):
     for i in range(term.which.shape[0]):
         force = system.state.force[system.contact.first_force[term.first[0] + i]]
-        push(term.motion, term.which[i], system, grip_in_step(term.motion, term.which[i], system), force, 0.0)
+        push(term.motion, term.which[i], system, gradient_in_step(term.motion, term.which[i], system), force, 0.0)

@@ -17,8 +17,21 @@ import numpy as np
 
 from fastbeam.kernels.contact.slider_forces import stop_force
 from fastbeam.kernels.jit.decorators import kernel
-from fastbeam.kernels.joints.coordinates import (LINE, LOSS, SWING, VALUE, WORK, JointMotion, grip_at_rest, grip_in_step, grip_of,
-    parts_of, push, push_parts, value_of)
+from fastbeam.kernels.joints.coordinates import (
+    LINE,
+    LOSS,
+    SWING,
+    VALUE,
+    WORK,
+    JointMotion,
+    gradient_at_rest,
+    gradient_in_step,
+    gradient_of,
+    parts_of,
+    push,
+    push_parts,
+    value_of,
+)
 from fastbeam.kernels.terms import Conserving, Equilibrium, account, assemble, put_loads, spread_nodes
 
 # 1 - cos x of a swing up to which its spring is taken from the series, and its terms: 2^n/(n^2 (2n over n))
@@ -78,8 +91,8 @@ def push_swing(motion, c, system, q0, q1):
         push_parts(motion, c, system, 0.0, k * found, (0.0, 0.0, 0.0, -k * bent))
     else:
         x0, x1 = value_of(motion, c, system.dofs, q0, 0.0), value_of(motion, c, system.dofs, q1, 0.0)
-        grip = grip_of(motion, c, system.dofs, q0, q1)
-        push(motion, c, system, grip, -0.5 * k * (x0 + x1), -0.5 * k)
+        gradient = gradient_of(motion, c, system.dofs, q0, q1)
+        push(motion, c, system, gradient, -0.5 * k * (x0 + x1), -0.5 * k)
 
 
 @assemble.register(JointForces, Conserving)
@@ -93,16 +106,16 @@ def assemble_joint_forces(term, method, system, h):
             continue
         slope = -0.5 * motion.stiffness[c] - motion.damping[c] / h
         before = system.state.history[motion.place[c] + VALUE]
-        grip = grip_in_step(motion, c, system)
+        gradient = gradient_in_step(motion, c, system)
         force = motion.given[c] - motion.stiffness[c] * (before - motion.rest[c])
-        force += slope * way_of(motion, c, system, grip, before)
-        push(motion, c, system, grip, force, slope)
+        force += slope * way_of(motion, c, system, gradient, before)
+        push(motion, c, system, gradient, force, slope)
 
 
 @kernel
-def way_of(motion, c, system, grip, before):
+def way_of(motion, c, system, gradient, before):
     """Return the increment of coordinate c in this step; `before` is its value in the history."""
-    return value_of(motion, c, system.dofs, system.work.q_end, 0.0) - before if motion.kind[c] == LINE else grip.way
+    return value_of(motion, c, system.dofs, system.work.q_end, 0.0) - before if motion.kind[c] == LINE else gradient.way
 
 
 @assemble.register(JointForces, Equilibrium)
@@ -117,7 +130,7 @@ def assemble_joint_forces_at_rest(term, method, system, h):
                 push_swing(motion, c, system, work.q_end, work.q_end)
             continue
         value = value_of(motion, c, system.dofs, work.q_end, system.state.history[motion.place[c] + VALUE])
-        push(motion, c, system, grip_at_rest(motion, c, system), motion.given[c] - k * (value - motion.rest[c]), -0.5 * k)
+        push(motion, c, system, gradient_at_rest(motion, c, system), motion.given[c] - k * (value - motion.rest[c]), -0.5 * k)
 
 
 @assemble.register(JointStops, Conserving)
@@ -127,10 +140,10 @@ def assemble_stops(term, method, system, h):
     for i in range(term.which.shape[0]):
         c = term.which[i]
         before = system.state.history[motion.place[c] + VALUE]
-        grip = grip_in_step(motion, c, system)
-        found = stop_force(term, i, before, before + way_of(motion, c, system, grip, before))
+        gradient = gradient_in_step(motion, c, system)
+        found = stop_force(term, i, before, before + way_of(motion, c, system, gradient, before))
         if found.value != 0.0:
-            push(motion, c, system, grip, found.value, found.slope)
+            push(motion, c, system, gradient, found.value, found.slope)
 
 
 @assemble.register(JointStops, Equilibrium)
@@ -142,7 +155,7 @@ def assemble_stops_at_rest(term, method, system, h):
         value = value_of(motion, c, system.dofs, system.work.q_end, system.state.history[motion.place[c] + VALUE])
         found = stop_force(term, i, value, value)
         if found.value != 0.0:
-            push(motion, c, system, grip_at_rest(motion, c, system), found.value, found.slope)
+            push(motion, c, system, gradient_at_rest(motion, c, system), found.value, found.slope)
 
 
 @account.register(JointMotion)

@@ -18,18 +18,35 @@ import numpy as np
 
 from fastbeam.kernels.algebra.dimensions import Plane, Space, put, vector
 from fastbeam.kernels.algebra.vectors import dot, ld3
-from fastbeam.kernels.contact.friction_fallback import (MOST_FLIPS, WITHIN, Doubt, clear_doubt, count_missed, is_in_doubt,
-    is_sharp, note_change, sticks_in_doubt)
+from fastbeam.kernels.contact.friction_fallback import (
+    MOST_FLIPS,
+    WITHIN,
+    Fallback,
+    clear_fallback,
+    count_missed,
+    is_sharp,
+    needs_fallback,
+    note_change,
+    sticks_in_fallback,
+)
 from fastbeam.kernels.contact.point_entries import begin_joint, take_forces_of
 from fastbeam.kernels.contact.slider import END_SLACK
 from fastbeam.kernels.contact.slider_forces import JUDGED
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.joints.conditions import direction
-from fastbeam.kernels.joints.coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
+from fastbeam.kernels.joints.coordinates import LINE, VALUE, JointMotion, gradient_in_step, missing, push, put_entries, rate_of
 from fastbeam.kernels.joints.drives import is_held
-from fastbeam.kernels.terms import (Conserving, WithContact, account, assemble, first_guess, is_settled, take_unknowns,
-    within_limits)
+from fastbeam.kernels.terms import (
+    Conserving,
+    WithContact,
+    account,
+    assemble,
+    first_guess,
+    is_settled,
+    take_unknowns,
+    within_limits,
+)
 
 # numbers of a coordinate with friction or rigid stops in `State.history`: sign of its velocity; 1 where it sticks since
 # the last step, 2 since one before; energy lost to friction, J; -1 or 1 where it rests against its first or last stop,
@@ -62,7 +79,7 @@ class JointFriction(NamedTuple):
     sign: np.ndarray       # int64 [D]: sign of the velocity at the end of the step, as taken in this iteration
     flips: np.ndarray      # int64 [D]: how often an iteration of this step has changed the sign
     judged: np.ndarray     # int64 [D]: how many iterations of this step have asked for the sign
-    doubt: Doubt           # of D coordinates
+    fallback: Fallback           # of D coordinates
     against: np.ndarray    # int64 [D]: -1 or 1 where it rests against its first or last stop, else 0
     clock: np.ndarray      # float64 [1]: size of the step, s
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
@@ -190,7 +207,7 @@ def begin_friction(term, system, h, c):
         term.flips[i] = 0
         term.judged[i] = 0
         term.soft[i] = 0.0
-        clear_doubt(term.doubt, i)
+        clear_fallback(term.fallback, i)
         rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
         if term.sign[i] == 0 and (not stopped or abs(rest) <= least_increment(term, i, system) or term.against[i] != 0):
             rest = 0.0
@@ -222,19 +239,19 @@ def judge(term, i, force, way, most):
 
 
 @kernel
-def rub_in_doubt(term, i, way, most, force):
+def rub_in_fallback(term, i, way, most, force):
     """Return friction of the fallback, see friction_fallback.py, as a share of the largest, and the derivative of the force by
     the increment where friction is below the bound. force: of the last iteration."""
     term.rest[i] = 0.0
     term.judged[i] += 1
     breaks = breaks_loose(term, i, force, most) != 0
-    if sticks_in_doubt(term.doubt, i, term.clock[0], term.soft[i], way, most, breaks):
+    if sticks_in_fallback(term.fallback, i, term.clock[0], term.soft[i], way, most, breaks):
         term.sign[i] = 0
         return 0.0, 0.0
     ahead = 1.0 if term.clock[0] > 0.0 else -1.0
     term.sign[i] = 1 if ahead * way > 0.0 else -1
-    if term.doubt.counts[i, WITHIN] != 0:
-        soft = ahead * term.doubt.compliance[i]
+    if term.fallback.counts[i, WITHIN] != 0:
+        soft = ahead * term.fallback.compliance[i]
         return -way / (soft * most), -1.0 / soft
     return -1.0 * term.sign[i], 0.0
 
@@ -259,7 +276,7 @@ def assemble_friction(term, method, system, h):
             by_load = factor
         elif may_stick(term, i):
             most = most_of_friction(term, i, system)
-            if not is_in_doubt(term.flips, term.judged, i, system.work.increment):
+            if not needs_fallback(term.flips, term.judged, i, system.work.increment):
                 sign = judge(term, i, force[f], way, most)
                 note_change(sign != term.sign[i], system.work.increment)
                 term.flips[i] += sign != term.sign[i]
@@ -269,14 +286,14 @@ def assemble_friction(term, method, system, h):
                 # a coordinate at a stop stays there for this step
                 term.sign[i] = 0
             else:
-                factor, slope = rub_in_doubt(term, i, way, most, force[f])
+                factor, slope = rub_in_fallback(term, i, way, most, force[f])
             sticks = term.sign[i] == 0
             # friction below the bound does not depend on the bound
             by_load = factor if slope == 0.0 else 0.0
         term.factor[i] = factor
         if not sticks:
             force[f] = factor * most
-        push(motion, c, system, grip_in_step(motion, c, system), force[f], slope)
+        push(motion, c, system, gradient_in_step(motion, c, system), force[f], slope)
         put_entries(term, c, system, k, 0, 1.0 if sticks else 0.0, 1.0 if sticks else 0.0)
         if sticks:
             contact.residual[k, 0] = way - term.rest[i]
@@ -301,7 +318,7 @@ def friction_is_settled(term, system):
         force = system.state.force[system.contact.first_force[k]]
         if term.judged[i] < JUDGED:
             settled = False
-        if term.flips[i] >= MOST_FLIPS and term.against[i] == 0 and not is_sharp(term.doubt, i, term.judged[i]):
+        if term.flips[i] >= MOST_FLIPS and term.against[i] == 0 and not is_sharp(term.fallback, i, term.judged[i]):
             settled = False
         if term.sign[i] == 0:
             settled = is_held(term.motion, c, system, k) and settled
@@ -337,7 +354,7 @@ def account_friction(term, system, h):
                 history[o + VALUE] = term.start[i] + term.rest[i]
             else:
                 history[term.place[i] + AGAINST] = 0.0
-            count_missed(term.doubt, term.flips, i)
+            count_missed(term.fallback, term.flips, i)
             history[term.place[i] + SIGN] = term.sign[i]
             held = 1.0 if history[term.place[i] + STICKS] == 0.0 else 2.0
             history[term.place[i] + STICKS] = held if sticks and term.against[i] == 0 else 0.0

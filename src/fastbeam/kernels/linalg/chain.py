@@ -14,8 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.algebra.blocks import (lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_column, subtract_column,
-    subtract_rows)
+from fastbeam.kernels.algebra.blocks import (
+    lu_rows,
+    lu_two,
+    solve_column,
+    solve_rows,
+    solve_rows_with_column,
+    subtract_column,
+    subtract_rows,
+)
 from fastbeam.kernels.algebra.lanes import flush_column, flush_rows
 from fastbeam.kernels.algebra.vectors import largest_of_row, vld, vst
 from fastbeam.kernels.jit.decorators import inlined, kernel, one_variant, separate

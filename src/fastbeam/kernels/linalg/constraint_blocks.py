@@ -11,7 +11,7 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from fastbeam.kernels.algebra.blocks import _absolute, _columns, _Memory, _triangular
-from fastbeam.kernels.algebra.vectors import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _div, _int, _mul, _splat, _sub, f8
+from fastbeam.kernels.algebra.vectors import _DOUBLE, _I32, _I64, _VECTOR, LANES, _add, _div, _int, _mul, _splat, _sub, f8
 
 _NODE, _SLIDER, _MOMENTS = (lambda n: n), (lambda n: 7 if n == 6 else 5), (lambda n: 6 if n == 6 else 2)
 # forces of a constraint, and whether the equation behind theirs is in the unit of a force

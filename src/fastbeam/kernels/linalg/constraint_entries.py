@@ -17,8 +17,15 @@ from fastbeam.kernels.algebra.vectors import cross, cross2, ld2, ld3, st2, st3, 
 from fastbeam.kernels.beams.inner_nodes import INNER_NODES, PLACE, ROWS
 from fastbeam.kernels.beams.planar_nodes import PlanarTies, planar_arm
 from fastbeam.kernels.beams.ties import Ties, tie_arm
-from fastbeam.kernels.entries.dense import (Contact, add_column, add_column_times, add_line, add_line_rows, add_transposed,
-    put_own_block)
+from fastbeam.kernels.entries.dense import (
+    Contact,
+    add_column,
+    add_column_times,
+    add_line,
+    add_line_rows,
+    add_transposed,
+    put_own_block,
+)
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.decorators import inlined, kernel, separate
 from fastbeam.kernels.jit.generic import generic

@@ -2,8 +2,18 @@
 from __future__ import annotations
 
 from fastbeam.kernels.jit.decorators import inlined, kernel, one_variant
-from fastbeam.kernels.linalg.constraint_rows import (BEFORE, CONSTRAINT, ELEMENT, collect, find_waiting, is_changed, put_in_order,
-    rank_by_rows, sweep, take_places)
+from fastbeam.kernels.linalg.constraint_rows import (
+    BEFORE,
+    CONSTRAINT,
+    ELEMENT,
+    collect,
+    find_waiting,
+    is_changed,
+    put_in_order,
+    rank_by_rows,
+    sweep,
+    take_places,
+)
 
 
 @inlined

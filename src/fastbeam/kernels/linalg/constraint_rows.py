@@ -22,7 +22,6 @@ from fastbeam.kernels.jit.decorators import inlined, kernel, one_variant
 from fastbeam.kernels.jit.generic import generic
 from fastbeam.kernels.terms import NoTies
 
-
 # columns of `Touched.job` and, from the first, of `Touched.found`
 ELEMENT, CONSTRAINT, FIRST_ENTRY, BEFORE, PLACE_OF_START, PLACE_OF_END = range(6)
 JOBS = 1

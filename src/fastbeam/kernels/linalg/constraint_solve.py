@@ -13,17 +13,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fastbeam.kernels.algebra.blocks import (lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column,
-    subtract_rows)
+from fastbeam.kernels.algebra.blocks import (
+    lu_rows,
+    lu_two,
+    solve_column,
+    solve_rows,
+    solve_rows_with_last,
+    subtract_column,
+    subtract_rows,
+)
 from fastbeam.kernels.algebra.dimensions import dim
 from fastbeam.kernels.algebra.vectors import fetch, vld, vst
 from fastbeam.kernels.entries.dense import first_of_own_block
 from fastbeam.kernels.jit.decorators import inlined, kernel, one_variant, separate
 from fastbeam.kernels.linalg.chain import HIGH, LOW, exchange_and_factor, exchange_rows
-from fastbeam.kernels.linalg.constraint_blocks import (column_on_slider, column_slider_on_node, column_slider_on_slider,
-    factor_moments, factor_slider, solve_behind_moments, solve_behind_moments_with_right, solve_behind_slider,
-    solve_behind_slider_with_right, solve_right_of_moments, solve_right_of_slider, subtract_on_slider, subtract_slider_on_node,
-    subtract_slider_on_slider)
+from fastbeam.kernels.linalg.constraint_blocks import (
+    column_on_slider,
+    column_slider_on_node,
+    column_slider_on_slider,
+    factor_moments,
+    factor_slider,
+    solve_behind_moments,
+    solve_behind_moments_with_right,
+    solve_behind_slider,
+    solve_behind_slider_with_right,
+    solve_right_of_moments,
+    solve_right_of_slider,
+    subtract_on_slider,
+    subtract_slider_on_node,
+    subtract_slider_on_slider,
+)
 
 # least pivots that count as none: of a node, next to the largest entry of the row; of a constraint, with the augmented Lagrangian
 # and without

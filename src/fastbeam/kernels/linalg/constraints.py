@@ -19,8 +19,15 @@ from fastbeam.kernels.entries.dense import ContactInRows
 from fastbeam.kernels.entries.factored import FactoredContact
 from fastbeam.kernels.jit.decorators import kernel, separate
 from fastbeam.kernels.jit.generic import generic
-from fastbeam.kernels.linalg.constraint_entries import (add_inner, carry, clear_held_columns, put_entries, recover_inner_rows,
-    start_blocks, start_inner)
+from fastbeam.kernels.linalg.constraint_entries import (
+    add_inner,
+    carry,
+    clear_held_columns,
+    put_entries,
+    recover_inner_rows,
+    start_blocks,
+    start_inner,
+)
 from fastbeam.kernels.linalg.constraint_fill import update_order
 from fastbeam.kernels.linalg.constraint_rows import Couplings, Order, Touched
 from fastbeam.kernels.linalg.constraint_solve import Factors, eliminate, substitute, take_solution

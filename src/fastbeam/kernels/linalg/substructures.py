@@ -24,13 +24,21 @@ from fastbeam.kernels.algebra.blocks import ONE, lu_lanes, solve_lanes, subtract
 from fastbeam.kernels.algebra.lanes import clear_lanes, copy_lanes, gather_lanes, put_rows
 from fastbeam.kernels.algebra.vectors import vld, vst
 from fastbeam.kernels.beams.element_loop import evaluate_group
-from fastbeam.kernels.beams.inner_nodes import (IN_ROWS, PIVOT, Condensed, eliminate_inner, recover_group, short_store,
-    store_size, subtract_loads, take_scaled)
+from fastbeam.kernels.beams.inner_nodes import (
+    IN_ROWS,
+    PIVOT,
+    Condensed,
+    eliminate_inner,
+    recover_group,
+    short_store,
+    store_size,
+    subtract_loads,
+    take_scaled,
+)
 from fastbeam.kernels.beams.nodes import larger
 from fastbeam.kernels.jit.decorators import kernel
 from fastbeam.kernels.layout import LIST, POINTS, layout
 from fastbeam.kernels.terms import move_nodes, spread_nodes
-
 
 # columns of `Substructures.group`
 FIRST_GROUP, ELEMENTS, NODES_EACH, STORE = range(4)

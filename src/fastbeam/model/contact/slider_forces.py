@@ -9,15 +9,48 @@ from typing import Any
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
-from fastbeam.kernels.contact.friction_fallback import no_doubt
-from fastbeam.kernels.contact.slider_forces import (AGAINST, ASKED, BY_RATE, CAME_BY, CONTROL, DRIVE_WORK, FORCE, FRICTION_LOSS,
-    HELD, HISTORY, INCREMENT, LAW, LOCKED, LOCK_LOSS, MOST_KEPT, NO_DRIVE, OFF, OFFSET, POSITION, SIGN, STIFFNESS, STOP_LOSS,
-    TURNS, Along, DriveSchedule)
+from fastbeam.kernels.contact.friction_fallback import fallback_of
+from fastbeam.kernels.contact.slider_forces import (
+    AGAINST,
+    ASKED,
+    BY_RATE,
+    CAME_BY,
+    CONTROL,
+    DRIVE_WORK,
+    FORCE,
+    FRICTION_LOSS,
+    HELD,
+    HISTORY,
+    INCREMENT,
+    LAW,
+    LOCK_LOSS,
+    LOCKED,
+    MOST_KEPT,
+    NO_DRIVE,
+    OFF,
+    OFFSET,
+    POSITION,
+    SIGN,
+    STIFFNESS,
+    STOP_LOSS,
+    TURNS,
+    Along,
+    DriveSchedule,
+)
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import AT_REST, Analysis, Asked, Lack, dissipating, lacking, unknown_to_methods, without_adjoint
-from fastbeam.model.contact.drive_laws import (force_at, gains_of, given_over, given_to, kind_of, law_at, law_of, slope_at_rest,
-    value_at)
+from fastbeam.model.contact.drive_laws import (
+    force_at,
+    gains_of,
+    given_over,
+    given_to,
+    kind_of,
+    law_at,
+    law_of,
+    slope_at_rest,
+    value_at,
+)
 from fastbeam.model.feature import Feature, Span, Stand
 from fastbeam.scene import Drive, Path, Slider, Switch
 from fastbeam.scene.switches import AT_END, Arrival, span_of, stops_on
@@ -112,7 +145,7 @@ class SliderForces(Feature):
                             np.zeros(n, np.int64), np.zeros((n, ASKED)), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64),
                             np.zeros(n),
                             np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64),
-                            no_doubt(np.ones(n)), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
+                            fallback_of(np.ones(n)), np.zeros(n, np.int64), np.zeros(n), np.zeros((n, 2), np.int64), np.zeros(n),
                             np.zeros((n, MOST_KEPT, 4)))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
@@ -261,7 +294,7 @@ class SliderForces(Feature):
         if static:
             return None
         self.tables.clock[2] = model.mass
-        return self.tables._replace(doubt=no_doubt(np.full(len(self.sliders), model.mass)), **{
+        return self.tables._replace(fallback=fallback_of(np.full(len(self.sliders), model.mass)), **{
             name: getattr(self.tables, name).copy() for name in (
                 "stops", "asked", "given", "clock", "sign", "rest", "flips", "judged", "against", "held", "offset", "under")},
             **{name: empty(getattr(self.tables, name).shape) for name in ("needed", "taken", "shapes")})

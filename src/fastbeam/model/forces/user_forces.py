@@ -16,8 +16,15 @@ from fastbeam.kernels.forces.planar_follower import PlanarFollowers
 from fastbeam.kernels.forces.user_force import Laws, UserForces
 from fastbeam.model.analyses import Analysis, Lack, dissipating, timed_loads, unknown_to_methods, without_adjoint
 from fastbeam.model.feature import Feature, OfRun
-from fastbeam.model.forces.compiled_laws import (compiled_differences, compiled_force, compiled_slopes, compiled_tension,
-    compiled_tension_slopes, compiled_wind, machine_code)
+from fastbeam.model.forces.compiled_laws import (
+    compiled_differences,
+    compiled_force,
+    compiled_slopes,
+    compiled_tension,
+    compiled_tension_slopes,
+    compiled_wind,
+    machine_code,
+)
 from fastbeam.model.forces.failed_laws import Asked, Lawful
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import node_lengths

@@ -15,8 +15,18 @@ from fastbeam.interface.arguments import Count, FilePath, Flag, Instance, Listin
 from fastbeam.interface.errors import BackendError, ResultFileError, SceneError
 from fastbeam.interface.paths import check_new
 from fastbeam.results.mode_shapes import FRAMES, MOST_FRAMES, SIZE, DampedModes, Modes, Motion
-from fastbeam.results.plots.drawing import (COLOURS, PLANE, STYLE, Shapes, as_text, new_figure, panel_figure, put_title,
-    space_axes, words_of_mode)
+from fastbeam.results.plots.drawing import (
+    COLOURS,
+    PLANE,
+    STYLE,
+    Shapes,
+    as_text,
+    new_figure,
+    panel_figure,
+    put_title,
+    space_axes,
+    words_of_mode,
+)
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result
 

@@ -11,8 +11,26 @@ import numpy as np
 from fastbeam.interface.arguments import Count, Flag, Instance, Word, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.results.mode_shapes import SIZE, DampedModes, Modes, size_of
-from fastbeam.results.plots.drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, as_text, bounds, flat_plane, new_figure,
-    panel_figure, put_title, shapes_size, slider_names, slider_path, space_axes, styled, time_bar, words_of_mode)
+from fastbeam.results.plots.drawing import (
+    A_RESULT,
+    COLOURS,
+    PLANE,
+    PLANES,
+    Shapes,
+    as_text,
+    bounds,
+    flat_plane,
+    new_figure,
+    panel_figure,
+    put_title,
+    shapes_size,
+    slider_names,
+    slider_path,
+    space_axes,
+    styled,
+    time_bar,
+    words_of_mode,
+)
 from fastbeam.results.responses import FrequencyResponse
 from fastbeam.results.result import Result
 
