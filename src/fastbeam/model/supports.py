@@ -82,7 +82,8 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
             continue
         what = model.labels[nodes[0]].split(" node ")[0]
         if flat and not aside:
-            moved = (m for m in motions[values <= UNFELT] if np.max(_size(m[:3] + np.cross(m[3:], arms))) > UNFELT)
+            moved = (motion for motion in motions[values <= UNFELT]
+                     if np.max(np.linalg.norm(motion[:3] + np.cross(motion[3:], arms), axis=1)) > UNFELT)
             aside = next((f"{what} can {_how(motion)}" for motion in moved), "")
         aside = aside or ""
         if may_turn and np.any(held & 7 != 0):
@@ -145,12 +146,7 @@ def _arms(model: Model, nodes: Array) -> Array:
     """Form the arms of nodes about their centre, in the length of the longest, [n, 3]."""
     phi = model.q0.reshape(-1, 12)[:, :3][nodes]
     arms = phi - phi.mean(axis=0)
-    return arms / (float(np.max(_size(arms))) or 1.0)
-
-
-def _size(vectors: Array) -> Array:
-    """Return the lengths of vectors [n, 3]."""
-    return np.linalg.norm(vectors, axis=1)
+    return np.asarray(arms / (float(np.max(np.linalg.norm(arms, axis=1))) or 1.0))
 
 
 def _felt(arms: Array, held: Array, turns_held: bool) -> Array:

@@ -171,7 +171,8 @@ class Stepper:
         if not self._static:
             check_border(core)
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
-        self.core, self.supports = own_supports(core, self.core_state, self._static)
+        core, self.supports = own_supports(core, self.core_state, self._static)
+        self.core = core
 
     def _make_arrays(self) -> None:
         """Make the work arrays of nodes and constraints."""
