@@ -67,15 +67,15 @@ def _plane_of(unpacked: Unpacked) -> Plane:
         raise NotPlanar(lack.text.format(name=names[0]))
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
     length = unpacked.numbered.length
-    rows = unpacked.loads.vectors[:, unpacked.joints.row_root]
+    loads = unpacked.loads.each(unpacked.joints.row_root)
     within = [(q[:, 0] - q[0, 0], "{} lies out of the plane of other nodes"),
               (v[:, 0], "the initial velocity of {} points out of the plane"),
               (unpacked.gravity[None], "gravity points out of the plane"),
-              *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
+              *((x[:, :3], "the load on {} points out of the plane") for x, _ in loads)]
     turning: list[tuple[Array, str]] = []
     # round-off of spins and moments has no axis
     # nodes of rows that are not those of all nodes
-    places: dict[int, Array] = {}
+    places, places_across = ({first + k: nodes for k, (_, nodes) in enumerate(loads)} for first in (3, 1))
     if unpacked.dragged is not None:
         # several drags may act on one node, each with air of its own
         places[len(within)] = unpacked.dragged.node
@@ -84,11 +84,12 @@ def _plane_of(unpacked: Unpacked) -> Plane:
         for way, axes in unpacked.prescribed.directions(len(q)):
             within.append((way, "the motion of {} leaves the plane"))
             turning.append((axes, "the rotation of {} is not about the normal of the plane"))
-    speed, push = (float(np.max(np.abs(x), initial=0.0)) for x in (v[:, 0], rows[:, :, :3]))
+    speed = float(np.max(np.abs(v[:, 0]), initial=0.0))
+    push = max((float(np.max(np.abs(x[:, :3]))) for x, _ in loads), default=0.0)
     spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / length)
     across = [(spins, "the initial spin of {} is not about the normal of the plane")]
-    across += [(_without_noise(x, push * length), "the moment on {} is not about the normal of the plane")
-               for x in rows[:, :, 3:6]]
+    across += [(_without_noise(x[:, 3:], push * length), "the moment on {} is not about the normal of the plane")
+               for x, _ in loads]
     across += turning
     pushed, twisted = _following(unpacked.numbered.links.loaded, q, length)
     within += [(x, "the load on {} points out of the plane") for x in pushed]
@@ -108,9 +109,9 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     along = some_axes * normal
     _refuse(np.linalg.norm(along - (along @ normal)[:, None] * normal, axis=1), TOLERANCE,
             "the support of {} holds axes that are oblique to the plane", unpacked, partly)
-    for x, why in across:
+    for of, (x, why) in enumerate(across):
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
-        _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
+        _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked, places_across.get(of))
     for freedom, _, frame in unpacked.numbered.links.freedoms:
         if not freedom.joint.conditions:
             # the others are found by what they hold
@@ -294,10 +295,7 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     """The plane with its model: the tables of the same scene with 3 unknowns a node. model: the tables in space, whose lists of
     nodes, rows and blocks serve both; packers: the elements of its tables, by strain set."""
     plane, axes = found.plane, found.plane.axes
-    loads = np.zeros_like(model.loads)
-    if loads.size:
-        rows, out = (x.reshape(-1, model.n_nodes + 1, 8) for x in (model.loads, loads))
-        out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
+    loads = model.loads._replace(first=_load(model.loads.first, axes), value=_load(model.loads.value, axes))
     simo, green = (None if tables is None else _elements(tables, packers[strain], plane)
                    for tables, strain in ((model.simo, "simo_reissner"), (model.green, "green_lagrange")))
     ties, bodies = model.ties, model.bodies
@@ -320,6 +318,14 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
         static_held=_held(model.static_held, axes), q0=found.state.q, v0=found.state.v, dofs=PLANE)
     flat = replace(flat, inner=_inner(model.inner, [simo, green], flat.n_bordered > 0))
     return replace(plane, moments=sleeves_in_plane(model, plane)[1], model=flat)
+
+
+def _load(of_rows: Array, axes: Array) -> Array:
+    """Forces and moments of rows, [8 M], in the plane."""
+    rows, out = of_rows.reshape(-1, 8), np.zeros_like(of_rows)
+    for c, part in enumerate((rows[:, :3], rows[:, :3], rows[:, 3:6])):
+        out[c::8] = part @ axes[c]
+    return out
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:

@@ -63,10 +63,10 @@ def describe(scene: Scene, model: Model) -> str:
     run = model if model.plane is None else model.plane.model
     if run.held is not None:
         lines.append(f"  supports           {_plural(run.n_held, 'unknown')} held, eliminated")
-    if model.loads.shape[0]:
+    if model.load_times:
         timed = sum(t is not None for t in model.load_times)
         what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * _has_loads(scene))
-        lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
+        lines.append(f"  loads              {what}: {_plural(len(model.load_times), 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
     own = [line for feature in model.features for line in feature.describe()]
     for what, how, names in (("energy taken", "", model.losses), *own):

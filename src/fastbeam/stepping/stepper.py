@@ -165,10 +165,10 @@ class Stepper:
         mass = float(model.gravity_weight.sum()) + (0.0 if model.moving is None else model.moving.mass)
         self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
         self._timed = any(t is not None for t in model.load_times)
-        if not self._timed and len(core.loads) == 1 and not static:
+        if not self._timed and len(core.load_times) == 1 and not static:
             # they stay as they are
-            self.work = self.work._replace(f_ext=core.loads[0])
-        elif not self._timed and model.loads.shape[0]:
+            self.work = self.work._replace(f_ext=core.loads.first)
+        elif not self._timed and model.load_times:
             kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
         if self.alpha is not None:
             if self._timed:
