@@ -67,7 +67,8 @@ class NaiveAdjoint:
         of, parts = beam_numbers(model)
         count = max((x.stop for x in parts.values()), default=0)
         out = {"stiffness": np.zeros((count, 6, 6)), "inertia": np.zeros((count, 3)), "forces": np.zeros((model.n_nodes, 3)),
-               "moments": np.zeros((model.n_nodes, 3)), "gravity": np.zeros(3), "factors": np.zeros((last, len(model.loads))),
+               "moments": np.zeros((model.n_nodes, 3)), "gravity": np.zeros(3),
+               "factors": np.zeros((last, len(model.load_times))),
                "bodies": np.zeros(0 if model.bodies is None else model.bodies.node.size)}
         lanes = lanes_of(model)
         a, b = self.lower(steps.q[last].reshape(shape), self.of_places[last]), self.of_rates[last].reshape(-1)
@@ -93,7 +94,10 @@ class NaiveAdjoint:
             out["gravity"] += factor[0] * (model.gravity_weight @ w[:, 0])
             # every row once: those of nodes that share one have the same rates
             first = np.unique(model.pattern.row_of, return_index=True)[1]
-            loads = model.loads.reshape(len(model.loads), -1, 8)[:, model.pattern.row_of[first], :6]
+            loads = np.zeros((len(factors), 8 * (model.n_nodes + 1)))
+            for of, one in zip(loads, np.eye(len(factors))):
+                kernels.external_forces(model.loads, one, of)
+            loads = loads.reshape(len(factors), -1, 8)[:, model.pattern.row_of[first], :6]
             out["factors"][k] = np.einsum("kni,ni->k", loads, np.concatenate((w[:, 0], spins), axis=1)[first])
             if model.bodies is not None:
                 at = model.bodies.node

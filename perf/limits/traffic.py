@@ -178,7 +178,7 @@ def kept(stepper: Stepper) -> dict[str, int]:
         factors += nbytes(stepper.inner.store, stepper.inner.rhs, stepper.inner.mark, stepper.inner.found)
     work = nbytes(*(x for name, x in zip(w._fields, w) if name not in ("blocks", "pivots", "r", "f_ext")), residual(stepper))
     work -= w.increment.theta.nbytes
-    if w.f_ext.any() and not np.shares_memory(w.f_ext, m.loads):
+    if w.f_ext.any() and not np.shares_memory(w.f_ext, m.loads.first):
         work += w.f_ext.nbytes
     if subs is not None:
         own = stepper.parts.subs  # type: ignore[attr-defined]

@@ -283,7 +283,7 @@ class Assembled:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.state, self.work, self.contact = model.state(), work_of(model), contact_of(model, 64)
-        kernels.external_forces(model.loads, np.ones(len(model.loads)), self.work.f_ext)
+        kernels.external_forces(model.loads, np.ones(len(model.load_times)), self.work.f_ext)
 
     def step(self, h: float) -> None:
         m = self.model

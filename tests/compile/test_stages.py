@@ -156,3 +156,25 @@ def test_another_form_of_a_model_is_compiled_once_and_when_asked_for(monkeypatch
     one = model.uneliminated(planar=False)
     assert model.uneliminated(planar=False) is one and len(compiled) == 1
     assert one.solver == "sparse" and one.inner is None and one.n_nodes == model.n_nodes
+
+
+@pytest.mark.parametrize("planar", [False, "auto"])
+def test_load_vectors_hold_the_rows_that_they_touch(planar: Any) -> None:
+    tube = fb.Section.tube(radius=0.03, thickness=0.003, E=210e9, rho=7850.0)
+    posts = [fb.Beam.straight(f"post {k}", (k, 0, 0), (k, 0, 1), section=tube, elements=1) for k in range(8)]
+    winds = [fb.DistributedLoad(f"wind {k}", post, force=(1.0 + k, 0, 0), time=lambda t, k=k: np.sin(k * t))
+             for k, post in enumerate(posts)]
+    pulls = [fb.Load(f"pull {k}", post.end, force=(0, 0, 1.0), time=winds[k].time) for k, post in enumerate(posts)]
+    scene = fb.Scene(*posts, *map(fb.Clamp, (post.start for post in posts)), *winds, *pulls, gravity=(0, 0, -9.81))
+    model = fb.compile_scene(scene, planar=planar)
+    loads = (model if model.plane is None else model.plane.model).loads
+    count = posts[0].basis.n_nodes
+    assert loads.first.size == 8 * (model.n_nodes + 1) and loads.value.size == 8 * loads.row.size
+    # a load and another with its function are one vector
+    assert np.array_equal(loads.vector, np.repeat(np.arange(1, 9), count))
+    for k, post in enumerate(posts):
+        nodes = model.numbers.start(post) + np.arange(count)
+        own = loads.vector == k + 1
+        assert np.array_equal(loads.row[own], np.sort(model.pattern.row_of[nodes]))
+        assert loads.value.reshape(-1, 8)[own].sum() == pytest.approx(1.0 + k + 1.0, rel=1e-14)
+    assert model.fingerprint == fb.compile_scene(scene, planar=planar).fingerprint

@@ -83,6 +83,23 @@ def test_which_load_a_time_function_belongs_to_is_said() -> None:
         fb.solve_static(model, at_time=1.0)
 
 
+def test_functions_of_time_are_asked_at_three_points_of_a_step() -> None:
+    asked: list[float] = []
+
+    def shared(t: float) -> float:
+        asked.append(t)
+        return 1.0 + t
+
+    beam = rod()
+    loads = [fb.Load(name, beam.end, force=(0, 0, 1), time=shared) for name in ("one", "two")]
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), *loads,
+                                      fb.Load("three", beam.end, force=(0, 0, 1), time=lambda t: 2)))
+    asked.clear()
+    fb.simulate(model, t_end=4 * H, step=H, progress=False)
+    points = 0.5 + 0.5 * np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
+    np.testing.assert_allclose(asked, (H * (np.arange(4)[:, None] + points)).reshape(-1), rtol=1e-12)
+
+
 def jumps(t, x, d, v, w, p, force, moment):  # type: ignore[no-untyped-def]
     force[2] = -1e9 if v[2] > 0.0 else 1e9
 

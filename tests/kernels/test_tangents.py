@@ -253,7 +253,7 @@ class Kernels:
 
     def load(self) -> None:
         """Loads at factor 1."""
-        kernels.external_forces(self.model.loads, np.ones(len(self.model.loads)), self.work.f_ext)
+        kernels.external_forces(self.model.loads, np.ones(len(self.model.load_times)), self.work.f_ext)
 
     def assemble(self, twin: Twin, trial: Step) -> None:
         """Residual and tangent at a trial step."""

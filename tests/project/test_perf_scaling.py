@@ -202,7 +202,7 @@ def test_kept_bytes_are_those_of_all_arrays(condense: bool) -> None:
     stepper, *rest = run(fb.compile_scene(scene, planar=False, condense=condense), threads=1)
     kept, work = traffic.kept(stepper), stepper.work
     # theta counts once, and loads with the tables
-    assert work.increment.theta is work.theta and np.shares_memory(work.f_ext, stepper.core.loads)
+    assert work.increment.theta is work.theta and np.shares_memory(work.f_ext, stepper.core.loads.first)
     found = sum(map(arrays, (stepper.core_state, work, stepper.inner))) - work.theta.nbytes - work.f_ext.nbytes
     if condense:
         assert kept["factors"] > arrays(stepper.parts.subs.store) + arrays(stepper.parts.subs.ends)

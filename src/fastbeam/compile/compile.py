@@ -28,7 +28,7 @@ from fastbeam.compile.planar import find_plane, pack_plane
 from fastbeam.compile.redundancy import softness_of
 from fastbeam.compile.report import describe
 from fastbeam.compile.tracks import corners_of, track_of
-from fastbeam.compile.unpack import Unpacked, unpack
+from fastbeam.compile.unpack import Loads, Unpacked, unpack
 from fastbeam.interface.arguments import Anything, Flag, Word, checked, shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.nodes import Bodies, Held
@@ -37,7 +37,7 @@ from fastbeam.kernels.beams.ties import TARGET, Ties
 from fastbeam.kernels.contact.slider import Sliders
 from fastbeam.kernels.forces.drag import Wind
 from fastbeam.kernels.layout import POSITION
-from fastbeam.kernels.terms import NoTies
+from fastbeam.kernels.terms import LoadVectors, NoTies
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.connections import Connections
 from fastbeam.model.contact.sleeves import SleeveContact, sleeves_of, twist_friction_of, with_twist
@@ -190,8 +190,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
                                        ordered.n_panel)
     ties = _ties(joints.without_welds(), blocks)
     held = _held(joints.held, blocks)
-    loads = _loads(unpacked, row_of)
-    idle = _idle_spins(scene, nodes, joints, loads, row_of, links)
+    loads = _loads(unpacked.loads, joints.row_root, row_of)
+    idle = _idle_spins(scene, nodes, joints, unpacked.loads, links)
     state, length = unpacked.state, unpacked.numbered.length
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
@@ -250,7 +250,7 @@ def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Block
 def _accounts_loads(unpacked: Unpacked) -> bool:
     """Return whether loads have no potential."""
     loads = unpacked.loads
-    return any(t is not None for t in loads.times) or bool(np.any(loads.vectors[:, :, 3:])
+    return any(t is not None for t in loads.times) or bool(np.any(loads.first[:, 3:]) or np.any(loads.value[:, 3:])
                                                            or unpacked.numbered.links.loaded.forces)
 
 
@@ -282,13 +282,16 @@ def _knots(scene: Scene, nodes: NodeList, blocks: Blocks, elements: list[Element
     return Knots(node, blocks.pattern.row_of[node], blocks.diagonal(node), KNOT_SHARE * heaviest)
 
 
-def _loads(unpacked: Unpacked, row_of: Array) -> Array:
-    """Return the load vectors in row layout, [K, 8 (N + 1)]."""
-    of_nodes = unpacked.loads.vectors
-    own = np.flatnonzero(unpacked.joints.row_root == np.arange(row_of.size))
-    vectors = np.zeros((len(of_nodes), row_of.size + 1, 8))
-    vectors[:, row_of[own], :6] = of_nodes[:, own]
-    return vectors.reshape(len(of_nodes), 8 * (row_of.size + 1))
+def _loads(loads: Loads, row_root: Array, row_of: Array) -> LoadVectors:
+    """Return the load vectors in row layout."""
+    own = np.flatnonzero(row_root == np.arange(row_of.size))
+    first = np.zeros((row_of.size + 1, 8))
+    first[row_of[own], :6] = loads.first[own]
+    order = np.lexsort((row_of[loads.node], loads.vector))
+    value = np.zeros((order.size, 8))
+    value[:, :6] = loads.value[order]
+    return LoadVectors(first.reshape(-1) if loads.times else np.zeros(0), loads.vector[order],
+                       row_of[loads.node[order]].astype(np.int64), value.reshape(-1))
 
 
 def _ties(joints: Connections, blocks: Blocks) -> Ties | None:
@@ -320,7 +323,7 @@ def _held(masks: Array, blocks: Blocks) -> Held | None:
                 mask_of_row[columns[touched]])
 
 
-def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array, row_of: Array, links: Links) -> Array:
+def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Loads, links: Links) -> Array:
     """Return masks of the spins that statics may fix: one component at the start of every beam of a net that may spin freely
     about its axis, where that changes no stress (theory.md 8)."""
     n = len(nodes)
@@ -331,7 +334,8 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
     owner = joints.owner
     free[joints.target[(joints.kind != POSITION) & (joints.target != owner)]] = False
     free &= np.bincount(joints.row_root, minlength=n) == 1
-    free &= ~np.any(loads.reshape(len(loads), n + 1, 8)[:, row_of, 3:6], axis=(0, 2))
+    free[loads.first[:, 3:].any(axis=1)] = False
+    free[loads.node[loads.value[:, 3:].any(axis=1)]] = False
     for bushing, ends in zip(*links.of(Bushing)):
         free[ends] &= not np.any(bushing.stiffness[3:, 3:])
     free[links.of(ForceElement)[1].reshape(-1)] = False

@@ -80,9 +80,9 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     along = some_axes * normal
     _refuse(np.linalg.norm(along - (along @ normal)[:, None] * normal, axis=1), TOLERANCE,
             "the support of {} holds axes that are oblique to the plane", unpacked, partly)
-    for x, why, _ in across:
+    for x, why, nodes in across:
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
-        _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
+        _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked, nodes)
     for freedom, _, frame in unpacked.numbered.links.freedoms:
         if not freedom.joint.conditions:
             # the conditions of other joints are checked by kept_in_plane
@@ -114,16 +114,17 @@ def _vectors(unpacked: Unpacked) -> tuple[list[_Vectors], list[_Vectors]]:
     """Collect vectors that lie in the plane of a scene, and those along its normal: places, velocities, loads, what moves."""
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
     length = unpacked.numbered.length
-    rows = unpacked.loads.vectors[:, unpacked.joints.row_root]
+    loads = unpacked.loads.each(unpacked.joints.row_root)
     within = [_Vectors(q[:, 0] - q[0, 0], "{} lies out of the plane of other nodes"),
               _Vectors(v[:, 0], "the initial velocity of {} points out of the plane"),
               _Vectors(unpacked.gravity[None], "gravity points out of the plane"),
-              *(_Vectors(x, PUSHED) for x in rows[:, :, :3])]
+              *(_Vectors(x[:, :3], PUSHED, nodes) for x, nodes in loads)]
     # round-off of spins and moments has no axis
-    speed, push = (float(np.max(np.abs(x), initial=0.0)) for x in (v[:, 0], rows[:, :, :3]))
+    speed = float(np.max(np.abs(v[:, 0]), initial=0.0))
+    push = max((float(np.max(np.abs(x[:, :3]))) for x, _ in loads), default=0.0)
     spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / length)
     across = [_Vectors(spins, "the initial spin of {} is not about the normal of the plane"),
-              *(_Vectors(_without_noise(x, push * length), TURNED) for x in rows[:, :, 3:6])]
+              *(_Vectors(_without_noise(x[:, 3:], push * length), TURNED, nodes) for x, nodes in loads)]
     if unpacked.dragged is not None:
         # several drags may act on one node, each with air of its own
         within.append(_Vectors(unpacked.dragged.air, "the air at {} moves out of the plane", unpacked.dragged.node))
@@ -305,10 +306,7 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     """Return the plane with its model: the tables of the scene with 3 unknowns a node. model: the tables in space, whose lists of
     nodes, rows and blocks serve both; packers: the elements of its tables, by strain set."""
     plane, axes = found.plane, found.plane.axes
-    loads = np.zeros_like(model.loads)
-    if loads.size:
-        rows, out = (x.reshape(-1, model.n_nodes + 1, 8) for x in (model.loads, loads))
-        out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
+    loads = model.loads._replace(first=_load(model.loads.first, axes), value=_load(model.loads.value, axes))
     simo, green = (None if tables is None else _elements(tables, packers[strain], plane)
                    for tables, strain in ((model.simo, "simo_reissner"), (model.green, "green_lagrange")))
     ties, bodies = model.ties, model.bodies
@@ -331,6 +329,14 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
         static_held=_held(model.static_held, axes), q0=found.state.q, v0=found.state.v, dofs=PLANE)
     flat = replace(flat, inner=_inner(model.inner, [simo, green], flat.n_bordered > 0))
     return replace(plane, moments=sleeves_in_plane(model, plane)[1], model=flat)
+
+
+def _load(of_rows: Array, axes: Array) -> Array:
+    """Return forces and moments of rows, [8 M], in the plane."""
+    rows, out = of_rows.reshape(-1, 8), np.zeros_like(of_rows)
+    for c, part in enumerate((rows[:, :3], rows[:, :3], rows[:, 3:6])):
+        out[c::8] = part @ axes[c]
+    return out
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:

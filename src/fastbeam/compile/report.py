@@ -84,10 +84,10 @@ def _joined(scene: Scene, model: Model) -> Iterator[Line]:
 
 def _loads(scene: Scene, model: Model) -> Iterator[Line]:
     """Tell loads, features, and what was done to the start."""
-    if model.loads.shape[0]:
+    if model.load_times:
         timed = sum(t is not None for t in model.load_times)
         what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * _has_loads(scene))
-        yield "loads", (f"{what}: {_plural(model.loads.shape[0], 'constant vector')}"
+        yield "loads", (f"{what}: {_plural(len(model.load_times), 'constant vector')}"
                         + (f", {timed} with a time function" if timed else ""))
     own = [line for feature in model.features for line in feature.describe()]
     for what, how, names in (("energy taken", "", model.losses), *own):

@@ -31,11 +31,24 @@ PIECES, LEAST_PIECES, ALIKE, SHORTEST, MOST_PIECES = 4, 64, 1e-12, 1e-13, 2**16
 class Loads(NamedTuple):
     """Loads on the rows of the nodes; loads of nodes that share a row stand at the node that has it."""
 
-    vectors: Array     # float64 [K, N, 6], N and N m
+    first: Array       # float64 [N, 6]: the first of K vectors, N and N m
+    vector: Array      # int64 [M]: numbers of the others, which follow each other,
+    node: Array        # int64 [M]: nodes that they act on, in their order,
+    value: Array       # float64 [M, 6]: and what they do there
     times: list[Any]   # factor of every vector; None: constant
     names: list[str]   # names of the loads of each time function
     weight: Array      # float64 [N], kg
     constant: Array    # float64 [N, 3]: forces without time functions, N
+
+    def each(self, row_root: Array) -> list[tuple[Array, Array | None]]:
+        """Return every vector on its nodes [*, 6], and these nodes, the first of those that share a row (row_root, as of `_loads`);
+        None: all nodes."""
+        if not self.times:
+            return []
+        roots, first = np.unique(row_root, return_index=True)
+        node = first[np.searchsorted(roots, self.node)]
+        ends = np.searchsorted(self.vector, np.arange(1, len(self.times) + 1))
+        return [(self.first[row_root], None), *((self.value[a:b], node[a:b]) for a, b in zip(ends, ends[1:]))]
 
 
 @dataclass(frozen=True)
@@ -146,14 +159,18 @@ def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
 def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Array) -> Loads:
     """Collect all loads; row_root: int [N], the node whose row a node shares."""
     n = len(nodes)
-    groups: list[tuple[Any, Array]] = []
+    times: list[Any] = []
+    first, others = np.zeros((n, 6)), _Entries([], [], [])
 
-    def group(time: Any) -> Array:
-        for known, vector in groups:
-            if known is time:
-                return vector
-        groups.append((time, np.zeros((n, 6))))
-        return groups[-1][1]
+    def add(time: Any, at: Array, forces: Array, columns: slice = slice(3)) -> None:
+        """Add forces at nodes, each of them once, with a factor in time."""
+        k = next((k for k, known in enumerate(times) if known is time), len(times))
+        if k == len(times):
+            times.append(time)
+        if k == 0:
+            first[at, columns] += forces
+        else:
+            others.add(k, at, forces, columns)
 
     at = [part.nodes.reshape(-1) for part in elements]
     share = [(part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)).reshape(-1) for part in elements]
@@ -164,46 +181,66 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
         if net.masses is not None:
             weight[nodes.start(net) + net.junction] += net.masses
     if np.any(scene.gravity):
-        vector = group(scene.gravity_time)
-        vector[:, :3] += weight[:, None] * scene.gravity
+        add(scene.gravity_time, np.arange(n), weight[:, None] * scene.gravity)
         for mesh in scene.moving:
             # 1 on a fixed coordinate, from which contact/moving_mesh.py reads the factor of gravity
-            vector[nodes.start(mesh.places[0]), 1] = 1.0
+            first[nodes.start(mesh.places[0]), 1] = 1.0
     constant = np.zeros((n, 3))
     for net in scene.nets:
         if net.loads is not None:
             at = nodes.start(net) + net.junction
-            group(net.time)[at, :3] += net.loads
+            add(net.time, at, net.loads)
             if net.time is None:
                 constant[at] += net.loads
     for load in scene.loads:
-        k = nodes.number(load.at)
-        vector = group(load.time)
-        vector[k, :3] += load.force
-        vector[k, 3:] += load.moment
+        node = np.array([nodes.number(load.at)])
+        add(load.time, node, np.concatenate((load.force, load.moment))[None], slice(6))
         if load.time is None:
-            constant[k] += load.force
+            constant[node] += load.force
     for load in scene.distributed:
-        vector = group(load.time)
-        for columns, target in distributed(load, nodes):
-            vector[:, columns] += target
+        span = nodes.start(load.beam) + np.arange(load.beam.basis.n_nodes)
+        for columns, target in distributed(load):
+            add(load.time, span, target, columns)
             if load.time is None and columns.start == 0:
-                constant += target
-    vectors = np.zeros((len(groups), n, 6))
-    for k, (_, vector) in enumerate(groups):
-        for c in range(6):
-            # nodes may share a row
-            vectors[k, :, c] = np.bincount(row_root, vector[:, c], minlength=n)
-    times = [time for time, _ in groups]
-    return Loads(vectors, times, [_timed_by(scene, time) for time in times], weight, constant)
+                constant[span] += target
+    # nodes may share a row
+    shared = np.stack([np.bincount(row_root, column, minlength=n) for column in first.T], axis=1)
+    return Loads(shared, *others.on(row_root), times, _timed_by(scene, times), weight, constant)
 
 
-def distributed(load: DistributedLoad, nodes: NodeList) -> list[tuple[slice, Array]]:
-    """Return the forces and moments of a distributed load on all nodes, with their columns: [N, 3] each."""
-    at, out = nodes.start(load.beam) + load.beam.basis.element_nodes, []
+class _Entries(NamedTuple):
+    """Entries of load vectors in the order of the loads."""
+
+    vector: list[Array]
+    node: list[Array]
+    value: list[Array]
+
+    def add(self, k: int, at: Array, forces: Array, columns: slice) -> None:
+        """Add forces at nodes to vector k."""
+        self.vector.append(np.full(at.size, k))
+        self.node.append(at)
+        self.value.append(np.zeros((at.size, 6)))
+        self.value[-1][:, columns] = forces
+
+    def on(self, row_root: Array) -> tuple[Array, Array, Array]:
+        """Return numbers of vectors, nodes and values, at nodes that have a row of their own."""
+        if not self.vector:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 6))
+        n, value = row_root.size, np.concatenate(self.value)
+        key = np.concatenate(self.vector) * n + np.concatenate(self.node)
+        # of every node first, then of those that share a row
+        for root in (np.arange(n), row_root):
+            key, place = np.unique(key // n * n + root[key % n], return_inverse=True)
+            value = np.stack([np.bincount(place, column) for column in value.T], axis=1)
+        return key // n, key % n, value
+
+
+def distributed(load: DistributedLoad) -> list[tuple[slice, Array]]:
+    """Return forces and moments of a distributed load on the nodes of its beam, with their columns: [n, 3] each."""
+    out = []
     for columns, nodal in of_elements(load):
-        target = np.zeros((len(nodes), 3))
-        np.add.at(target, at, nodal)
+        target = np.zeros((load.beam.basis.n_nodes, 3))
+        np.add.at(target, load.beam.basis.element_nodes, nodal)
         out.append((columns, target))
     return out
 
@@ -288,9 +325,11 @@ def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
     return Points(*(np.concatenate(x) for x in zip(*found)))
 
 
-def _timed_by(scene: Scene, time: Any) -> str:
-    """Return the names of the loads with this time function, for messages."""
-    names = ["gravity"] * (scene.gravity_time is time)
-    names += [f"{load.kind} {load.name!r}" for load in [*scene.loads, *scene.distributed] if load.time is time]
-    names += [f"the loads of {net.label}" for net in scene.nets if net.loads is not None and net.time is time]
-    return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+def _timed_by(scene: Scene, times: list[Any]) -> list[str]:
+    """Return the names of the loads with these time functions, for messages."""
+    names = [["gravity"] * (scene.gravity_time is time) for time in times]
+    named = [(load.time, f"{load.kind} {load.name!r}") for load in [*scene.loads, *scene.distributed]]
+    named += [(net.time, f"the loads of {net.label}") for net in scene.nets if net.loads is not None]
+    for time, name in named:
+        next(x for x, known in zip(names, times) if known is time).append(name)
+    return [", ".join(x[:3]) + (", ..." if len(x) > 3 else "") for x in names]

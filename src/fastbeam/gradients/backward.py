@@ -205,7 +205,7 @@ class Backward:
         of = np.concatenate([np.full(x[0].size, x[2]) for x in parts]) if parts else np.zeros(0, np.int64)
         body = np.zeros(0, np.int64) if core.bodies is None else core.bodies.node
         count = len(observed) * (1 if self.plane is None else 2)
-        return Found(np.zeros(d * core.n_nodes), aligned(8 * (core.n_nodes + 1)), np.zeros((n, len(core.loads))),
+        return Found(np.zeros(d * core.n_nodes), aligned(8 * (core.n_nodes + 1)), np.zeros((n, len(core.load_times))),
                      np.zeros((n, d)), np.zeros((n, count, d)), node, np.ascontiguousarray(share), of, body, np.zeros(body.size),
                      Sliders(*np.zeros((2, n, core.n_sliders)), *np.zeros((2, core.n_sliders))))
 

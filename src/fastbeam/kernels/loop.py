@@ -3,7 +3,7 @@
 The loop is compiled once: terms, method, kind of nodes, contact and solver are called through a table (jit/calls.py).
 
 Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [MORE_ITERATIONS max_iterations]; counts_out [4 or 5];
-mean_force_out [2, F]; vectors [K, 8 (rows + 1)], factors [K], f_ext_out [8 (rows + 1)]; out [1].
+mean_force_out [2, F]; factors [K], f_ext_out [8 (rows + 1)]; out [1].
 """
 from __future__ import annotations
 
@@ -379,12 +379,16 @@ def finish_step(terms, system, h):
 
 @kernel
 def external_forces(vectors, factors, f_ext_out):
-    """Sum load vectors [K, n] times their mean factors over the step [K]."""
+    """Sum load vectors times their mean factors over the step [K]."""
+    first, vector, row, value = vectors.first, vectors.vector, vectors.row, vectors.value
     for i in range(f_ext_out.shape[0]):
-        x = 0.0
-        for k in range(factors.shape[0]):
-            x += factors[k] * vectors[k, i]
-        f_ext_out[i] = x
+        f_ext_out[i] = 0.0
+    for i in range(first.shape[0]):
+        f_ext_out[i] += factors[0] * first[i]
+    for e in range(row.shape[0]):
+        factor = factors[vector[e]]
+        for c in range(8):
+            f_ext_out[8 * row[e] + c] += factor * value[8 * e + c]
 
 
 @kernel

@@ -81,10 +81,25 @@ for part in (Shared, WithMethod, WithContact, System):
 Work.stays_in_memory = State.stays_in_memory = True  # type: ignore[attr-defined]
 
 
-class Loads(NamedTuple):
-    """Loads that change in time: vectors in row layout and their mean factors over every substep."""
+class LoadVectors(NamedTuple):
+    """K load vectors: the first one, which has gravity where there is some, and the rows that the others touch, those of each in
+    their order."""
 
-    vectors: np.ndarray   # float64 [K, 8 (rows + 1)]
+    first: np.ndarray    # float64 [8 (rows + 1)], empty where there are no loads
+    vector: np.ndarray   # int64 [M]: number of a vector, from 1 on
+    row: np.ndarray      # int64 [M]: a row that it touches
+    value: np.ndarray    # float64 [8 M]: what it has there
+
+    @property
+    def entries(self) -> np.ndarray:
+        """What all vectors have in their rows, [*, 8]."""
+        return np.concatenate((self.first.reshape(-1, 8), self.value.reshape(-1, 8)))
+
+
+class Loads(NamedTuple):
+    """Loads that change in time: vectors and their mean factors over every substep."""
+
+    vectors: LoadVectors
     factors: np.ndarray   # float64 [substeps, K]
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from fastbeam.kernels.joints.coordinates import VALUE
 from fastbeam.kernels.state import State
+from fastbeam.kernels.terms import LoadVectors
 from fastbeam.model.feature import Feature
 from fastbeam.model.loading import Loading, Remarks
 
@@ -66,7 +67,7 @@ class WithFeatures:
     links: tuple[Any, ...]
     loading: Loading
     remarks: Remarks
-    loads = Part[Array]("loading")
+    loads = Part[LoadVectors]("loading")
     load_times = Part[list[Callable[[float], float] | None]]("loading")
     load_names = Part[list[str]]("loading")
     load_parts = Part[dict[str, Any]]("loading")

@@ -14,8 +14,8 @@ def fingerprint_of(model: Any) -> str:
     tables = (model.simo, model.green, model.bodies, *model.links, model.ties, model.held, model.curves, model.sliders)
     # tables of joints contain the ties of the model again
     parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
-    parts += [model.pattern.row_of, model.spinless, model.loads, model.gravity, model.gravity_weight, model.constant_load,
-              model.q0, model.v0, model.s0, model.slider_lengths, *(model.sleeves or ())[:5]]
+    parts += [model.pattern.row_of, model.spinless, *_load_vectors(model), model.gravity, model.gravity_weight,
+              model.constant_load, model.q0, model.v0, model.s0, model.slider_lengths, *(model.sleeves or ())[:5]]
     parts += [] if model.sleeves is None or not model.twisting.size else [*model.sleeves.twist[:3]]
     if model.slider_forces is not None:
         t = model.slider_forces.tables
@@ -41,3 +41,10 @@ def fingerprint_of(model: Any) -> str:
         digest.update(model.slider_forces.choices.encode())
     digest.update(str([model.plane is None, *(time is None for time in (*model.load_times, model.gravity_time))]).encode())
     return digest.hexdigest()
+
+
+def _load_vectors(model: Any) -> list[np.ndarray]:
+    """Arrays of the load vectors."""
+    loads, count = model.loads, len(model.load_times)
+    first = loads.first.reshape(min(count, 1), 8 * (model.n_nodes + 1))
+    return [first] if count < 2 else [first, loads.vector, loads.row, loads.value]

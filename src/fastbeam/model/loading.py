@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.kernels.terms import LoadVectors
+
 Array = np.ndarray
 
 
@@ -16,8 +18,8 @@ class Loading:
 
     Attributes
     ----------
-    loads : float64 [K, 8 (N + 1)]
-        Load vectors in row layout; `load_times[k]` their factor (None: constant).
+    loads : LoadVectors
+        K vectors in row layout; `load_times[k]` their factor (None: constant).
     load_names : list of str
         Name of the owner of each time function.
     load_parts : dict
@@ -30,7 +32,7 @@ class Loading:
         Sum of the loads without a time function, N.
     """
 
-    loads: Array
+    loads: LoadVectors
     load_times: list[Callable[[float], float] | None]
     load_names: list[str]
     load_parts: dict[str, Any]

@@ -15,7 +15,7 @@ from fastbeam.dynamics.interrupt import Interrupts
 from fastbeam.interface.arguments import Anything, Count, Flag, Number, Word, checked
 from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
 from fastbeam.interface.result_warnings import warns
-from fastbeam.kernels.loop import OK, SLIDER_END
+from fastbeam.kernels.loop import OK, SLIDER_END, external_forces
 from fastbeam.kernels.state import State
 from fastbeam.linalg.linear_system import check_backend
 from fastbeam.model.analyses import Analysis, require
@@ -170,7 +170,10 @@ def _way(model: Model, start: State | None, at_time: float | None) -> _Way | Non
 def _at_rest(model: Model, factors: Array, way: _Way | None) -> Model:
     """Return the model with loads that are constant and supports that go their way, or stand still."""
     def constant(one: Model) -> Model:
-        loads = one.loads * factors[:, None] if one.loads.size else one.loads
+        loads = one.loads
+        if factors.size:
+            value = loads.value.reshape(-1, 8) * factors[loads.vector][:, None]
+            loads = loads._replace(first=loads.first * factors[0], value=value.reshape(-1))
         features = tuple(_Still(x, way) if isinstance(x, PrescribedMotions) else x for x in one.features)
         return replace(one.with_loading(loads=loads, load_times=[None] * len(factors)), features=features)
 
@@ -295,7 +298,9 @@ class _Motion:
         model = self.stepper.model
         state = self.stepper.state if state is None else state
         row = self.meter.row(self.at_time, state)
-        forces = model.loads.reshape(len(model.loads), model.loads.shape[1] // 8, 8).sum(axis=0)[model.pattern.row_of, :3]
+        loads = np.zeros(8 * (model.n_nodes + 1))
+        external_forces(model.loads, np.ones(len(model.load_times)), loads)
+        forces = loads.reshape(-1, 8)[model.pattern.row_of, :3]
         first = np.unique(model.pattern.row_of, return_index=True)[1]
         strain = float(row["strain"])
         return float(row["kinetic"]), strain, strain - float(np.sum((forces * state.q.reshape(-1, 4, 3)[:, 0])[first]))
@@ -389,8 +394,7 @@ class _Motion:
         """Return a share of the time in which the loads, or the stresses of the start, move the scene by its size."""
         model = self.stepper.model
         mass = float(model.gravity_weight.sum())
-        forces = model.loads.reshape(len(model.loads), model.loads.shape[1] // 8, 8)[:, :, :3]
-        push = float(np.sum(np.linalg.norm(forces, axis=2)))
+        push = float(np.sum(np.linalg.norm(model.loads.entries[:, :3], axis=1)))
         push = max(push, self.energies()[1] / model.length)
         if not push > 0.0 or not mass > 0.0:
             return FIRST * model.length if mass > 0.0 else 1.0
@@ -423,7 +427,7 @@ class _Motion:
         solver.set_time(self.at_time, 1.0)
         solver.move_to(1.0)
         # loads of the model in hand have their factors in them
-        ones = np.ones(len(at_rest.loads))
+        ones = np.ones(len(at_rest.load_times))
         status, sizes = solver.equilibrium(ones)
         self.refused = "Newton's method does not converge from there"
         if status != OK:

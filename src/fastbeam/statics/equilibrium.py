@@ -42,7 +42,7 @@ class StaticSolver:
     def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None) -> None:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
         # well, unless moments act (theory.md 8)
-        self.moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
+        self.moments = bool(np.any(model.loads.entries[:, 3:6]))
         self._turns = any(isinstance(x, (UserForces, ForceElements)) for x in model.links)
         self._turns |= model.dragged is not None and model.dragged.turns
         self.moments |= bool(model.user_forces) or self._turns
@@ -108,9 +108,7 @@ class StaticSolver:
             self.motion.share = share
 
     def _load(self, factors: Array) -> None:
-        self.work.f_ext[:] = 0.0
-        if self.core.loads.shape[0]:
-            kernels.external_forces(self.core.loads, factors, self.work.f_ext)
+        kernels.external_forces(self.core.loads, factors, self.work.f_ext)
 
     def load_all(self, factors: Array) -> None:
         """Assemble all loads on nodes at the present shape, under load factors [K], into `work.f_ext`."""

@@ -127,11 +127,12 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
     """
     require(Analysis.STEADY, model, who)
     if isinstance(motion, Spin):
-        for k, load in enumerate(model.loads):
-            of_row = load.reshape(-1, 8)
+        loads = model.loads
+        for k, factor in enumerate(factors.tolist()):
+            of_row = (loads.value.reshape(-1, 8)[loads.vector == k] if k else loads.first.reshape(-1, 8))
             vectors = of_row[:, :6].reshape(-1, 3)
             across = vectors - np.outer(vectors @ motion.axis, motion.axis)
-            if factors[k] and np.max(np.abs(across), initial=0.0) > ACROSS * np.max(np.abs(vectors), initial=0.0):
+            if factor and np.max(np.abs(across), initial=0.0) > ACROSS * np.max(np.abs(vectors), initial=0.0):
                 raise SceneError(f"{who}: loads or gravity act across the axis of {motion!r}; they stay in space, so that "
                                  "nothing is steady in the frame that spins. Leave them out, load_factor=0, or let them "
                                  "act along it")

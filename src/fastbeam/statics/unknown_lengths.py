@@ -65,8 +65,8 @@ class LengthTables(StrainPath):
         if not self.weighs:
             return own
         # gravity is in the first vector of all loads
-        loads, weight = model.loads.copy(), model.gravity_weight.copy()
-        rows = loads[0].reshape(-1, 8)
+        loads, weight = model.loads._replace(first=model.loads.first.copy()), model.gravity_weight.copy()
+        rows = loads.first.reshape(-1, 8)
         within = np.eye(3) if model.dim == 3 or self._axes is None else self._axes[:2].T
         pull = np.zeros(8)
         pull[:within.shape[1]] = model.gravity @ within

@@ -211,9 +211,9 @@ class Stepper:
         if self._timed:
             if self.alpha is not None:
                 kernels.external_forces(model.loads, load_factors(model, np.full(1, t), np.zeros(1))[0], self.work.f_ext)
-        elif len(core.loads) == 1 and not self._static:
-            self.work = self.work._replace(f_ext=core.loads[0])
-        elif model.loads.shape[0]:
+        elif len(core.load_times) == 1 and not self._static:
+            self.work = self.work._replace(f_ext=core.loads.first)
+        elif model.load_times:
             kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
 
     @property
@@ -481,7 +481,10 @@ class Stepper:
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():
                 table, system = self.records
-                table.give((*schedules, *(() if loads is None else (Loads(loads, factors),))))
+                if loads is not None:
+                    schedules = *schedules, Loads(loads, factors)
+                if schedules or self._scheduled:
+                    table.give(schedules)
                 kernels.run(table, system, self.weights, h, n, self.max_iterations, counts, sizes, force)
             result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         else:
@@ -533,7 +536,7 @@ class Stepper:
         return Span(self.own, self.terms, self.plane, self.weights, t, h, n, done)
 
     def _in_space(self, force: Array) -> Array:
-        return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])
+        return force if self.plane is None or not self.model.n_forces else np.stack([self.plane.forces(x) for x in force])
 
     def _augment(self, h: float) -> None:
         """Set the augmented Lagrangian for steps of size h, and supports as the state has them."""

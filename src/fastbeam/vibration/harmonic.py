@@ -309,8 +309,9 @@ def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors
             if isinstance(load, Load):
                 of_nodes[model.numbers.number(load.at)] = np.concatenate((load.force, load.moment))
             else:
-                for columns, target in distributed(load, model.numbers):
-                    of_nodes[:, columns] += target
+                begin = model.numbers.start(load.beam)
+                for columns, target in distributed(load):
+                    of_nodes[begin:begin + len(target), columns] += target
         except KeyError:
             raise SceneError(f"frequency_response: {load.kind} {load.name!r} acts on what is not in scene "
                              f"{model.scene_name!r}; let "

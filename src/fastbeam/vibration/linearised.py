@@ -90,8 +90,7 @@ class Linearisation:
         self.mass = (self.lift.T @ (inertia @ self.lift)).tocsr()
         self._shift_mass = self.lift.T @ inertia
         self.loads = np.zeros_like(self.stepper.work.f_ext)
-        if self.core.loads.shape[0]:
-            kernels.external_forces(self.core.loads, factors, self.loads)
+        kernels.external_forces(self.core.loads, factors, self.loads)
         self.steady = None
         if steady is not None:
             self.steady = SteadyForces(steady[0], own, steady[1], self.map, self.size)

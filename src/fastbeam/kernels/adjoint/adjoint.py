@@ -33,7 +33,7 @@ from fastbeam.kernels.jit.records import in_memory
 from fastbeam.kernels.layout import ARM, POSITION
 from fastbeam.kernels.loop import assemble_step, put_loads
 from fastbeam.kernels.state import copy
-from fastbeam.kernels.terms import NoTies
+from fastbeam.kernels.terms import LoadVectors, NoTies
 
 
 class Steps(NamedTuple):
@@ -87,7 +87,7 @@ class Adjoint(NamedTuple):
     mass: np.ndarray          # float64 [*]
     heavy: np.ndarray         # float64 [N]: mass of a node on which gravity acts
     spin_row: np.ndarray      # int64 [N]: row whose spin a node has
-    loads: np.ndarray         # float64 [K, 8 (rows + 1)]: load vectors
+    loads: LoadVectors
     block_row: np.ndarray     # int64 [blocks]
     block_column: np.ndarray  # int64 [blocks]
     kept: np.ndarray          # float64 [8 n (blocks + 1)]: the tangent before its factors
@@ -323,9 +323,12 @@ def collect(sums, system, adjoint, steps, found, h, k):
             every[8 * system.row_of[i] + c] = adjoint.x[8 * adjoint.spin_row[i] + c]
     for i in range(found.turn.shape[0]):
         found.turn[i] += every[i]
-    for j in range(adjoint.loads.shape[0]):
-        for i in range(every.shape[0]):
-            found.load[k, j] += adjoint.loads[j, i] * every[i]
+    first, vector, row, value = adjoint.loads.first, adjoint.loads.vector, adjoint.loads.row, adjoint.loads.value
+    for i in range(first.shape[0]):
+        found.load[k, 0] += first[i] * every[i]
+    for e in range(row.shape[0]):
+        for c in range(8):
+            found.load[k, vector[e]] += value[8 * e + c] * every[8 * row[e] + c]
     for m in range(found.place_node.shape[0]):
         for a in range(vectors):
             for c in range(d):

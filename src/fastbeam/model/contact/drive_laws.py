@@ -120,7 +120,10 @@ def mean_of(drive: Any, who: str, what: str, t: float, h: float) -> float:
     given = getattr(drive, what)
     if not callable(given):
         return value_at(drive, who, what, t)
-    return float(means(lambda at: value_at(drive, who, what, at), getattr(given, "_rows", None), np.array([t]), np.array([h]))[0])
+    def values(times: list[float]) -> Array:
+        return np.array([value_at(drive, who, what, at) for at in times])
+
+    return float(means(values, getattr(given, "_rows", None), np.array([t]), np.array([h]))[0])
 
 
 def law_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:

@@ -69,8 +69,12 @@ def has_failed(terms: Iterable[Any], work: Array) -> bool:
 
 
 def _drives(terms: Iterable[Any]) -> list[Array]:
-    return [x.asked for x in (term.along if isinstance(term, Sliding) else term for term in terms)
-            if isinstance(x, (Along, JointControl))]
+    found = []
+    for term in terms:
+        own = term.along if isinstance(term, Sliding) else term
+        if isinstance(own, (Along, JointControl)):
+            found.append(own.asked)
+    return found
 
 
 def failure_in(model: Any, terms: Iterable[Any], work: Array) -> Failure:

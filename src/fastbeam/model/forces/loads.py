@@ -1,7 +1,7 @@
 """Time factors of loads."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,15 @@ def load_factors(model: Model, times: Array, steps: Array) -> Array:
     """Return the mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth
     loads are exact to order 6 and a step stays symmetric."""
     out = np.ones((len(times), len(model.load_times)))
+    smooth: list[int] = []
     for k, time in enumerate(model.load_times):
-        if time is not None:
+        if getattr(time, "_rows", None) is not None:
             out[:, k] = mean_factors(time, times, steps, f"of {model.load_names[k]}")
+        elif time is not None:
+            smooth.append(k)
+    if smooth:
+        functions = [(model.load_times[k], f"of {model.load_names[k]}") for k in smooth]
+        out[:, smooth] = smooth_means(lambda at: factors_at(functions, at), np.asarray(times), np.asarray(steps)).T
     return out
 
 
@@ -63,8 +69,10 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
         one.held[0] = one.start
     if at_time is None:
         require(Analysis.TIMELESS_LOADS, model, who)
-    return np.array([1.0 if time is None else factor_at(time, at_time or 0.0, f"of {name}")
-                     for time, name in zip(model.load_times, model.load_names)])
+    out = np.ones(len(model.load_times))
+    timed = [k for k, time in enumerate(model.load_times) if time is not None]
+    out[timed] = factors_at([(model.load_times[k], f"of {model.load_names[k]}") for k in timed], [at_time or 0.0])[:, 0]
+    return out
 
 
 def which_times(value: Any) -> float | tuple[float, float]:
@@ -103,20 +111,23 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
 
 def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of gravity") -> Array:
     """Return the means of a time function over steps [t, t + h], [n]."""
-    return means(lambda t: factor_at(time, t, who), getattr(time, "_rows", None), times, steps)
+    return means(lambda at: factors_at([(time, who)], at)[0], getattr(time, "_rows", None), times, steps)
 
 
-def means(value: Callable[[float], float], rows: Array | None, times: Array, steps: Array) -> Array:
-    """Return the means of a function over steps [t, t + h], [n]: a smooth function by three Gauss points, a table from row to row
-    within a step (rows: their times)."""
-    def smooth(begins: Array, sizes: Array) -> Array:
-        points = (begins[:, None] + POINTS * sizes[:, None]).reshape(-1)
-        values = np.array([value(float(t)) for t in points]).reshape(-1, 3)
-        # written out: a matrix product rounds a row differently in calls of different length
-        return np.asarray(SHARES[0] * values[:, 0] + SHARES[1] * values[:, 1] + SHARES[2] * values[:, 2])
+def smooth_means(values: Callable[[list[float]], Array], times: Array, steps: Array) -> Array:
+    """Return the means of smooth functions over steps [t, t + h] by three Gauss points, [..., n]; values: of the functions at some times,
+    [..., times]."""
+    found = values((times[:, None] + POINTS * steps[:, None]).reshape(-1).tolist())
+    found = found.reshape(*found.shape[:-1], -1, 3)
+    # written out: a matrix product rounds a row differently in calls of different length
+    return np.asarray(SHARES[0] * found[..., 0] + SHARES[1] * found[..., 1] + SHARES[2] * found[..., 2])
 
+
+def means(values: Callable[[list[float]], Array], rows: Array | None, times: Array, steps: Array) -> Array:
+    """Return the means of a function over steps [t, t + h], [n]: of a smooth one by three Gauss points, of a table from row to
+    row (rows: their times) within a step; values: of the function at some times."""
     times, steps = np.asarray(times), np.asarray(steps)
-    out = smooth(times, steps)
+    out = smooth_means(values, times, steps)
     if rows is not None:
         ends = times + steps
         low, high = np.minimum(times, ends), np.maximum(times, ends)
@@ -124,7 +135,7 @@ def means(value: Callable[[float], float], rows: Array | None, times: Array, ste
         for k in np.flatnonzero(last > first):
             cuts = np.concatenate(([low[k]], rows[first[k]:last[k]], [high[k]]))
             sizes = np.diff(cuts)
-            out[k] = float(np.sum(smooth(cuts[:-1], sizes) * sizes)) / (high[k] - low[k])
+            out[k] = float(np.sum(smooth_means(values, cuts[:-1], sizes) * sizes)) / (high[k] - low[k])
     return out
 
 
@@ -136,15 +147,48 @@ def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity")
     SceneError
         The function fails, or returns no finite number.
     """
+    return float(factors_at([(time, who)], [t])[0, 0])
+
+
+def factors_at(functions: Sequence[tuple[Callable[[float], float], str]], times: list[float]) -> Array:
+    """Evaluate time functions, each with the name of its owner, at some times, [functions, times].
+
+    Raises
+    ------
+    SceneError
+        A function fails, or returns no finite number.
+    """
+    found: list[Any] = []
     try:
-        value = time(t)
-    except SceneError:
-        raise
+        for time, _ in functions:
+            for t in times:
+                found.append(time(t))
     except Exception as error:
-        text = f"must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
-        raise SceneError(f"time function {who}: {text}") from error
-    factor = real(value)
-    if factor is None or not abs(factor) <= LARGEST:
-        raise SceneError(f"time function {who}: must return a finite number, got "
-                         f"{shown(value)} at t = {t:.6g} s")
-    return factor
+        _numbers(found, functions, times)
+        if isinstance(error, SceneError):
+            raise
+        k, i = divmod(len(found), len(times))
+        text = f"must not fail, at t = {times[i]:.6g} s it raises {type(error).__name__}: {error}"
+        raise SceneError(f"time function {functions[k][1]}: {text}") from error
+    return _numbers(found, functions, times).reshape(len(functions), len(times))
+
+
+def _numbers(found: list[Any], functions: Sequence[tuple[Any, str]], times: list[float]) -> Array:
+    """Return the values of functions of time, one after the other, as numbers.
+
+    Raises
+    ------
+    SceneError
+        See `factors_at`.
+    """
+    if not set(map(type, found)) <= {float, np.float64}:
+        known = map(real, found)
+        values = np.array([np.nan if x is None else x for x in known])
+    else:
+        values = np.array(found)
+    good = np.abs(values) <= LARGEST
+    if not good.all():
+        k, i = divmod(int(np.argmin(good)), len(times))
+        raise SceneError(f"time function {functions[k][1]}: must return a finite number, got "
+                         f"{shown(found[k * len(times) + i])} at t = {times[i]:.6g} s")
+    return values

@@ -397,7 +397,7 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     if model.moving is not None and np.any(model.gravity):
         return out
     caught = model.released is not None and model.released.losses
-    acted_on = len(model.loads) or model.accounts_loads or held or caught or model.dragged is not None
+    acted_on = len(model.load_times) or model.accounts_loads or held or caught or model.dragged is not None
     if not acted_on:
         out += ["lin_mom", "ang_mom"]
     return out

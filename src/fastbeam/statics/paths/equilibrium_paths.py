@@ -260,7 +260,7 @@ def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | 
     # laws that do not grow act in full, as springs do
     by_laws, drives = laws_grow(model), model.slider_forces
     pushed = drives is not None and bool(np.any(~stays & (drives.tables.drive != NO_DRIVE)))
-    if stays_put and not np.any(model.loads) and not by_laws and not pushed and rides is None:
+    if stays_put and not np.any(model.loads.entries) and not by_laws and not pushed and rides is None:
         raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, let a "
                          "UserForce grow (grows=True), move supports, moves={clamp: (0, 0, -0.1)}, or strain beams, "
                          "prestrains={beam: -0.01}")
@@ -284,7 +284,7 @@ def _checked_start(model: Model, start: State | None, growing: _Growing, branch:
     SceneError
         It is missing, or is none.
     """
-    if start is None and (np.any(growing.factors[0]) and np.any(model.loads) or growing.acts and growing.laws.begins):
+    if start is None and (np.any(growing.factors[0]) and np.any(model.loads.entries) or growing.acts and growing.laws.begins):
         raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
                          "start=solve_static(model, at_time=...).state")
     notes: list[tuple[str, str]] = []
