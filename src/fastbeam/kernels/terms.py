@@ -92,7 +92,7 @@ class LoadVectors(NamedTuple):
 
     @property
     def entries(self) -> np.ndarray:
-        """What all vectors have in their rows, [*, 8]."""
+        """Entries of all vectors, [*, 8]."""
         return np.concatenate((self.first.reshape(-1, 8), self.value.reshape(-1, 8)))
 
 
