@@ -21,6 +21,7 @@ from fastbeam.kernels.forces.user_force import UserForceTimes
 from fastbeam.kernels.jit.decorators import announce_first_use
 from fastbeam.kernels.jit.records import same_record
 from fastbeam.kernels.linalg.constraints import Constraints
+from fastbeam.kernels.recorded import Recorded
 from fastbeam.kernels.loop import BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import MORE_ITERATIONS, State
 from fastbeam.kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
@@ -417,6 +418,23 @@ class Stepper:
         if self.prescribed is not None and self.core.prescribed.history_size:
             self._count_turns(t + h * done, t + h * (done + result.steps))
         return result
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether steps are one call of the compiled loop, with loads that stay and nothing else that depends on time."""
+        return (self.linear.is_compiled and self.core.substructures is None and self.contact is None and not self._timed
+                and not self._scheduled and not self.core.laws)
+
+    def take(self, t: float, h: float, n: int, done: int, record: Recorded) -> Array | None:
+        """As `advance` in one call, with states on the way: iterations before each of the n steps and behind the last; None, and
+        any state, where one of them fails."""
+        counts, sizes = np.zeros(5 + n, np.int64), empty(MORE_ITERATIONS * self.max_iterations)
+        with self.linear.threads():
+            table, system = self.records
+            table.give((record,))
+            kernels.run(table, system, self.weights, h, n, self.max_iterations, counts, sizes, empty((2, 0)))
+            table.give(())
+        return np.append(counts[5:], counts[2]) if counts[0] == OK else None
 
     def _count_turns(self, begin: float, end: float) -> None:
         """How far supports have turned since t = 0, from one time to another, into the history. What the state of the start
