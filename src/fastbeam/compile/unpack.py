@@ -41,8 +41,8 @@ class Loads(NamedTuple):
     constant: Array    # float64 [N, 3]: forces without time functions, N
 
     def each(self, row_root: Array) -> list[tuple[Array, Array | None]]:
-        """Return every vector on its nodes [*, 6], and these nodes, the first of those that share a row (row_root, as of `_loads`);
-        None: all nodes."""
+        """Return every vector on its nodes [*, 6], and these nodes, the first of those that share a row (row_root, as of
+        `_loads`); None: all nodes."""
         if not self.times:
             return []
         roots, first = np.unique(row_root, return_index=True)

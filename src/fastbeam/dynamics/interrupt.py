@@ -106,6 +106,8 @@ class Calls:
         After an exception: whether the state is the one before the call.
     failed : Exception or None
         Raised by a function of time after some steps of a call; raised again by the next call.
+    burst : int
+        Steps of a call.
     slow : bool
         Whether a step takes so long that it may have to be left.
     """
@@ -113,15 +115,14 @@ class Calls:
     def __init__(self, stepper: Stepper, interrupts: Interrupts) -> None:
         self.stepper, self.interrupts, self.intact = stepper, interrupts, False
         self.failed: Exception | None = None
-        # steps of a call
-        self._burst, self.slow = 1, True
+        self.burst, self.slow = 1, True
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """Take steps as `Stepper.advance`; fewer where a Ctrl-C waits, or a function of time fails behind them."""
         if self.failed is not None:
             self.intact = True
             raise self.failed
-        if n <= self._burst and not self.slow:
+        if n <= self.burst and not self.slow:
             # nearly all calls take this branch
             self.intact = False
             begin = time.perf_counter()
@@ -134,12 +135,12 @@ class Calls:
                 # steps are taken one by one, up to the one that fails
                 return self._one_by_one(t, h, n, done)
             if time.perf_counter() - begin > CALL_TIME:
-                self._burst, self.slow = 1, True
+                self.burst, self.slow = 1, True
             return part
         whole: Outcome | None = None
         while True:
             taken = 0 if whole is None else whole.steps
-            k = min(n - taken, self._burst)
+            k = min(n - taken, self.burst)
             # a step that is left has overwritten the first guess of the next
             saved = self.stepper.save() if self.slow else None
             self.intact, self.stepper.stop = False, self._waits if self.slow else _never
@@ -163,7 +164,7 @@ class Calls:
             each = (time.perf_counter() - begin) / max(part.steps, 1)
             whole = part if whole is None else part.after(whole)
             self.slow = each > CALL_TIME
-            self._burst = max(1, min(int(CALL_TIME / max(each, 1e-9)), max(self._burst, 8 * k)))
+            self.burst = max(1, min(int(CALL_TIME / max(each, 1e-9)), max(self.burst, 8 * k)))
             if part.status != OK or whole.steps >= n or self.interrupts.asked:
                 return whole
 

@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.dynamics.blocks import Block
 from fastbeam.dynamics.checkpoint import Clock
 from fastbeam.dynamics.contact_force import ContactForces
 from fastbeam.interface.errors import ResultFileError
+from fastbeam.kernels.state import State
 from fastbeam.results.observe.observer import Observer
 from fastbeam.results.result import ResultBuffer, ResultHeader
 from fastbeam.stepping.stepper import Stepper
@@ -70,14 +72,30 @@ class Rows:
     def open(self, t: float, iterations: int, size: float) -> None:
         """Open a row of the present state, after steps of this size that took so many iterations each."""
         self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
-        if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
-            q = self.stepper.state.q.reshape(-1, 4, 3)
-            moving: tuple[Array, ...] = ()
-            if self.memory.header.velocities:
-                v = self.stepper.state.v.reshape(-1, 4, 3)
-                moving = v[:, 0], 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
-            self._feed("snapshot", t, q[:, 0], q[:, 1:], *moving)
-            self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
+        if self._shape_due(t):
+            self._shape(t, self.stepper.state)
+
+    def block(self, block: Block, every: int, size: float) -> None:
+        """Append rows without forces of constraints, each after so many steps of this size."""
+        self.close()
+        rows = self.observer.rows(block.t, block.q, block.v, block.state)
+        self._feed("append", {**rows, "iterations": block.iterations // every, "step_size": np.full(len(block.t), size)}, block.t)
+        for k, t in enumerate(block.t.tolist()):
+            if self._shape_due(t):
+                self._shape(t, block.state(k))
+
+    def _shape_due(self, t: float) -> bool:
+        return self.snapshots > 0 and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end)
+
+    def _shape(self, t: float, state: State) -> None:
+        """Keep a shape, and find when the next is due."""
+        q = state.q.reshape(-1, 4, 3)
+        moving: tuple[Array, ...] = ()
+        if self.memory.header.velocities:
+            v = state.v.reshape(-1, 4, 3)
+            moving = v[:, 0], 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+        self._feed("snapshot", t, q[:, 0], q[:, 1:], *moving)
+        self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
 
     def reopen(self, t: float) -> None:
         """Take the present state for the waiting row of this time; steps ahead tell its forces."""

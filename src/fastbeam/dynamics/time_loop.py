@@ -5,12 +5,13 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.dynamics.blocks import Blocks
 from fastbeam.dynamics.bounds import Ways
 from fastbeam.dynamics.callback import Callback
 from fastbeam.dynamics.checkpoint import SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
@@ -280,6 +281,9 @@ class _Run(Encounters):
         # step control finds smaller steps there by itself
         kinks = Kinks(model, clock.step) if order == 4 and control is None else None
         self.watch = Watch(model, stepper, self.event, clock.now, t_end, kinks)
+        # nothing looks at single steps
+        alone = control is None and callback is None and checkpoint is None and kinks is None and Blocks.suit(stepper)
+        self.blocks = Blocks(stepper) if alone and forces is None and not at_end else None
 
     def keep_checkpoint(self, present: Checkpoint | None = None) -> None:
         """Renew the checkpoint file, at the end of a run or where its time has come."""
@@ -440,6 +444,30 @@ class _Run(Encounters):
             if self.rows.forces is not None:
                 self.rows.forces.remember(size, outcome.force[1], outcome.steps == 1 or self.control is not None)
 
+    def block(self, every: int, count: int) -> int:
+        """Take so many rows of steps at once; return how many steps were taken."""
+        assert self.blocks is not None
+        clock, size = self.clock, self.step
+        self.between, self.calls.intact = True, False
+        block, begin = self.blocks.take(clock, every, count), clock.now
+        if block is None:
+            # step by step from here on
+            self.blocks, self.between = None, False
+            return 0
+        clock.count(every * count)
+        clock.before, clock.before_size, self.between = np.zeros(0), size, False
+        self.rows.block(block, every, size)
+        for k, t in enumerate(block.t.tolist()):
+            self.steps += every
+            if self.watch.is_due(t, self.steps):
+                self.watch.mesh(t, self.steps, size, state=partial(block.state, k))
+        self.iterations += int(block.iterations.sum())
+        self.progress.update(clock.now - begin)
+        if self.rows.file_error is not None:
+            self.blocks = None
+        self.interrupts.serve()
+        return every * count
+
     def chunks(self, every: int) -> Any:
         """Runs of steps that end where a row is due: (time, outcome, step size, row due)."""
         clock = self.clock
@@ -450,6 +478,9 @@ class _Run(Encounters):
         # steps since the last row, which controllers do not end
         since = 0
         while t < self.t_end:
+            while self.blocks is not None and not quiet and (rows := self.blocks.count(every, plan.left, self.calls.burst)) > 1:
+                plan.left -= self.block(every, rows)
+                t = clock.now
             begin = time.perf_counter()
             self.sampling.ask(t, self.stepper)
             self.between = True

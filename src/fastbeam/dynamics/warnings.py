@@ -10,6 +10,7 @@ from fastbeam.dynamics.callback import given_places
 from fastbeam.dynamics.control import UNRESOLVED_TURN
 from fastbeam.dynamics.kinks import Kinks
 from fastbeam.kernels.contact.friction_fallback import MISSED, Fallback
+from fastbeam.kernels.state import State
 from fastbeam.model.contact.sleeve_twist import rubbing, twist_label
 from fastbeam.model.model import Model
 from fastbeam.results.observe.axial_waves import braking_time
@@ -130,8 +131,13 @@ class Watch:
                                         "run; use a smaller step, bring the scene near the origin and at rest, and compare "
                                         "with solver='sparse', eliminate_inner=False"})
 
-    def mesh(self, t: float, steps: int, h: float = 0.0, last: bool = False) -> None:
-        """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end add events."""
+    def is_due(self, t: float, steps: int) -> bool:
+        """Return whether the shape of a row is checked."""
+        return t >= self._next_look and steps >= self._steps_to_look
+
+    def mesh(self, t: float, steps: int, h: float = 0.0, last: bool = False, state: Callable[[], State] | None = None) -> None:
+        """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end add events.
+        state: gives the state at that time; default: the present one."""
         if self._resolution is None:
             self._resolution = Resolution(self.model)
             self._resolution.contacts.before = self.t_start, self._start
@@ -139,8 +145,8 @@ class Watch:
             self._resolution.contacts.remember(t, self.stepper.core_state.s, h, lambda: self.stepper.state)
         if self.model.moving is not None and not last:
             self._resolution.look_at_moving(t, self.stepper.core_state.q)
-        if last or (t >= self._next_look and steps >= self._steps_to_look):
-            self._resolution.look(t, self.stepper.state, moves=True)
+        if last or self.is_due(t, steps):
+            self._resolution.look(t, self.stepper.state if state is None else state(), moves=True)
             self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks
             self._steps_to_look = steps + STEPS_A_LOOK
         if last:

@@ -1,6 +1,7 @@
 """Energies and momenta of a state; run only when somebody asks for them.
 
-Arrays: q, v, p, p_out [12 N]; s, gap_out [S]; tab [*] as `ElementTables.tab`; e, work [6]; of_elements [24 groups]; out [9].
+Arrays: q, v, p, p_out [12 N]; s, gap_out [S]; tab [*] as `ElementTables.tab`; e, work [6]; of_elements [24 groups]; out [9]. Of m
+rows: q_rows, v_rows, p_rows, p_rows_out [m, 12 N]; motion_out [m, 9]; energy_out [m].
 """
 from __future__ import annotations
 
@@ -153,3 +154,29 @@ def slider_motion(curves, sliders, contact, q, v, s, tangent_out, rate_out):
         tangent, relative = motion_along(curves, sliders, contact, q, v, s[k], k, e, SPACE)
         put(tangent_out, 3 * k, 1, tangent)
         rate_out[k] = dot(relative, tangent) / dot(tangent, tangent)
+
+
+# --- of many states -----------------------------------------------------------------------------------------------------
+@kernel
+def element_momenta_of_rows(tables, n_rows, v_rows, p_rows_out):
+    for r in range(v_rows.shape[0]):
+        element_momenta(tables, n_rows, v_rows[r], p_rows_out[r])
+
+
+@kernel
+def body_momenta_of_rows(bodies, v_rows, p_rows_out):
+    for r in range(v_rows.shape[0]):
+        body_momenta(bodies, v_rows[r], p_rows_out[r])
+
+
+@kernel
+def motion_of_rows(q_rows, v_rows, p_rows, motion_out):
+    for r in range(q_rows.shape[0]):
+        motion(q_rows[r], v_rows[r], p_rows[r], motion_out[r])
+
+
+@kernel
+def strain_energy_of_rows(tables, n_rows, q_rows, strains, work, of_elements, energy_out):
+    """Add the strain energy of rows to energy_out."""
+    for r in range(q_rows.shape[0]):
+        energy_out[r] += strain_energy(tables, n_rows, q_rows[r], strains, work, of_elements)

@@ -2,8 +2,8 @@
 
 The loop is compiled once: terms, method, kind of nodes, contact and solver are called through a table (jit/calls.py).
 
-Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [MORE_ITERATIONS max_iterations]; counts_out [4 or 5];
-mean_force_out [2, F]; factors [K], f_ext_out [8 (rows + 1)]; out [1].
+Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [MORE_ITERATIONS max_iterations]; counts_out [4], [5]
+or [5 + n_steps]; mean_force_out [2, F]; factors [K], f_ext_out [8 (rows + 1)]; out [1].
 """
 from __future__ import annotations
 
@@ -397,7 +397,8 @@ def run(terms, system, weights, h, n_steps, max_iterations, counts_out, sizes_ou
     Newton iteration.
 
     mean_force_out [2, F]: mean forces of all constraints in the first and the last step. counts_out: status, steps done, Newton
-    iterations, slider of an event, iterations before the last step if it has room. On a failure the state is the last good one.
+    iterations, slider of an event, if there is space iterations before the last step, and before every step. On a failure the
+    state is the last good one.
     """
     counts_out[0] = OK
     counts_out[1] = 0
@@ -407,6 +408,8 @@ def run(terms, system, weights, h, n_steps, max_iterations, counts_out, sizes_ou
     for n in range(n_steps):
         if counts_out.shape[0] > 4:
             counts_out[4] = counts_out[2]
+        if counts_out.shape[0] > 5:
+            counts_out[5 + n] = counts_out[2]
         keep_state(system)
         for k in range(mean_force_out.shape[1]):
             mean_force_out[1, k] = 0.0

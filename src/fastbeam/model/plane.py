@@ -83,12 +83,16 @@ class Plane:
                      flat.history.copy())
 
     def _within(self, x: Array) -> Array:
-        """Map [4 N] to [12 N], without components along the normal."""
-        z = x.view(complex).reshape(-1, 2)
-        place = np.empty((len(z), 4), complex)
-        place[:, 0] = z[:, 0]
-        np.multiply(self.factor, z[:, 1:], out=place[:, 1:])
-        return to_space(place, self.axes).reshape(-1)
+        """Map [..., 4 N] to [..., 12 N], without components along the normal."""
+        z = x.view(complex).reshape(*x.shape[:-1], -1, 2)
+        place = np.empty((*z.shape[:-1], 4), complex)
+        place[..., 0] = z[..., 0]
+        np.multiply(self.factor, z[..., 1:], out=place[..., 1:])
+        return to_space(place, self.axes).reshape(*x.shape[:-1], -1)
+
+    def rows(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return coordinates in space and their rates, [m, 12 N], from rows of those in the plane [m, 4 N]."""
+        return self._within(q) + self._above, self._within(v)
 
     def vectors_of(self, rows: Array, nodes: Array, is_place: bool) -> Array:
         """Return positions and directors in space of some nodes [m] from rows of coordinates [n, 4 N], or their rates:

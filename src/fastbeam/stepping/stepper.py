@@ -22,6 +22,7 @@ from fastbeam.kernels.jit.decorators import announce_first_use
 from fastbeam.kernels.jit.records import same_record
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.loop import BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from fastbeam.kernels.recorded import Recorded
 from fastbeam.kernels.state import MORE_ITERATIONS, State
 from fastbeam.kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
 from fastbeam.linalg.linear_system import LinearSystem, check_backend
@@ -452,6 +453,23 @@ class Stepper:
         if self.prescribed is not None and self.core.prescribed.history_size:
             self._count_turns(t + h * done, t + h * (done + result.steps))
         return result
+
+    @property
+    def is_alone(self) -> bool:
+        """True where steps are one call of the compiled loop, with loads that stay and nothing else that depends on time."""
+        return (self.linear.is_compiled and self.core.substructures is None and self.contact is None and not self._timed
+                and not self._scheduled and not self.core.laws)
+
+    def take(self, t: float, h: float, n: int, done: int, record: Recorded) -> Array | None:
+        """Take n steps in one call that keeps states on the way: return the iterations before each of them and behind the last;
+        None, and any state, where one fails."""
+        counts, sizes = np.zeros(5 + n, np.int64), empty(MORE_ITERATIONS * self.max_iterations)
+        with self.linear.threads():
+            table, system = self.records
+            table.give((record,))
+            kernels.run(table, system, self.weights, h, n, self.max_iterations, counts, sizes, empty((2, 0)))
+            table.give(())
+        return np.append(counts[5:], counts[2]) if counts[0] == OK else None
 
     def _count_turns(self, begin: float, end: float) -> None:
         """Write into the history how far supports have turned since t = 0 at `end`. A difference between the state of the start

@@ -115,8 +115,8 @@ def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who
 
 
 def smooth_means(values: Callable[[list[float]], Array], times: Array, steps: Array) -> Array:
-    """Return the means of smooth functions over steps [t, t + h] by three Gauss points, [..., n]; values: of the functions at some times,
-    [..., times]."""
+    """Return the means of smooth functions over steps [t, t + h] by three Gauss points, [..., n]; values: of the functions at
+    some times, [..., times]."""
     found = values((times[:, None] + POINTS * steps[:, None]).reshape(-1).tolist())
     found = found.reshape(*found.shape[:-1], -1, 3)
     # written out: a matrix product rounds a row differently in calls of different length
