@@ -95,8 +95,8 @@ class NaiveAdjoint:
             # every row once: those of nodes that share one have the same rates
             first = np.unique(model.pattern.row_of, return_index=True)[1]
             loads = np.zeros((len(factors), 8 * (model.n_nodes + 1)))
-            for of, one in zip(loads, np.eye(len(factors))):
-                kernels.external_forces(model.loads, one, of)
+            for vector, one in zip(loads, np.eye(len(factors))):
+                kernels.external_forces(model.loads, one, vector)
             loads = loads.reshape(len(factors), -1, 8)[:, model.pattern.row_of[first], :6]
             out["factors"][k] = np.einsum("kni,ni->k", loads, np.concatenate((w[:, 0], spins), axis=1)[first])
             if model.bodies is not None:

@@ -58,7 +58,7 @@ def arc(strain: str) -> tuple[str, dict[str, Any], dict[str, float], dict[str, A
 TWO = Drawn(
     beams=[arc("simo_reissner"), arc("green_lagrange")],
     rest=dict(mass=0.274157, offset=np.array((-0.1842, -0.2232, 0.0)), link=False, velocity=np.array((0.113, 0.078, 0.0)),
-              spin=np.array((0.0, 0.0, -0.944)), step=0.0480839, order=0,
+              spin=np.array((0.0, 0.0, -0.944)), step=0.0528923, order=0,
               sliders=[(1, 0.283, -0.078, 0.355631, "own"), (0, 0.6075, 0.696, 0.167494, "own")],
               sliding=[SLEEVE | dict(coefficient=0.72425, drive="force", force=-0.69, rhythm=8.08, stops="rigid", before=0.0547,
                                      behind=0.0195, restitution=0.193, inertia=0.0698),

@@ -186,7 +186,8 @@ class PathWalk:
                 return
             if step is None or passes:
                 solver.restore(before)
-                behind = self._around_corner(along, stop_at) if step is None and self.step <= self.smallest else None
+                stuck = step is None and self.step <= self.smallest and self.rows > 1
+                behind = self._around_corner(along, stop_at) if stuck else None
                 if behind is None:
                     self._shorten(bar)
                     continue
