@@ -105,4 +105,6 @@ def test_winds_that_cannot_be_are_refused() -> None:
         fb.compile_scene(fb.Scene(mass, fb.Drag("d", mass, linear=1.0, wind=wrong)))
     model = fb.compile_scene(fb.Scene(mass, fb.Drag("d", mass, linear=1.0, wind=shear, parameters=NUMBERS)), planar="auto")
     with pytest.raises(fb.SceneError, match="point mass 'mass' has an unbalanced force of"):
+        fb.modes(model, n=1)
+    with pytest.raises(fb.SceneError, match="its air moves by wind=, and what it adds to the damping of small motions"):
         fb.modes(model, n=1, damped=True)
