@@ -142,6 +142,11 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
             reference = max(reference, float(np.linalg.norm(size / scale)))
         return left, float(np.linalg.norm(scale * left)) / reference
 
+    def share(x: Array) -> float:
+        """Return how much of the first vector there is in this one, 0 to 1."""
+        whole = np.real(np.vdot(start, mass @ start)) * np.real(np.vdot(x[:k], mass @ x[:k]))
+        return float(abs(np.vdot(start, mass @ x[:k]))**2 / whole)
+
     left, size = residual(rate, x)
     best = rate, x, size
     for _ in range(ITERATIONS):
@@ -159,6 +164,9 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
         if not rate.imag or abs(rate.imag) <= 1e-11 * abs(rate):
             rate = complex(rate.real)
         x = x / np.sqrt(float(np.real(np.vdot(x[:k], mass @ x[:k]))))
+        if share(x) < SAME:
+            # another motion, as of modes with the same rate, among which round-off chooses
+            break
         left, size = residual(rate, x)
         if size >= 0.5 * best[2]:
             if size < best[2]:
@@ -166,9 +174,8 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
             break
         best = rate, x, size
     rate, x, size = best
-    share = abs(np.vdot(start, mass @ x[:k]))**2 / (np.real(np.vdot(start, mass @ start)) * np.real(np.vdot(x[:k], mass @ x[:k])))
     known = rate != 0.0 and any(abs(rate - other) <= 1e-9 * abs(rate) and abs(np.vdot(y[:k], mass @ x[:k])) > 1.0 - 1e-6
                 for other, y, _ in before)
-    if not size <= GOOD or share < SAME or known:
+    if not size <= GOOD or known:
         raise SingularError
     return rate, x, size
