@@ -21,19 +21,21 @@ if TYPE_CHECKING:
 
 Joint = RigidConnection | BallJoint | AxisJoint
 # points from which a farther one is looked for
-MOST_FARTHER = 6
+MOST_FARTHER = 5
 
 
 def extent_of(points: Array) -> float:
     """Return the largest distance between two of some points [n, 3], m, found by going from the one that is farthest from their
     mean to the farthest one, and on while that grows. It does not depend on directions; 0 of none."""
-    here, largest = np.mean(points, axis=0) if len(points) else np.zeros(3), 0.0
-    for k in range(MOST_FARTHER if len(points) else 0):
+    if not len(points):
+        return 0.0
+    here, largest = points[np.argmax(np.linalg.norm(points - np.mean(points, axis=0), axis=1))], 0.0
+    for _ in range(MOST_FARTHER):
         distance = np.linalg.norm(points - here, axis=1)
         far = int(np.argmax(distance))
-        if k and distance[far] <= largest:
+        if distance[far] <= largest:
             break
-        here, largest = points[far], float(distance[far]) if k else 0.0
+        here, largest = points[far], float(distance[far])
     return largest
 
 

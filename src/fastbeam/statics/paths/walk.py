@@ -232,10 +232,8 @@ class PathWalk:
                 self.sign = -self.sign
                 point = {"kind": "limit", "load_factor": float(solver.factor), "length": self.length, "row": self.rows - 1,
                          "type": "maximum" if self.sign < 0.0 else "minimum"}
-                self.info["critical_points"].append(point)
-                text = (f"load factor {solver.factor:.12g}: limit point ({point['type']}) at a kink of the law of a force, as a "
-                        "stop has: loads cannot grow beyond it, or not fall")
-                self.buffer.event({"kind": "limit", "time": self.length, "text": text})
+                self._keep_point(point, f"limit point ({point['type']}) at a kink of the law of a force, as a stop has: loads "
+                                        "cannot grow beyond it, or not fall")
                 if stop_at == "limit":
                     return along
                 solver.restore(end)
@@ -243,7 +241,6 @@ class PathWalk:
             self.record(iterations, float(size), behind)
             self.off, self.step = self._off_values(), self.first_step
             return after
-        solver.restore(corner)
         return None
 
     def _closes(self, first: tuple[Any, ...], step: _Step) -> bool:
@@ -499,8 +496,13 @@ class PathWalk:
             node = int(np.argmax(np.linalg.norm(moves, axis=1)))
             point |= {"mode": moves.tolist(), "mode_sliders": slides.tolist(), "mode_at": self.model.node_label(node)}
             text += f"; its mode moves {point['mode_at']} most, by ({', '.join(f'{x:.2g}' for x in moves[node] + 0.0)})"
+        self._keep_point(point, text)
+
+    def _keep_point(self, point: dict[str, Any], text: str) -> None:
+        """Add a critical point to the result, with an event."""
         self.info["critical_points"].append(point)
-        self.buffer.event({"kind": found.kind, "time": length, "text": f"load factor {solver.factor:.12g}: {text}"})
+        text = f"load factor {point['load_factor']:.12g}: {text}"
+        self.buffer.event({"kind": point["kind"], "time": point["length"], "text": text})
 
 
 def _from_chord(point: Array, a: Array, b: Array) -> tuple[float, float]:
