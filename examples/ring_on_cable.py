@@ -83,7 +83,7 @@ def main(out: str = "out", elements: int = 32, step: float = 5e-4, t_end: float 
     print(f"\nfirst step, with loading or compiling of the kernels: {time.perf_counter() - begin:.1f} s")
 
     result = fb.simulate(model, t_end=t_end, step=step, order=order, points={"tip": scene.beams[0].end},
-                         file=folder / "ring_on_cable.h5", overwrite=True)
+                         output=fb.Output(folder / "ring_on_cable.h5", overwrite=True))
     info = result.info
     print(f"{info['steps']} steps in {info['wall_time']:.2f} s: {info['steps'] / info['wall_time']:.0f} steps per second with "
           f"recording, {info['iterations'] / info['steps']:.1f} Newton iterations a step")

@@ -65,7 +65,7 @@ def main(out: str = "out", elements: int = 6) -> tuple[float, float]:
     x = modes.displacements[:, tips, 0]
     fork = next(k for k in range(6) if x[k, 0] * x[k, 1] < -0.5)
     struck = build(elements, blow=0.5)
-    run = fb.simulate(fb.compile_scene(struck), t_end=0.04, step=2e-5, every=1, snapshots=0,
+    run = fb.simulate(fb.compile_scene(struck), t_end=0.04, step=2e-5, every=1, output=fb.Output(snapshots=0),
                       points={"tip": struck.beams[0].end}, observe=("energy",))
     path = run.point("tip")[:, 0] - run.point("tip")[0, 0]
     up = np.flatnonzero((path[:-1] < 0.0) & (path[1:] >= 0.0))

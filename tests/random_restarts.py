@@ -79,7 +79,7 @@ def restart(seed: int) -> tuple[str, float]:
     run = fb.simulate(one, **options)
     start, mend = run.state_for(two), bool(rng.random() < 0.7)
     try:
-        on = fb.simulate(two, start=start, mend_start=mend, **options)
+        on = fb.simulate(two, start=fb.Start(start, mend=mend), **options)
     except fb.SceneError as refusal:
         if "start: " not in str(refusal):
             raise

@@ -19,7 +19,7 @@ def assert_goes_on(model: Any, whole: fb.Result, n: int, path: Path, settings: d
         left[0] -= 1
         return left[0] == 0
 
-    part = fb.simulate(model, callback=stop, checkpoint=path, **settings)
+    part = fb.simulate(model, callback=stop, output=fb.Output(checkpoint=path), **settings)
     rest = fb.simulate(model, start=fb.load_checkpoint(path), **settings)
     for x, y in zip(rest.state, whole.state):
         assert np.array_equal(x, y), n

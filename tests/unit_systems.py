@@ -453,7 +453,7 @@ def _simulate(h: Host, **options: Any) -> Found:
     u = h.u
     # steps with filters have no reactions
     observe = ("energy", "momentum", "slider", "joint", *(() if "rho_inf" in options else ("reaction",)))
-    run = fb.simulate(fb.compile_scene(h.scene, planar=False), t_end=STEPS * H * u.s, step=H * u.s, every=1, snapshots=0,
+    run = fb.simulate(fb.compile_scene(h.scene, planar=False), t_end=STEPS * H * u.s, step=H * u.s, every=1, output=fb.Output(snapshots=0),
                       progress=False, points=h.points, observe=observe, **options)
     # the potential of loads and of gravity depends on where the scene is
     apex, inner = u.home(run.point("apex")), (run.series["kinetic"] + run.series["strain"]) / u.Nm

@@ -141,5 +141,5 @@ def drifts(case: Case, attempt: Attempt) -> dict[str, float]:
 def energy_scale(case: Case, model: fb.Model) -> float:
     """Largest kinetic or potential energy of the conserving run with the usual step (many sliders: twice that), J."""
     step = case.step * (1 if len(case.sliders) < 2 else 2)
-    result = fb.simulate(model, t_end=case.t_end, step=step, observe=("energy",), snapshots=0, progress=False)
+    result = fb.simulate(model, t_end=case.t_end, step=step, observe=("energy",), output=fb.Output(snapshots=0), progress=False)
     return float(result.info["scale"]["total"])

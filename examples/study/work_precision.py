@@ -175,8 +175,8 @@ def clock(model: fb.Model, method: str, plan: Plan, steps: int, **settings: Any)
     wall, cpu = [], []
     for _ in range(plan.repeats):
         a, c = time.perf_counter(), time.process_time()
-        fb.simulate(model, t_end=plan.t_end, step=plan.t_end / steps, observe=(), snapshots=0, progress=False,
-                    max_iterations=MAX_ITERATIONS, **METHODS[method].arguments, **settings)
+        fb.simulate(model, t_end=plan.t_end, step=plan.t_end / steps, observe=(), output=fb.Output(snapshots=0), progress=False,
+                    solver=fb.Solver(max_iterations=MAX_ITERATIONS), **METHODS[method].arguments, **settings)
         wall.append(time.perf_counter() - a)
         cpu.append(time.process_time() - c)
     return min(wall), min(cpu)

@@ -75,7 +75,7 @@ def run(cabins: int, rounds: float) -> list[Bar]:
     for part in range(1, 11):
         end = t_end * part / 10
         try:
-            result = fb.simulate(model, t_end=end, step=STEP, start=state, t_start=begin)
+            result = fb.simulate(model, t_end=end, step=STEP, start=fb.Start(state, time=begin))
         except fb.ConvergenceError as error:
             print(error)
             failed = 1
@@ -106,7 +106,7 @@ def scaling(counts: list[int]) -> list[Bar]:
         times = []
         for _ in range(3):
             clock = time.thread_time()
-            result = fb.simulate(model, t_end=300 * STEP, step=STEP, start=state, observe=(), snapshots=0)
+            result = fb.simulate(model, t_end=300 * STEP, step=STEP, start=state, observe=(), output=fb.Output(snapshots=0))
             times.append((time.thread_time() - clock) / result.info["steps"])
         iterations = float(result.series["iterations"].mean())
         of_a_cabin[cabins] = min(times) / iterations / cabins, min(times) / cabins

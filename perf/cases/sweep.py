@@ -23,7 +23,7 @@ def flight(k: int, t_end: float) -> dict[str, float]:
     rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=rubber, elements=6)
     bead = fb.PointMass("bead", mass=0.5 + 1e-3 * k)
     scene = fb.Scene(rod, bead, fb.Slider("contact", bead, rod, at=0.8, rate=0.5), fb.RigidMotion(spin=(0, 0.5, 2.0)))
-    result = fb.simulate(fb.compile_scene(scene), t_end=t_end, step=1e-3, snapshots=2, progress=False)
+    result = fb.simulate(fb.compile_scene(scene), t_end=t_end, step=1e-3, output=fb.Output(snapshots=2), progress=False)
     return {"s": float(result.slider("contact")["s"][-1])}
 
 

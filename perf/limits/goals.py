@@ -319,7 +319,7 @@ def python_share(m: Measurements) -> list[Verdict]:
         stepper.advance(0.0, STEP, steps)
 
     def whole() -> None:
-        fb.simulate(model, t_end=steps * STEP, step=STEP, observe=(), snapshots=0, progress=False)
+        fb.simulate(model, t_end=steps * STEP, step=STEP, observe=(), output=fb.Output(snapshots=0), progress=False)
 
     run, loop = best(whole, repeats=3), best(compiled, repeats=3)
     return [Verdict(f"what a run of {steps} steps adds to its compiled loop, 20 elements", 0.01, max(run - loop, 0.0) / run,

@@ -76,7 +76,7 @@ def restarts(place: Path) -> Iterator[Row]:
             generator = random.Random(3)
             while start is None or start.t < 0.6:
                 stop = generator.uniform(0.05, 0.2) + (0.0 if start is None else start.t)
-                part = fb.simulate(model, start=start, checkpoint=path, callback=lambda t, state: t >= stop, **common)
+                part = fb.simulate(model, start=start, output=fb.Output(checkpoint=path), callback=lambda t, state: t >= stop, **common)
                 start = fb.load_checkpoint(path)
                 pieces += 1
             path.unlink()
@@ -165,7 +165,7 @@ def full_disks(place: Path, times: int) -> Iterator[Row]:
 def sound_files(place: Path) -> tuple[Path, Path]:
     """A result file that was closed, and one whose writer was killed."""
     closed, killed = place / "closed.h5", place / "killed.h5"
-    fb.simulate(fb.compile_scene(bead()), t_end=0.6, step=H, every=3, file=closed, progress=False)
+    fb.simulate(fb.compile_scene(bead()), t_end=0.6, step=H, every=3, output=closed, progress=False)
     child = victim("run", killed, 2)
     assert child.stdout is not None
     for _ in range(300):
@@ -198,7 +198,7 @@ def damaged_results(place: Path, times: int) -> Iterator[Row]:
 def hostile_results(place: Path) -> Iterator[Row]:
     """Files made to harm."""
     path, source = place / "hostile.h5", place / "short.h5"
-    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=0.01, file=source, progress=False)
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=0.01, output=source, progress=False)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for name in HOSTILE:
         message = make_hostile(source, path, name)
@@ -219,7 +219,7 @@ def hostile_results(place: Path) -> Iterator[Row]:
 def damaged_checkpoints(place: Path, times: int) -> Iterator[Row]:
     """Random damage to a checkpoint."""
     good, path = place / "good.checkpoint", place / "damaged.checkpoint"
-    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, checkpoint=good, progress=False)
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, output=fb.Output(checkpoint=good), progress=False)
     data = good.read_bytes()
     refused, other = 0, []
     tried = 0

@@ -164,7 +164,7 @@ def inner_pivots() -> Iterator[Row]:
         low, high = vanishing_step(model, start)
         off, fallbacks = 0.0, 0
         for h in (low, high, *(low * (1.0 + np.array((1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2))))):
-            runs = [fb.simulate(m, t_end=h, step=h, start=start, t_start=0.0, backend=b, **QUIET)
+            runs = [fb.simulate(m, t_end=h, step=h, start=fb.Start(start, time=0.0), solver=b, **QUIET)
                     for m, b in ((model, "auto"), (plain, "superlu"))]
             off = max(off, float(np.abs(runs[0].state.q - runs[1].state.q).max()))
             fallbacks += runs[0].info["fallbacks"]

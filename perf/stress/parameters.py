@@ -70,7 +70,7 @@ def run(scene: fb.Scene, h: float, n: int, solver: str = "auto", backend: str = 
     """The result, of a failed run too, and the message."""
     model = fb.compile_scene(scene, solver=solver, eliminate_inner=backend == "auto")
     try:
-        return fb.simulate(model, t_end=n * h, step=h, backend=backend, **{**QUIET, **options}), ""
+        return fb.simulate(model, t_end=n * h, step=h, solver=backend, **{**QUIET, **options}), ""
     except fb.ConvergenceError as failed:
         return failed.result, str(failed)
 

@@ -31,7 +31,7 @@ def scene(offset: Array, velocity: Array, mass: float = 0.5) -> fb.Scene:
 def fly(distance: float, speed: float, mass: float = 0.5, h: float = H) -> fb.Result:
     """The run at a distance from the origin and a speed."""
     model = fb.compile_scene(scene(distance * AWAY, speed * ALONG, mass))
-    return fb.simulate(model, t_end=STEPS * H, step=h, every=1, snapshots=0, progress=False,
+    return fb.simulate(model, t_end=STEPS * H, step=h, every=1, output=fb.Output(snapshots=0), progress=False,
                        observe=("energy", "momentum", "slider", "inner"))
 
 
@@ -99,7 +99,7 @@ def long_runs(n: int) -> Iterator[Row]:
     """Round-off may walk, but not march: the rounding of 2/h must not reach the momentum."""
     model: Any = fb.compile_scene(free_beam())
     for h in (2e-3, 1.0 / 512):
-        run = fb.simulate(model, t_end=n * h, step=h, snapshots=0, progress=False)
+        run = fb.simulate(model, t_end=n * h, step=h, output=fb.Output(snapshots=0), progress=False)
         for key in ("lin_mom", "ang_mom"):
             bar = 1e-15 * np.sqrt(n)
             yield Row(f"{n} steps of {h:.6g} s: drift of {key}", f"<= {bar:.0e}", f"{run.drift(key):.1e}", run.drift(key) <= bar)

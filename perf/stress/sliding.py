@@ -39,7 +39,7 @@ class Case:
     def run(self, augmentation: float, parts: int = 1, order: int = 2) -> fb.Result:
         """Compile and run, with each step cut into so many parts."""
         return fb.simulate(fb.compile_scene(self.scene()), t_end=self.t_end, step=self.step / parts, order=order, every=parts,
-                           snapshots=0, progress=False, augmentation=augmentation)
+                           output=fb.Output(snapshots=0), progress=False, solver=fb.Solver(augmentation=augmentation))
 
     def verdict(self, augmentation: float) -> Row:
         """Run and say what happened. Plain multipliers may fail where the error names the slider."""

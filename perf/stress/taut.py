@@ -237,7 +237,7 @@ def machines(quick: bool) -> Iterator[Row]:
 def final_from(model: fb.Model, state: Any, t_end: float, step: float, points: dict[str, Any]) -> tuple[fb.Result, str]:
     """The same from a state."""
     try:
-        return fb.simulate(model, start=state, t_start=0.0, t_end=t_end, step=step, points=points, **QUIET), ""
+        return fb.simulate(model, start=fb.Start(state, time=0.0), t_end=t_end, step=step, points=points, **QUIET), ""
     except fb.ConvergenceError as failed:
         return failed.result, str(failed)
 

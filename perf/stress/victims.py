@@ -35,7 +35,7 @@ def say(*what: Any) -> None:
 
 def run(path: str, order: str) -> None:
     """Runs with a result file and a checkpoint and tells the time of every row."""
-    fb.simulate(fb.compile_scene(long_rail()), file=path, checkpoint=path + ".checkpoint", checkpoint_every=0.0,
+    fb.simulate(fb.compile_scene(long_rail()), output=fb.Output(path, checkpoint=path + ".checkpoint", checkpoint_every=0.0),
                 order=int(order), callback=lambda t, state: say(t, time.monotonic()), progress=False, **RUN)
 
 
@@ -49,7 +49,7 @@ def fill(path: str, limit: str) -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), int(limit)))
     try:
-        result = fb.simulate(model, file=path, progress=False, **RUN)
+        result = fb.simulate(model, output=path, progress=False, **RUN)
     except fb.ResultFileError as error:
         result = error.result
         say("refused", str(error), 0 if result is None else len(result.t),

@@ -53,7 +53,7 @@ def check_sections(quick: bool = False) -> list[Row]:
         points = {f"{beam.name} {end}": (beam, s) for beam in beams for end, s in (("start", 0.0), ("end", beam.length))}
         observe = "energy", "slider", "reaction", "section", "velocity"
         run = fb.simulate(model, t_end=0.02 if quick else T_END, step=STEP, every=1, observe=observe, points=points,
-                          snapshots=10**6, progress=False)
+                          output=fb.Output(snapshots=10**6), progress=False)
         assert len(run.t_snap) == len(run.t)
         largest = max(float(np.abs(run.section(point)["force"][1:-1]).max()) for point in points)
         worst = 0.0

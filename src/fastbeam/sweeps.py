@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import replace
 from functools import cache
 from os import PathLike
 from pathlib import Path
@@ -22,8 +23,10 @@ from typing import TYPE_CHECKING, Any, Union, overload
 import numpy as np
 
 from fastbeam.compile.compile import compile_scene
+from fastbeam.dynamics.options import OLD, Method, Output, Solver, Start, StepControl
 from fastbeam.dynamics.time_loop import simulate
 from fastbeam.interface.arguments import Anything, Count, FilePath, Flag, Function, Names, Word, checked, real, shown
+from fastbeam.interface.deprecation import regroup
 from fastbeam.interface.errors import BackendError, ResultFileError, SceneError
 from fastbeam.interface.result_warnings import MOST, Doubts, warns
 from fastbeam.linalg.mkl import OnThreads, load_mkl
@@ -200,7 +203,7 @@ def sweep(build: Callable[..., Built], cases: Iterable[Mapping[str, object]] | M
     if executor is not None and (isinstance(executor, type) or not callable(getattr(executor, "submit", None))):
         raise SceneError(f"sweep: executor must be an Executor of concurrent.futures, got {shown(executor)}")
     every = list_cases(cases)
-    job = Job(build, None if run is None else dict(run), measure, threads)
+    job = Job(build, None if run is None else regroup("sweep, run", "0.2", OLD, dict(run)), measure, threads)
     done: list[Row] = []
     writer = None
     if file is not None:
@@ -304,8 +307,16 @@ def _name_of(function: Any) -> str:
 
 def _text_of(run: Mapping[str, Any] | None) -> str:
     """Return arguments of `simulate` as a text that is the same in every process."""
-    return json.dumps(run, sort_keys=True,
-                      default=lambda x: x.tolist() if isinstance(x, (np.generic, np.ndarray)) else type(x).__name__)
+    return json.dumps(run, sort_keys=True, default=_written)
+
+
+def _written(value: Any) -> Any:
+    """Return a value of an argument for JSON: arrays as lists, groups of arguments as mappings, else the name of its class."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, (Method, Output, Solver, Start, StepControl)):
+        return vars(value)
+    return str(value) if isinstance(value, PathLike) else type(value).__name__
 
 
 def _kept(path: Path, header: dict[str, Any], retry: bool) -> list[Row]:
@@ -353,6 +364,14 @@ class Job:
             row |= {"error": f"{type(error).__name__}: {said}", "traceback": traceback.format_exc(limit=-5)}
         return row
 
+    def _arguments(self, run: dict[str, Any]) -> dict[str, Any]:
+        """Return arguments of `simulate`: those given, no shapes, and the threads of the sweep where they say nothing of these."""
+        output, solver = run.get("output") or Output(), run.get("solver") or Solver()
+        output = output if isinstance(output, Output) else Output(output)
+        solver = solver if isinstance(solver, Solver) else Solver(solver)
+        return {"progress": False, **run, "output": replace(output, snapshots=output.snapshots or 0),
+                "solver": replace(solver, threads=solver.threads or self.threads)}
+
     def _found(self, case: dict[str, Any]) -> tuple[dict[str, Any], dict[str, np.ndarray], list[str]]:
         """Return numbers and arrays of a case, and events of its run that say where these are not to be trusted."""
         found = self.build(**case)
@@ -361,7 +380,7 @@ class Job:
         if isinstance(found, Model):
             if self.run is None:
                 raise SceneError("build returned a scene, and run={'t_end': ..., 'step': ...} does not say how to run it")
-            found = simulate(found, **{"progress": False, "threads": self.threads, "snapshots": 0, **self.run})
+            found = simulate(found, **self._arguments(self.run))
         lines = found._doubts() if isinstance(found, Result) else []
         if isinstance(found, Result) and self.measure is None:
             facts = {"t": float(found.t[-1]) if len(found.t) else math.nan, "steps": found.info.get("steps"),

@@ -290,7 +290,7 @@ def test_conservation_of_a_net_in_free_flight() -> None:
     net = fb.Net("net", nodes, edges, section=soft, elements=1 + np.arange(len(edges)) % 2, degree=2, joints=mixed(len(nodes)),
                  masses=0.05 * (np.arange(len(nodes)) % 4), velocity=velocity)
     model = fb.compile_scene(fb.Scene(net, fb.RigidMotion(velocity=(0.1, 0.2, 0.05), spin=(0.03, 0.02, 0.05))), solver="sparse")
-    result = fb.simulate(model, t_end=0.4, step=0.004, progress=False, snapshots=0)
+    result = fb.simulate(model, t_end=0.4, step=0.004, progress=False, output=fb.Output(snapshots=0))
     assert np.ptp(result.series["strain"]) > 0.01 * result.series["total"][0]
     for name in ("total", "lin_mom", "ang_mom"):
         assert result.drift(name) < 1e-13, name
@@ -333,7 +333,7 @@ def test_results_know_the_net(tmp_path: Path) -> None:
     net = make("rigid", pins=[0])
     beam = fb.Beam.straight("rod", (5, 0, 0), (6, 0, 0), section=ROUND, elements=2)
     model = fb.compile_scene(fb.Scene(net, beam, gravity=(0, 0, -9.81)))
-    result = fb.simulate(model, t_end=0.03, step=0.01, snapshots=2, progress=False,
+    result = fb.simulate(model, t_end=0.03, step=0.01, output=fb.Output(snapshots=2), progress=False,
                          points={"corner": net.node(8), "middle": (net.beam(3), 0.3)})
     (entry,) = result.names["nets"]
     assert entry["first"] == beam.n_nodes

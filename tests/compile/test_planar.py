@@ -421,7 +421,7 @@ def is_same(a: State, b: State) -> bool:
 def test_planar_run_goes_on_from_a_checkpoint_bit_for_bit(where: str, order: int, tmp_path: Path) -> None:
     model = fb.compile_scene(mechanism(PLANES[where]), planar=True)
     whole = fb.simulate(model, t_end=20 * H, step=H, order=order, every=1)
-    half = fb.simulate(model, t_end=11 * H, step=H, order=order, every=3, checkpoint=tmp_path / "half")
+    half = fb.simulate(model, t_end=11 * H, step=H, order=order, every=3, output=fb.Output(checkpoint=tmp_path / "half"))
     again = fb.compile_scene(mechanism(PLANES[where]), planar=True)
     for start in (half.checkpoint, fb.load_checkpoint(tmp_path / "half")):
         rest = fb.simulate(again, t_end=20 * H, step=H, order=order, every=1, start=start)
@@ -449,7 +449,7 @@ def test_state_of_a_planar_run_starts_runs_in_the_plane_and_in_space(where: str)
     spatial = fb.simulate(space, t_end=10 * H, step=H)
     assert where == "general" or Stepper(model, np.ones(1), spatial.state).plane is model.plane
     for again, start in ((model, half.state), (space, half.state), (model, spatial.state)):
-        rest = fb.simulate(again, t_start=10 * H, t_end=20 * H, step=H, start=start)
+        rest = fb.simulate(again, start=fb.Start(start, time=10 * H), t_end=20 * H, step=H)
         np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0.0, atol=1e-13)
 
 

@@ -69,7 +69,7 @@ def test_a_step_that_fails_among_others_ends_a_run_as_a_single_one(monkeypatch: 
     model, results = fb.compile_scene(scene), []
     for more in ({"callback": no_one}, {}):
         with pytest.raises(fb.ConvergenceError) as failed:
-            fb.simulate(model, t_end=4.0, step=1e-3, every=1, max_iterations=3, progress=False, **more)
+            fb.simulate(model, t_end=4.0, step=1e-3, every=1, solver=fb.Solver(max_iterations=3), progress=False, **more)
         results.append(failed.value.result)
     assert 10 < len(results[0].t) < 4000
     assert_same(*results[::-1])
@@ -78,7 +78,7 @@ def test_a_step_that_fails_among_others_ends_a_run_as_a_single_one(monkeypatch: 
 def test_a_file_has_all_rows(tmp_path: Path) -> None:
     scene, _ = swinging()
     model = fb.compile_scene(scene)
-    found = fb.simulate(model, t_end=0.1, step=1e-3, every=1, progress=False, file=tmp_path / "run.h5")
+    found = fb.simulate(model, t_end=0.1, step=1e-3, every=1, progress=False, output=tmp_path / "run.h5")
     stored = fb.load_result(tmp_path / "run.h5")
     for name, series in found.series.items():
         np.testing.assert_array_equal(stored.series[name], series)

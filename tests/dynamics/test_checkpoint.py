@@ -67,7 +67,7 @@ def test_run_from_a_checkpoint_is_the_rest_of_the_run(make: Any, order: int, con
     if not control:
         settings["every"] = 3
     whole = fb.simulate(model, **settings)
-    first = fb.simulate(model, callback=stop_at(0.2), checkpoint=tmp_path / "run.checkpoint", **settings)
+    first = fb.simulate(model, callback=stop_at(0.2), output=fb.Output(checkpoint=tmp_path / "run.checkpoint"), **settings)
     kept = fb.load_checkpoint(tmp_path / "run.checkpoint")
     assert kept.t == first.t[-1] == first.checkpoint.t < 0.4
     assert_same_state(kept.state, first.state)
@@ -80,7 +80,7 @@ def test_compared_methods_go_on_bit_for_bit(method: str, tmp_path: Path) -> None
     model = fb.compile_scene(bead())
     settings: dict[str, Any] = {"t_end": 0.2, "step": H, "every": 3, "method": method}
     whole = fb.simulate(model, **settings)
-    first = fb.simulate(model, callback=stop_at(0.1), checkpoint=tmp_path / "run.checkpoint", **settings)
+    first = fb.simulate(model, callback=stop_at(0.1), output=fb.Output(checkpoint=tmp_path / "run.checkpoint"), **settings)
     assert first.t[-1] < 0.15
     assert_rest(fb.simulate(model, start=fb.load_checkpoint(tmp_path / "run.checkpoint"), **settings), whole)
 
@@ -124,7 +124,7 @@ def test_a_run_that_records_other_forces_goes_on_from_a_checkpoint(before: tuple
     model = fb.compile_scene(ring_on_a_clamped_beam())
     settings: dict[str, Any] = {"step": H, "t_end": 0.6, **(control or {"every": 3})}
     whole = fb.simulate(model, observe=after, **settings)
-    first = fb.simulate(model, observe=before, callback=stop_at(0.3), checkpoint=tmp_path / "run.checkpoint", **settings)
+    first = fb.simulate(model, observe=before, callback=stop_at(0.3), output=fb.Output(checkpoint=tmp_path / "run.checkpoint"), **settings)
     kept = fb.load_checkpoint(tmp_path / "run.checkpoint")
     for start in (first.checkpoint, kept):
         rest = fb.simulate(model, observe=after, start=start, **settings)
@@ -139,7 +139,7 @@ def test_a_run_that_records_other_forces_goes_on_from_a_checkpoint(before: tuple
                 np.testing.assert_array_equal(force[0], exact[0])
             else:
                 # the step before this row did not tell them: short steps ahead do, as at the start of any run
-                fresh = fb.simulate(model, observe=after, start=start.state, t_start=start.t,
+                fresh = fb.simulate(model, observe=after, start=fb.Start(start.state, time=start.t),
                                     **{**settings, "step": start.next_step or H})
                 scale = np.abs(exact).max()
                 np.testing.assert_allclose(force[0], fresh.reaction("wall")["force"][0], rtol=0.0, atol=1e-6 * scale)
@@ -151,7 +151,7 @@ def test_failed_run_leaves_the_last_good_state(tmp_path: Path) -> None:
     blow = fb.Load("blow", beam.end, force=(0, 0, 300.0), time=lambda t: float(t > 0.05))
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), blow))
     with pytest.raises(fb.ConvergenceError) as caught:
-        fb.simulate(model, t_end=0.1, step=H, max_iterations=2, every=100, checkpoint=tmp_path / "a")
+        fb.simulate(model, t_end=0.1, step=H, solver=fb.Solver(max_iterations=2), every=100, output=fb.Output(checkpoint=tmp_path / "a"))
     kept = fb.load_checkpoint(tmp_path / "a")
     assert kept.t == caught.value.time == caught.value.result.t[-1] == pytest.approx(0.05)
     assert kept.steps == 5
@@ -204,7 +204,7 @@ def test_checkpoint_of_another_model_is_refused(good: Any) -> None:
     with pytest.raises(fb.SceneError, match="start: the checkpoint belongs to another model .scene 'bead', 8 nodes. than 'bead'"):
         fb.simulate(fb.compile_scene(bead(at=1.1)), start=good, t_end=1.0, step=H)
     with pytest.raises(fb.SceneError, match="t_start: the checkpoint stands at t = 0.05 s; leave t_start out"):
-        fb.simulate(fb.compile_scene(bead()), start=good, t_start=0.0, t_end=1.0, step=H)
+        fb.simulate(fb.compile_scene(bead()), start=fb.Start(good, time=0.0), t_end=1.0, step=H)
     with pytest.raises(fb.SceneError, match="t_end: must lie after t_start = 0.05 s, got 0.05"):
         fb.simulate(fb.compile_scene(bead()), start=good, t_end=0.05, step=H)
 
@@ -292,12 +292,12 @@ def test_checkpoints_replace_only_checkpoints(good: Any, tmp_path: Path) -> None
         with pytest.raises(fb.ResultFileError, match=message):
             good.save(path, overwrite=overwrite)
     with pytest.raises(fb.ResultFileError, match="holds something else than a checkpoint"):
-        fb.simulate(model, t_end=0.1, step=H, checkpoint=path)
+        fb.simulate(model, t_end=0.1, step=H, output=fb.Output(checkpoint=path))
     assert path.read_text() == "precious"
     with pytest.raises(fb.ResultFileError, match="folder '.*nowhere' does not exist; create it first"):
-        fb.simulate(model, t_end=0.1, step=H, checkpoint=tmp_path / "nowhere" / "a")
+        fb.simulate(model, t_end=0.1, step=H, output=fb.Output(checkpoint=tmp_path / "nowhere" / "a"))
     good.save(tmp_path / "b")
-    fb.simulate(model, t_end=0.1, step=H, checkpoint=tmp_path / "b")
+    fb.simulate(model, t_end=0.1, step=H, output=fb.Output(checkpoint=tmp_path / "b"))
     assert fb.load_checkpoint(tmp_path / "b").steps == 10
     assert sorted(x.name for x in tmp_path.iterdir()) == ["a", "b"]
 
@@ -313,7 +313,7 @@ def test_full_disk_ends_the_run_and_keeps_what_there_is(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(module.os, "fsync", fsync)
     with pytest.raises(fb.ResultFileError, match="a': cannot be written .*No space.*; an earlier one is as it was") as caught:
-        fb.simulate(model, t_end=1.0, step=H, every=1, checkpoint=tmp_path / "a", checkpoint_every=0.0)
+        fb.simulate(model, t_end=1.0, step=H, every=1, output=fb.Output(checkpoint=tmp_path / "a", checkpoint_every=0.0))
     monkeypatch.undo()
     result = caught.value.result
     assert len(result.t) == 6 and result.events[-1]["kind"] == "file"
@@ -333,7 +333,7 @@ def test_checkpoint_goes_through_a_link_to_the_file_it_leads_to(tmp_path: Path) 
     (tmp_path / "disk").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "disk" / "real")
     for t_end in (0.05, 0.1):  # the first time the link leads to nothing
-        fb.simulate(model, t_end=t_end, step=H, checkpoint=tmp_path / "link")
+        fb.simulate(model, t_end=t_end, step=H, output=fb.Output(checkpoint=tmp_path / "link"))
         assert (tmp_path / "link").is_symlink()
         assert fb.load_checkpoint(tmp_path / "disk" / "real").t == pytest.approx(t_end)
     assert sorted(x.name for x in tmp_path.rglob("*")) == ["disk", "link", "real"]
@@ -356,7 +356,7 @@ def test_devices_pipes_and_loops_of_links_are_refused_before_the_run(good: Any, 
     for name, message in (("pipe", "is a device, pipe or socket and no file"), ("null", "is a device, pipe or socket"),
                           ("loop", "cannot be written"), ("x" * 300, "cannot be written .*; choose another path"),
                           ("", "is a folder; give the name of a file")):
-        for use in (lambda path: fb.simulate(model, t_end=0.1, step=H, checkpoint=path, callback=too_late),
+        for use in (lambda path: fb.simulate(model, t_end=0.1, step=H, output=fb.Output(checkpoint=path), callback=too_late),
                     lambda path: good.save(path, overwrite=True)):
             with pytest.raises(fb.ResultFileError, match=f"checkpoint '.*{name}': .*{message}"):
                 use(tmp_path / name)
@@ -373,7 +373,7 @@ def too_late(t: float, state: Any) -> None:
 
 
 def test_longest_possible_name_will_do(good: Any, tmp_path: Path) -> None:
-    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, checkpoint=tmp_path / ("x" * 255))
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, output=fb.Output(checkpoint=tmp_path / ("x" * 255)))
     assert fb.load_checkpoint(tmp_path / ("x" * 255)).steps == 10
 
 
@@ -384,7 +384,7 @@ def test_folder_that_cannot_be_written_is_refused_before_the_run(monkeypatch: py
 
     monkeypatch.setattr(module.Path, "open", refuse)
     with pytest.raises(fb.ResultFileError, match="run': cannot be written .*Read-only file system.*; choose another path"):
-        fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, checkpoint=tmp_path / "run", callback=too_late)
+        fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, output=fb.Output(checkpoint=tmp_path / "run"), callback=too_late)
 
 
 def test_disk_that_becomes_unwritable_leaves_the_result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -399,7 +399,7 @@ def test_disk_that_becomes_unwritable_leaves_the_result(monkeypatch: pytest.Monk
 
     model = fb.compile_scene(bead())
     with pytest.raises(fb.ResultFileError, match="run': cannot be written .*Read-only") as caught:
-        fb.simulate(model, t_end=0.1, step=H, every=1, checkpoint=tmp_path / "run", checkpoint_every=0.0, callback=fail_later)
+        fb.simulate(model, t_end=0.1, step=H, every=1, output=fb.Output(checkpoint=tmp_path / "run", checkpoint_every=0.0), callback=fail_later)
     monkeypatch.undo()
     assert caught.value.result.checkpoint.steps == len(caught.value.result.t) - 1 == 6
     assert fb.load_checkpoint(tmp_path / "run").steps == 5
@@ -412,7 +412,7 @@ def test_checkpoint_of_a_scene_with_joint_forces_is_read(tmp_path: Path) -> None
     model = fb.compile_scene(fb.Scene(beam, ring, bob, fb.Clamp(beam.start), fb.DistanceJoint(ring, bob, "rod"),
                                       fb.Slider("s", ring, beam, at=0.5), gravity=(0, 0, -9.81)))
     whole = fb.simulate(model, t_end=0.02, step=1e-3, progress=False)
-    fb.simulate(model, t_end=0.01, step=1e-3, checkpoint=tmp_path / "c", progress=False)
+    fb.simulate(model, t_end=0.01, step=1e-3, output=fb.Output(checkpoint=tmp_path / "c"), progress=False)
     rest = fb.simulate(model, t_end=0.02, step=1e-3, start=fb.load_checkpoint(tmp_path / "c"), progress=False)
     assert whole.state.force.size == 4
     assert all(np.array_equal(x, y) for x, y in zip(rest.state, whole.state))

@@ -112,7 +112,7 @@ def test_a_condition_that_fails_on_the_way_is_named() -> None:
 
 def test_what_is_due_at_the_start_happens_before_the_first_row() -> None:
     model = flying("auto", lock=fb.Lock(1.0, until=1.02))
-    result = fb.simulate(model, t_end=1.04, t_start=1.01, step=2e-3, every=1, progress=False)
+    result = fb.simulate(model, t_end=1.04, start=fb.Start(time=1.01), step=2e-3, every=1, progress=False)
     assert [(x["kind"], x["time"]) for x in result.events] == [("locked", 1.01), ("unlocked", 1.02)]
     assert result.slider("s")["lock_loss"][0] > 0.0 and result.drift("balance") < 1e-12
 

@@ -47,7 +47,7 @@ def test_time_function_that_fails_brings_everything_until_then(how: Any, setting
     whole = fb.simulate(fb.compile_scene(scene(steady)), **settings)
     model = fb.compile_scene(scene(failing(0.5, how)))
     with pytest.raises(fb.SceneError, match="time function of load 'tip': must .* at t = 0.5") as caught:
-        fb.simulate(model, file=tmp_path / "run.h5", checkpoint=tmp_path / "kept", **settings)
+        fb.simulate(model, output=fb.Output(tmp_path / "run.h5", checkpoint=tmp_path / "kept"), **settings)
     result = caught.value.result
     assert result.events[-1]["kind"] == "failed" and str(caught.value) in result.events[-1]["text"]
     # the last step before the function fails, whatever the distance of rows
@@ -62,7 +62,7 @@ def test_time_function_that_fails_brings_everything_until_then(how: Any, setting
     assert_same(kept.state, result.state)
     # the mended scene goes on from there, and meets the run that never failed
     if "tolerance" not in settings:
-        mended = fb.simulate(fb.compile_scene(scene(steady)), start=kept.state, t_start=kept.t, **settings)
+        mended = fb.simulate(fb.compile_scene(scene(steady)), start=fb.Start(kept.state, time=kept.t), **settings)
         np.testing.assert_allclose(mended.state.q, whole.state.q, rtol=0, atol=1e-9)
 
 
@@ -76,8 +76,7 @@ def test_callback_that_raises_brings_everything_until_then(settings: dict[str, A
             raise Own("enough")
 
     with pytest.raises(Own, match="enough") as caught:
-        fb.simulate(fb.compile_scene(scene(steady)), t_end=1.0, step=H, callback=callback, file=tmp_path / "run.h5",
-                    checkpoint=tmp_path / "kept", **settings)
+        fb.simulate(fb.compile_scene(scene(steady)), t_end=1.0, step=H, callback=callback, output=fb.Output(tmp_path / "run.h5", checkpoint=tmp_path / "kept"), **settings)
     result: Any = caught.value.result  # type: ignore[attr-defined]
     assert "everything computed until then is in .result" in caught.value.__notes__[0]
     assert 0.3 < result.t[-1] == result.checkpoint.t < 0.5
@@ -100,7 +99,7 @@ def test_controller_that_fails_brings_everything_until_then(tmp_path: Path) -> N
 
     control = fb.Controller("hand", law=law, period=5 * H, start=1.0)
     with pytest.raises(fb.SceneError, match="its law failed at t = 0.3 s") as caught:
-        fb.simulate(fb.compile_scene(scene(control, lambda beam: control)), t_end=1.0, step=H, every=1, file=tmp_path / "run.h5")
+        fb.simulate(fb.compile_scene(scene(control, lambda beam: control)), t_end=1.0, step=H, every=1, output=tmp_path / "run.h5")
     result = caught.value.result
     assert result.t[-1] == pytest.approx(0.3) == result.checkpoint.t
     np.testing.assert_array_equal(fb.load_result(tmp_path / "run.h5").t, result.t)

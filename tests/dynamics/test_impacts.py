@@ -89,8 +89,7 @@ def test_the_row_the_callback_and_the_checkpoint_of_an_impact_are_behind_it(tmp_
         return len(state.history) > 0 and state.history[4] > 0.0
 
     model = rail(60.0, 1.05, stops=fb.Stops(1.0, 3.0, restitution=0.5))
-    result = fb.simulate(model, t_end=1.0, step=1e-2, every=1, progress=False, callback=look, checkpoint=tmp_path / "c",
-                         checkpoint_every=0.0)
+    result = fb.simulate(model, t_end=1.0, step=1e-2, every=1, progress=False, callback=look, output=fb.Output(checkpoint=tmp_path / "c", checkpoint_every=0.0))
     (t,) = impacts_of(result)
     assert result.t[-1] == t == seen[-1][0] and result.slider("s")["slide_rate"][-1] > 0.0
     np.testing.assert_array_equal(seen[-1][1], result.state.v)
@@ -113,7 +112,7 @@ def test_step_control_judges_the_step_to_a_stop() -> None:
     exact = np.arccos(1.0 / 3.0) / np.sqrt(40.0)
 
     def error(tolerance: float) -> float:
-        result = fb.simulate(model, t_end=0.3, step=0.3, max_step=0.3, tolerance=tolerance, progress=False)
+        result = fb.simulate(model, t_end=0.3, step=0.3, tolerance=fb.StepControl(tolerance, max_step=0.3), progress=False)
         return abs(impacts_of(result)[0] - exact)
 
     errors = [error(x) for x in (1e-4, 1e-6, 1e-8)]

@@ -66,7 +66,7 @@ def test_ctrl_c_leaves_whole_steps_a_file_a_checkpoint_and_the_result(settings: 
     whole = fb.simulate(fb.compile_scene(disturbed([])), **settings)
     model = fb.compile_scene(disturbed([0.3]))
     with pytest.raises(fb.Interrupted, match="the run was interrupted at t = 0.*; everything until then is in .result") as caught:
-        fb.simulate(model, file=tmp_path / "run.h5", checkpoint=tmp_path / "kept", **settings)
+        fb.simulate(model, output=fb.Output(tmp_path / "run.h5", checkpoint=tmp_path / "kept"), **settings)
     stopped = caught.value
     assert isinstance(stopped, KeyboardInterrupt) and isinstance(stopped.__cause__, KeyboardInterrupt)
     assert 0.3 < stopped.checkpoint.t == stopped.result.t[-1] < 0.9
@@ -120,7 +120,7 @@ def test_second_ctrl_c_does_not_wait(tmp_path: Path) -> None:
     # loads are evaluated before the steps of a call
     model = fb.compile_scene(disturbed([0.3, 0.3]))
     with pytest.raises(fb.Interrupted) as caught:
-        fb.simulate(model, t_end=1.0, step=H, every=5, file=tmp_path / "run.h5", checkpoint=tmp_path / "kept")
+        fb.simulate(model, t_end=1.0, step=H, every=5, output=fb.Output(tmp_path / "run.h5", checkpoint=tmp_path / "kept"))
     result = caught.value.result
     assert caught.value.checkpoint is caught.value.state is None and "checkpoint" not in str(caught.value)
     assert 0.2 < result.t[-1] <= 0.3 and not (tmp_path / "kept").exists()
@@ -165,7 +165,7 @@ def test_first_call_that_is_interrupted_leaves_the_start(monkeypatch: pytest.Mon
 def test_long_step_is_left_between_its_iterations(settings: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(interrupt, "CALL_TIME", 0.0)
     model = fb.compile_scene(bead(), solver="sparse")
-    whole = fb.simulate(model, t_end=0.3, step=H, backend="superlu", **settings)
+    whole = fb.simulate(model, t_end=0.3, step=H, solver="superlu", **settings)
     original, n = iteration.Iteration.assemble, [0]
 
     def assemble(self: Any, h: float) -> None:
@@ -176,10 +176,10 @@ def test_long_step_is_left_between_its_iterations(settings: dict[str, Any], monk
 
     monkeypatch.setattr(iteration.Iteration, "assemble", assemble)
     with pytest.raises(fb.Interrupted) as caught:
-        fb.simulate(model, t_end=0.3, step=H, backend="superlu", **settings)
+        fb.simulate(model, t_end=0.3, step=H, solver="superlu", **settings)
     assert n[0] == 41  # no iteration more
     assert 0.0 < caught.value.checkpoint.t < 0.2
-    rest = fb.simulate(model, start=caught.value.checkpoint, t_end=0.3, step=H, backend="superlu", **settings)
+    rest = fb.simulate(model, start=caught.value.checkpoint, t_end=0.3, step=H, solver="superlu", **settings)
     assert_same_state(rest.state, whole.state)
 
 
@@ -237,7 +237,7 @@ def test_interrupt_anywhere_in_a_flush_leaves_a_readable_file(monkeypatch: pytes
 
         monkeypatch.setattr(store, "zlib", types.SimpleNamespace(crc32=crc32))
         with pytest.raises(fb.Interrupted) as caught:
-            fb.simulate(model, t_end=0.5, step=H, every=1, file=tmp_path / "run.h5", overwrite=True)
+            fb.simulate(model, t_end=0.5, step=H, every=1, output=fb.Output(tmp_path / "run.h5", overwrite=True))
         stored = fb.load_result(tmp_path / "run.h5")
         np.testing.assert_array_equal(stored.t, caught.value.result.t)
         found["rows" if len(stored.t) > 1 else "start"] += 1
@@ -304,7 +304,7 @@ def test_ctrl_c_in_one_of_two_runs_leaves_a_file_and_says_which(at: list[float],
     scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, 2), time=factor))
     settings: dict[str, Any] = dict(t_end=0.2, step=H, every=1, progress=False)
     with pytest.raises(fb.Interrupted) as caught:
-        fb.simulate(fb.compile_scene(scene), order=4, file=tmp_path / "run.h5", **settings)
+        fb.simulate(fb.compile_scene(scene), order=4, output=tmp_path / "run.h5", **settings)
     result = caught.value.result
     says = (f"this is the {which} of the two runs that order=4 with what dissipates extrapolates, alone: steps of "
             f"{share * H:g} s, errors of second order")
@@ -327,6 +327,6 @@ def test_a_failure_in_one_of_two_runs_leaves_a_file_and_says_which(tmp_path: Pat
     scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, 2),
                                                         time=lambda t: 1.0 if t < 0.05 else float("nan")))
     with pytest.raises(fb.SceneError, match="time function of load 'tip'") as caught:
-        fb.simulate(fb.compile_scene(scene), t_end=0.2, step=H, order=4, every=1, progress=False, file=tmp_path / "run.h5")
+        fb.simulate(fb.compile_scene(scene), t_end=0.2, step=H, order=4, every=1, progress=False, output=tmp_path / "run.h5")
     assert caught.value.result.events[-1]["text"].startswith("this is the first of the two runs")
     np.testing.assert_array_equal(fb.load_result(tmp_path / "run.h5").t, caught.value.result.t)

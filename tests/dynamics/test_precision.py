@@ -25,7 +25,7 @@ def flying(offset: float, speed: float) -> fb.Scene:
 
 def test_momentum_does_not_march() -> None:
     # 2/h is rounded for this h; v <- 2 dq/h - v drifted by 1.4e-13 here
-    run = fb.simulate(fb.compile_scene(free_beam()), t_end=8.0, step=2e-3, snapshots=0)
+    run = fb.simulate(fb.compile_scene(free_beam()), t_end=8.0, step=2e-3, output=fb.Output(snapshots=0))
     assert run.info["steps"] == 4000
     assert max(run.drift("lin_mom"), run.drift("ang_mom")) <= 2e-14
 

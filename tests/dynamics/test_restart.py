@@ -50,7 +50,7 @@ def test_from_a_state_alone_the_rest_is_the_same_to_round_off(make: Any) -> None
     model = fb.compile_scene(make())
     whole = fb.simulate(model, t_end=60 * H, step=H)
     half = fb.simulate(model, t_end=50 * H, step=H)
-    rest = fb.simulate(model, t_start=50 * H, t_end=60 * H, step=H, start=half.state)
+    rest = fb.simulate(model, start=fb.Start(half.state, time=50 * H), t_end=60 * H, step=H)
     np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0.0, atol=1e-13)
 
 
@@ -59,7 +59,7 @@ def test_loads_in_time_go_on_at_the_time_of_the_restart() -> None:
     model = fb.compile_scene(pulled())
     whole = fb.simulate(model, t_end=100 * H, step=H)
     half = fb.simulate(model, t_end=50 * H, step=H)
-    rest = fb.simulate(model, t_start=50 * H, t_end=100 * H, step=H, start=half.state)
+    rest = fb.simulate(model, start=fb.Start(half.state, time=50 * H), t_end=100 * H, step=H)
     np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0.0, atol=1e-12)
     late = fb.simulate(model, t_end=50 * H, step=H, start=half.state)
     assert np.max(np.abs(late.state.q - whole.state.q)) > 1e-3
@@ -69,7 +69,7 @@ def test_state_of_a_result_is_no_view_of_the_next_run() -> None:
     model = fb.compile_scene(bead())
     first = fb.simulate(model, t_end=10 * H, step=H)
     kept = [x.copy() for x in first.state]
-    fb.simulate(model, t_start=10 * H, t_end=20 * H, step=H, start=first.state)
+    fb.simulate(model, start=fb.Start(first.state, time=10 * H), t_end=20 * H, step=H)
     assert_same_state(first.state, kept)
     np.testing.assert_array_equal(model.q0, fb.compile_scene(bead()).q0)
 

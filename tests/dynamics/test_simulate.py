@@ -244,7 +244,7 @@ def test_callbacks_see_a_copy_that_cannot_be_written_to(planar: bool | str) -> N
         with pytest.raises(ValueError, match="read-only"):
             fb.simulate(model, t_end=0.05, step=0.01, every=1, callback=write)
     # and is a start like any other
-    again = fb.simulate(model, start=kept[2], t_start=0.03, t_end=0.05, step=0.01)
+    again = fb.simulate(model, start=fb.Start(kept[2], time=0.03), t_end=0.05, step=0.01)
     np.testing.assert_allclose(again.state.q, result.state.q, atol=1e-13)
 
 
@@ -311,7 +311,7 @@ def test_step_control_sees_what_only_turns() -> None:
     model = fb.compile_scene(fb.Scene(top))
 
     def end(**options: Any) -> tuple[Any, int]:
-        result = fb.simulate(model, t_end=2.0, step=1e-3, snapshots=0, progress=False, every=10**6, **options)
+        result = fb.simulate(model, t_end=2.0, step=1e-3, output=fb.Output(snapshots=0), progress=False, every=10**6, **options)
         return result.state.q.reshape(4, 3)[1:], result.info["steps"]
 
     exact = end(order=4)[0]

@@ -177,10 +177,10 @@ def test_paths_and_adjoint_runs_say_it_too() -> None:
 def test_states_of_runs_pass_bit_for_bit(planar: str | bool, h: float) -> None:
     for scene in (bead(), mechanism(), flight(), crane()):
         model = fb.compile_scene(scene, planar=planar)
-        there = fb.simulate(model, t_end=20 * h, step=h, snapshots=0).state
+        there = fb.simulate(model, t_end=20 * h, step=h, output=fb.Output(snapshots=0)).state
         # a coarse run leaves sliders sideways speeds that mending would take away
         for mend in (False, True)[:1 + (h == H)]:
-            begin = fb.simulate(model, start=there, t_end=h, step=h, snapshots=2, mend_start=mend)
+            begin = fb.simulate(model, start=fb.Start(there, mend=mend), t_end=h, step=h, output=fb.Output(snapshots=2))
             assert not [event for event in begin.events if event["kind"] == "mended"]
             if planar is False:
                 q = there.q.reshape(-1, 4, 3)
@@ -194,7 +194,7 @@ def test_a_slider_that_goes_sideways_is_told_unless_the_run_goes_on() -> None:
     (event,) = [e for e in fb.simulate(model, start=coarse.state, t_end=0.1, step=H).events if e["kind"] == "start"]
     assert "slider 'run': the velocity of its point across the beam is" in event["text"]
     assert not [e for e in fb.simulate(model, start=coarse.checkpoint, t_end=2.2, step=0.1).events if e["kind"] == "start"]
-    mended = fb.simulate(model, start=coarse.state, t_end=0.1, step=H, mend_start=True)
+    mended = fb.simulate(model, start=fb.Start(coarse.state, mend=True), t_end=0.1, step=H)
     assert mended.events[0]["kind"] == "mended"
 
 
@@ -202,7 +202,7 @@ def test_a_slider_that_goes_sideways_is_told_unless_the_run_goes_on() -> None:
 def test_round_off_of_many_steps_passes() -> None:
     """It grows as a walk (perf/stress/drift.py)."""
     model = fb.compile_scene(mechanism(sliding=False))
-    there = fb.simulate(model, t_end=2e5 * H, step=H, every=200_000, snapshots=0, observe=(), progress=False)
+    there = fb.simulate(model, t_end=2e5 * H, step=H, every=200_000, output=fb.Output(snapshots=0), observe=(), progress=False)
     assert there.info["steps"] == 200_000
     fb.simulate(model, start=there.state, t_end=H, step=H)
 
@@ -212,7 +212,7 @@ def test_a_slider_slightly_off_its_beam_is_mended() -> None:
     model = fb.compile_scene(bead(), planar=False)
     state = fb.simulate(model, t_end=0.1, step=H).state
     state.q.reshape(-1, 4, 3)[-1, 0] += (0.003, 0.005, -0.004)
-    result = fb.simulate(model, start=state, t_end=0.1, step=H, every=1, mend_start=True)
+    result = fb.simulate(model, start=fb.Start(state, mend=True), t_end=0.1, step=H, every=1)
     # round-off of what is left is closed as in any step
     assert np.max(result.series["gap"]) < 1e-13
     # over the tolerance of an event
@@ -235,7 +235,7 @@ def test_joints_and_velocities_are_mended() -> None:
     rng = np.random.default_rng(1)
     state.q.reshape(-1, 4, 3)[node, 0] += 1e-3 * rng.standard_normal(3)
     state.v.reshape(-1, 4, 3)[node, 0] += 1e-3 * rng.standard_normal(3)
-    result = fb.simulate(model, start=state, t_end=0.1, step=H, mend_start=True)
+    result = fb.simulate(model, start=fb.Start(state, mend=True), t_end=0.1, step=H)
     for name in ("total", "lin_mom", "ang_mom"):
         assert result.drift(name) < 1e-12, name
     np.testing.assert_allclose(result.phi[0], good.q.reshape(-1, 4, 3)[:, 0], atol=5e-3)
@@ -310,7 +310,7 @@ def test_states_go_back_and_forth_bit_for_bit() -> None:
 
 
 def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
-    run = fb.simulate(fb.compile_scene(bead()), t_end=0.01, step=H, file=tmp_path / "run.h5")
+    run = fb.simulate(fb.compile_scene(bead()), t_end=0.01, step=H, output=tmp_path / "run.h5")
     other = fb.compile_scene(fb.Scene(straight("rail", (0, 0, 0), (3, 0, 0), elements=4)))
     with pytest.raises(fb.SceneError, match="state_for: beam 'rail' has 7 nodes in the result and 9 in the model"):
         run.state_for(other)
@@ -372,7 +372,7 @@ def test_velocities_of_supports_that_move_are_told_and_mended() -> None:
     assert text.startswith("the velocity of beam 'beam' node ") and "against that of prescribed motion 'lift', is 4.9 m/s" in text
     assert said(model, "shock", start=state, mend_start=True) == []
     assert "was mended" in said(model, "mended", start=state, mend_start=True)[0]
-    run = fb.simulate(model, start=state, t_end=0.5, step=H, mend_start=True, progress=False)
+    run = fb.simulate(model, start=fb.Start(state, mend=True), t_end=0.5, step=H, progress=False)
     assert run.drift("balance") < 1e-12
     # as if it had begun with the velocity that the support gives
     np.testing.assert_allclose(run.state.q, fb.simulate(model, t_end=0.5, step=H, progress=False).state.q, atol=1e-12)
@@ -425,7 +425,7 @@ def test_a_start_from_an_equilibrium_says_that_it_is_at_rest_or_takes_velocities
     assert said(fb.compile_scene(swinging()[0]), "start", start=rest.state) == [
         "the start is at rest, where the scene gives point mass 'ring' 0.3 m/s: the run begins without it; take the velocities "
         "of the scene with velocities=\"scene\" of simulate, or leave them out of the scene"]
-    run = fb.simulate(model, start=rest.state, t_end=0.01, step=H, every=1, velocities="scene", observe=("energy", "velocity"))
+    run = fb.simulate(model, start=fb.Start(rest.state, velocities="scene"), t_end=0.01, step=H, every=1, observe=("energy", "velocity"))
     assert not run.events and run.drift("total") < 1e-12
     # a rigid motion about the hinge in the shape of the equilibrium, and the ring along the rod
     q = rest.state.q.reshape(-1, 4, 3)[:, 0]
@@ -435,4 +435,4 @@ def test_a_start_from_an_equilibrium_says_that_it_is_at_rest_or_takes_velocities
     nodes, values, slopes = curve_at(model, 0, rest.state.s[0])
     np.testing.assert_allclose(run.velocities[0][ring], np.cross((0, 2.0, 0), q[ring]) + 0.3 * slopes @ q[nodes], atol=1e-12)
     with pytest.raises(fb.SceneError, match="velocities: a checkpoint goes on with its own"):
-        fb.simulate(model, start=run.checkpoint, t_end=0.02, step=H, velocities="scene")
+        fb.simulate(model, start=fb.Start(run.checkpoint, velocities="scene"), t_end=0.02, step=H)

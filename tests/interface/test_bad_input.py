@@ -660,7 +660,7 @@ def report(folder: Path, cases: list[tuple[str, dict[str, str]]], monkeypatch: p
     with suppress(fb.ConvergenceError):
         fb.simulate(model(), t_end=3.0, step=3.0, progress=False)
     with suppress(fb.ConvergenceError):
-        fb.simulate(model(), t_end=0.1, step=0.1, progress=False, rho_inf=0)
+        fb.simulate(model(), t_end=0.1, step=0.1, progress=False, method=fb.Method(rho_inf=0))
     monkeypatch.chdir(folder)
     table, values = calls(folder), pool(folder)
     before = signal.signal(signal.SIGALRM, _ring)

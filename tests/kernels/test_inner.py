@@ -88,7 +88,7 @@ def test_failed_step_names_an_inner_node() -> None:
     beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=SECTION, elements=4, degree=4)
     scene = fb.Scene(beam, fb.Load("blow", beam.node(6), force=(0, 0, 4e6)), fb.Clamp(beam.start))
     with pytest.raises(fb.ConvergenceError) as failed:
-        fb.simulate(fb.compile_scene(scene), t_end=1.0, step=0.5, max_iterations=2, progress=False)
+        fb.simulate(fb.compile_scene(scene), t_end=1.0, step=0.5, solver=fb.Solver(max_iterations=2), progress=False)
     assert "node" in failed.value.worst
 
 

@@ -36,7 +36,7 @@ def needs_mkl() -> None:
 
 
 def final_state(scene: fb.Scene, solver: str, backend: str = "auto") -> tuple[fb.Result, np.ndarray]:
-    result = fb.simulate(fb.compile_scene(scene, solver=solver), t_end=0.4, step=0.02, backend=backend)
+    result = fb.simulate(fb.compile_scene(scene, solver=solver), t_end=0.4, step=0.02, solver=backend)
     return result, np.concatenate((result.state.q, result.state.s))
 
 
@@ -189,7 +189,7 @@ def test_two_halves_solve_and_use_their_factors_again(size: int, columns: int, m
 def test_pardiso_without_mkl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FASTBEAM_NO_MKL", "1")
     with pytest.raises(fb.BackendError, match="no MKL runtime was found; pip install pypardiso, or use backend='auto'"):
-        fb.simulate(fb.compile_scene(free_beam(), solver="sparse"), t_end=0.1, step=0.02, backend="pardiso")
+        fb.simulate(fb.compile_scene(free_beam(), solver="sparse"), t_end=0.1, step=0.02, solver="pardiso")
 
 
 def test_unknown_solver_is_refused() -> None:
@@ -233,7 +233,7 @@ def test_factors_are_used_again_within_a_step_and_everything_is_conserved() -> N
     assert sum(counts) == again.info["iterations"]
     assert 20 <= counts[0] < again.info["iterations"] and counts[1] >= 20
     assert max(drifts(again).values()) <= ROUND_OFF
-    never = fb.simulate(fb.compile_scene(net, solver="sparse"), backend="superlu", **options)
+    never = fb.simulate(fb.compile_scene(net, solver="sparse"), solver="superlu", **options)
     assert np.max(np.abs(again.state.q - never.state.q)) <= SAME
 
 

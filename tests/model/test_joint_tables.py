@@ -222,6 +222,6 @@ def test_relax_takes_no_motors_and_a_start_off_the_joint_is_refused_or_mended() 
     x[2, 1:] = x[0, 1:]
     with pytest.raises(fb.SceneError, match=r"revolute joint 'pivot' \(directions\): its directions are 0.001 rad off"):
         fb.simulate(model, start=state, t_end=0.1, step=0.01)
-    mended = fb.simulate(model, start=state, t_end=0.1, step=0.01, mend_start=True, progress=False)
+    mended = fb.simulate(model, start=fb.Start(state, mend=True), t_end=0.1, step=0.01, progress=False)
     assert [event["kind"] for event in mended.events] == ["mended"]
     assert largest_gap(model, mended.state.q) < 1e-14

@@ -46,7 +46,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("sound") / "run.h5"
     # a pause for compilation would make two blocks of one
     fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H)
-    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, file=path)
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, output=path)
     assert len(fb.load_result(path).t) == 11
     return path
 
@@ -99,7 +99,7 @@ def test_result_of_a_killed_run_holds_its_rows_until_shortly_before(tmp_path: Pa
     result = fb.load_result(path)
     assert len(result.t) > 1 and len(result.t_snap) > 0
     model = fb.compile_scene(long_rail())
-    whole = fb.simulate(model, t_end=float(result.t[-1]) + 0.1, step=2e-3, every=5, snapshots=0)
+    whole = fb.simulate(model, t_end=float(result.t[-1]) + 0.1, step=2e-3, every=5, output=fb.Output(snapshots=0))
     for name in result.series:
         np.testing.assert_array_equal(result.series[name], whole.series[name][:len(result.t)])
     kept = fb.load_checkpoint(f"{path}.checkpoint")
@@ -137,7 +137,7 @@ def test_error_of_hdf5_itself_ends_the_run_too(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(store, "_LOST", [])
     model = fb.compile_scene(bead())
     with pytest.raises(fb.ResultFileError, match="run.h5': cannot be written .*No space left.*; it holds what was") as caught:
-        fb.simulate(model, t_end=0.5, step=H, every=1, file=tmp_path / "run.h5", checkpoint=tmp_path / "kept")
+        fb.simulate(model, t_end=0.5, step=H, every=1, output=fb.Output(tmp_path / "run.h5", checkpoint=tmp_path / "kept"))
     result = caught.value.result
     assert 0 < len(result.t) < 40 and result.events[-1]["kind"] == "file"
     assert fb.load_checkpoint(tmp_path / "kept").t == result.t[-1]
@@ -159,7 +159,7 @@ def test_failure_at_either_end_of_a_file_is_told_as_such(place: str, monkeypatch
     else:
         monkeypatch.setattr(store.ResultWriter, place, fail)
     with pytest.raises(fb.ResultFileError, match="run.h5': cannot be .*Input/output error") as caught:
-        fb.simulate(model, t_end=0.1, step=H, file=tmp_path / "run.h5")
+        fb.simulate(model, t_end=0.1, step=H, output=tmp_path / "run.h5")
     if place == "_end":
         assert len(caught.value.result.t) == 11 and len(fb.load_result(tmp_path / "run.h5").t) == 11
     else:
@@ -175,7 +175,7 @@ def test_ctrl_c_while_a_file_is_created_leaves_no_half_of_it(monkeypatch: pytest
 
     monkeypatch.setattr(store.ResultWriter, "_create", stop)
     with pytest.raises(KeyboardInterrupt):
-        fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, file=tmp_path / "run.h5")
+        fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, output=tmp_path / "run.h5")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -215,7 +215,7 @@ def test_result_file_that_is_removed_ends_the_run_with_everything_computed(repla
                 path.write_text("precious")
 
     with pytest.raises(fb.ResultFileError, match="run.h5': cannot be written .*it was removed, moved or replaced") as caught:
-        fb.simulate(fb.compile_scene(bead()), t_end=0.5, step=H, every=1, file=path, callback=remove)
+        fb.simulate(fb.compile_scene(bead()), t_end=0.5, step=H, every=1, output=path, callback=remove)
     result = caught.value.result
     assert 11 <= len(result.t) <= 14 and result.checkpoint.t == result.t[-1] and result.events[-1]["kind"] == "file"
     assert path.exists() == replaced and (not replaced or path.read_text() == "precious")
@@ -233,12 +233,12 @@ def test_two_runs_do_not_share_a_file(tmp_path: Path) -> None:
     (tmp_path / "link.h5").symlink_to(path)
     for name in ("run.h5", "link.h5"):
         with pytest.raises(fb.ResultFileError, match=f"{name}': another run is writing it, or another program has it open"):
-            fb.simulate(model, t_end=0.1, step=H, file=tmp_path / name, overwrite=True)
+            fb.simulate(model, t_end=0.1, step=H, output=fb.Output(tmp_path / name, overwrite=True))
     assert len(fb.load_result(path).t) > 0 and child.poll() is None
     child.send_signal(signal.SIGKILL)
     child.wait()
     assert len(fb.load_result(path).t) > 0  # nothing happened to it
-    fb.simulate(model, t_end=0.1, step=H, file=path, overwrite=True)
+    fb.simulate(model, t_end=0.1, step=H, output=fb.Output(path, overwrite=True))
     assert len(fb.load_result(path).t) == 11
 
 
@@ -258,12 +258,12 @@ def test_pipes_and_devices_are_no_result_files(tmp_path: Path) -> None:
     model = fb.compile_scene(bead())
     for path in (tmp_path / "pipe", "/dev/null"):
         with pytest.raises(fb.ResultFileError, match="is a device, pipe or socket and no file"):
-            fb.simulate(model, t_end=0.1, step=H, file=path, overwrite=True)
+            fb.simulate(model, t_end=0.1, step=H, output=fb.Output(path, overwrite=True))
         with pytest.raises(fb.ResultFileError, match="is a device, pipe or socket and no file"):
             fb.load_result(path)
     for wrong in (5, b"run.h5", "a\0b"):
         with pytest.raises(fb.SceneError, match="must be the path of a file"):
-            fb.simulate(model, t_end=0.1, step=H, file=wrong)
+            fb.simulate(model, t_end=0.1, step=H, output=wrong)
         with pytest.raises(fb.SceneError, match="must be the path of a file"):
             fb.load_result(wrong)
 
@@ -272,7 +272,7 @@ def test_current_folder_may_change_during_a_run(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(store, "FLUSH_TIME", 0.0)
     (tmp_path / "other").mkdir()
     monkeypatch.chdir(tmp_path)
-    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, every=1, file="run.h5",
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, every=1, output="run.h5",
                 callback=lambda t, state: os.chdir(tmp_path / "other"))
     assert len(fb.load_result(tmp_path / "run.h5").t) == 11
 

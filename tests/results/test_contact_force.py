@@ -21,7 +21,7 @@ T = 0.1
 
 def forces(model: fb.Model, n: int, **options: Any) -> Array:
     """Rows [m, S, 3] of n steps."""
-    result = fb.simulate(model, t_end=T, step=T / n, snapshots=0, progress=False, **{"every": 1, **options})
+    result = fb.simulate(model, t_end=T, step=T / n, output=fb.Output(snapshots=0), progress=False, **{"every": 1, **options})
     assert result.info["steps"] == n
     return result.series["contact_force"]
 
@@ -48,7 +48,7 @@ def cart(step: float) -> fb.Result:
     mass = fb.PointMass("cart", mass=30.0)
     scene = fb.Scene(bridge, mass, fb.Clamp(bridge.start), fb.Clamp(bridge.end), fb.Slider("s", mass, bridge, at=7.0, rate=20.0),
                      gravity=(0, 0, -9.81))
-    return fb.simulate(fb.compile_scene(scene), t_end=0.0503, step=step, snapshots=0, progress=False)
+    return fb.simulate(fb.compile_scene(scene), t_end=0.0503, step=step, output=fb.Output(snapshots=0), progress=False)
 
 
 @pytest.mark.parametrize("step", [2e-3, 1e-4, 1e-5])
@@ -111,7 +111,7 @@ def test_rows_at_the_end_of_a_beam() -> None:
 def test_a_row_without_steps_around_it_has_no_force(tmp_path: Path) -> None:
     model = fb.compile_scene(bead())
     with pytest.raises(fb.ConvergenceError) as caught:
-        fb.simulate(model, t_end=1.0, step=0.5, max_iterations=1)
+        fb.simulate(model, t_end=1.0, step=0.5, solver=fb.Solver(max_iterations=1))
     assert np.isnan(caught.value.result.series["contact_force"]).all()
     # pictures leave it out, files keep it
     fb.plot_slider(caught.value.result)
@@ -127,7 +127,7 @@ def test_a_run_that_an_error_breaks_off_ends_as_runs_do(tmp_path: Path) -> None:
     model = fb.compile_scene(bead())
     run = {"t_end": 0.01, "step": 1e-3, "every": 1}
     with pytest.raises(KeyError):
-        fb.simulate(model, callback=stop, file=tmp_path / "run.h5", **run)
+        fb.simulate(model, callback=stop, output=tmp_path / "run.h5", **run)
     kept = fb.load_result(tmp_path / "run.h5").series["contact_force"]
     # a callback fails between steps: the last row has its force, as the last row of a run that ends there
     ended = fb.simulate(model, **run | {"t_end": 0.005}).series["contact_force"]
@@ -152,7 +152,7 @@ def test_loads_are_asked_for_within_the_run_only() -> None:
     model = fb.compile_scene(scene)
     asked.clear()
     for steps in (1, 2, 10):
-        result = fb.simulate(model, t_start=3.0, t_end=3.0 + 0.01 * steps, step=0.01)
+        result = fb.simulate(model, start=fb.Start(time=3.0), t_end=3.0 + 0.01 * steps, step=0.01)
         assert 3.0 <= min(asked[3:]) and max(asked) <= 3.0 + 0.01 * steps
         assert np.isfinite(result.series["contact_force"]).all()
         asked.clear()

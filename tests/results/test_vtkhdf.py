@@ -27,7 +27,7 @@ def flight() -> Result:
     scene = bead()
     rail = scene.beams[0]
     points = {f"{s:.9f}": (rail, float(s)) for s in Lines(fb.compile_scene(scene).names, 8, refine=3).s}
-    return fb.simulate(fb.compile_scene(scene), t_end=0.2, step=0.02, every=1, snapshots=11, points=points, progress=False)
+    return fb.simulate(fb.compile_scene(scene), t_end=0.2, step=0.02, every=1, output=fb.Output(snapshots=11), points=points, progress=False)
 
 
 def steps_of(path: Path, name: str) -> np.ndarray:
@@ -103,7 +103,7 @@ def watched() -> Result:
     rail = scene.beams[0]
     model = fb.compile_scene(scene)
     points = {f"{s:.9f}": (rail, float(s)) for s in Lines(model.names, 8, refine=3).s}
-    return fb.simulate(model, t_end=0.2, step=0.02, every=1, snapshots=11, points=points, observe=("velocity", "slider"),
+    return fb.simulate(model, t_end=0.2, step=0.02, every=1, output=fb.Output(snapshots=11), points=points, observe=("velocity", "slider"),
                        progress=False)
 
 
@@ -148,7 +148,7 @@ def test_equilibria_have_no_velocities(tmp_path: Path) -> None:
 def test_section_forces_stand_at_the_points_of_their_beam(surface: bool, tmp_path: Path) -> None:
     scene = bead()
     model, rail = fb.compile_scene(scene), scene.beams[0]
-    run = fb.simulate(model, t_end=0.2, step=0.02, every=1, snapshots=5, progress=False)
+    run = fb.simulate(model, t_end=0.2, step=0.02, every=1, output=fb.Output(snapshots=5), progress=False)
     s = Lines(model.names, 8, refine=3).s
     sections = fb.section_forces(model, run, rail, s[::-1])
     run.to_vtk(tmp_path / "run.vtkhdf", refine=3, double=True, surface=surface, sections={"rail": sections})

@@ -59,7 +59,7 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "rate and drive": (lambda: slider(rate=1.0, drive=fb.Drive(speed=2.0)), ("rate=1 m/s", "begins with 2 m/s")),
     "rigid stop and prescribed motion": (lambda: slider(drive=fb.Drive(speed=1.0), stops=fb.Stops(0.2, 0.8)),
                                          ("prescribes the motion", "give stops a stiffness")),
-    "drive elsewhere at the start": (lambda: fb.simulate(model(drive=fb.Drive(position=lambda t: 0.5 + 0.1 * t)), t_start=1.0,
+    "drive elsewhere at the start": (lambda: fb.simulate(model(drive=fb.Drive(position=lambda t: 0.5 + 0.1 * t)), start=fb.Start(time=1.0),
                                                          t_end=1.1, step=0.01), ("stands at s = 0.5 m", "at 0.6 m", "t_start")),
     "start beyond a stop": (lambda: fb.simulate(model(stops=fb.Stops(0.1, 0.55)), t_end=0.1, step=0.01,
                                                 start=model(friction=0.1).state()._replace(s=np.array([0.6]))),
@@ -139,7 +139,7 @@ def test_a_checkpoint_belongs_to_its_stops(tmp_path: Any) -> None:
 
 def test_results_with_forces_are_written_and_read(tmp_path: Any) -> None:
     result = fb.simulate(model(friction=0.1, rate=0.1, drive=fb.Drive(force=0.05)), t_end=0.05, step=1e-3, progress=False,
-                         file=tmp_path / "r.h5")
+                         output=tmp_path / "r.h5")
     again = fb.load_result(tmp_path / "r.h5")
     for name in ("friction_force", "drive_work", "force_along", "stop_loss"):
         assert np.array_equal(again.slider("s")[name], result.slider("s")[name])

@@ -164,7 +164,7 @@ def test_beam_whose_elimination_fails_is_told_apart_from_the_others() -> None:
 @pytest.mark.parametrize(("seed", "strain", "degree", "sliders"), [
     (1, "simo_reissner", 1, False), (2, "green_lagrange", 2, False), (3, "simo_reissner", 3, True)])
 def test_steps_of_random_nets_are_the_same(seed: int, strain: str, degree: int, sliders: bool) -> None:
-    results = [fb.simulate(model, t_end=0.05, step=5e-3, progress=False, threads=2)
+    results = [fb.simulate(model, t_end=0.05, step=5e-3, progress=False, solver=fb.Solver(threads=2))
                for model in models(random_scene(seed, strain, degree, sliders))]
     assert_same(*results)
     assert results[0].info["fallbacks"] == results[1].info["fallbacks"] == 0
@@ -219,7 +219,7 @@ def test_other_solvers_and_methods_are_the_same(monkeypatch: pytest.MonkeyPatch)
     options: dict[str, Any] = {"t_end": 0.01, "step": 5e-3, "progress": False}
     expected = fb.simulate(other, **options)
     for backend in ("auto", "superlu"):
-        assert_same(fb.simulate(one, backend=backend, **options), expected)
+        assert_same(fb.simulate(one, solver=backend, **options), expected)
     # the methods for comparison run without
     assert same_bits(*(fb.simulate(model, method="midpoint", **options) for model in (one, other)))
 
@@ -235,7 +235,7 @@ def test_step_that_cannot_be_condensed_is_taken_by_superlu(monkeypatch: pytest.M
             subs.state[0] = 0.0
 
     monkeypatch.setattr(condensed.beams, "condense", fails_once_in_a_while)
-    result = fb.simulate(one, t_end=0.04, step=5e-3, progress=False, threads=1)
+    result = fb.simulate(one, t_end=0.04, step=5e-3, progress=False, solver=fb.Solver(threads=1))
     monkeypatch.undo()
     assert result.info["steps"] == 8
     assert_same(result, fb.simulate(other, t_end=0.04, step=5e-3, progress=False))
@@ -299,7 +299,7 @@ def test_pieces_of_a_long_beam_leave_everything_the_same(degree: int, strain: st
     runs = [fb.simulate(model, **options) for model in (one, other)]
     assert_same(*runs)
     assert runs[0].info["iterations"] == runs[1].info["iterations"]
-    assert same_bits(runs[0], fb.simulate(one, threads=2, **options))
+    assert same_bits(runs[0], fb.simulate(one, solver=fb.Solver(threads=2), **options))
     assert_same(*(fb.solve_static(model) for model in (one, other)))
 
 
@@ -328,7 +328,7 @@ def test_arguments_out_of_range_are_refused(monkeypatch: pytest.MonkeyPatch) -> 
         fb.compile_scene(fb.Scene(grid(2)), condense="yes")
     model = fb.compile_scene(fb.Scene(grid(3)), condense=True)
     with pytest.raises(SceneError, match="threads"):
-        fb.simulate(model, t_end=0.1, step=0.01, threads=0)
+        fb.simulate(model, t_end=0.1, step=0.01, solver=fb.Solver(threads=0))
     monkeypatch.setenv("FASTBEAM_THREADS", "many")
     with pytest.raises(SceneError, match="FASTBEAM_THREADS: must be a whole number >= 1, got 'many'"):
         fb.simulate(model, t_end=0.1, step=0.01)

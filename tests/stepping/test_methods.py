@@ -205,14 +205,14 @@ def test_superlu_gives_the_same_run(name: str) -> None:
 @pytest.mark.parametrize("scene", SCENES)
 def test_rho_inf_of_one_is_the_trapezoidal_rule(scene: str) -> None:
     model, _ = both_sides(scene)
-    one = simulate(model, "generalized_alpha 0.7", steps=20, rho_inf=1.0)
+    one = simulate(model, "generalized_alpha 0.7", steps=20, method=Method(rho_inf=1.0))
     assert_same_motion(one.state, simulate(model, "trapezoidal", steps=20).state, 1e-10)
     assert np.max(np.abs(one.state.v - simulate(model, "generalized_alpha 0.7", steps=20).state.v)) > 1e-4
 
 
 def test_rho_inf_is_0_8_where_nothing_is_said() -> None:
     model, _ = both_sides("mass on own curve")
-    silent, said = (simulate(model, "generalized_alpha 0.7", rho_inf=rho) for rho in (None, 0.8))
+    silent, said = (simulate(model, "generalized_alpha 0.7", method=Method(rho_inf=rho)) for rho in (None, 0.8))
     np.testing.assert_array_equal(silent.state.q, said.state.q)
     assert "0.8" in silent.info["method"]
 
@@ -237,7 +237,7 @@ def test_a_trapezoidal_run_without_sliders_goes_on_from_its_state(make: Callable
     # accelerations in balance are what the method carries: they can be found again from positions and velocities
     model = fb.compile_scene(make())
     whole, half = simulate(model, "trapezoidal", steps=20, h=0.01), simulate(model, "trapezoidal", steps=10, h=0.01)
-    rest = simulate(model, "trapezoidal", steps=20, h=0.01, start=half.state, t_start=0.1)
+    rest = simulate(model, "trapezoidal", steps=20, h=0.01, start=Start(half.state, time=0.1))
     assert_same_motion(rest.state, whole.state, 1e-10)
 
 
@@ -248,7 +248,7 @@ def test_loads_act_at_their_time(name: str) -> None:
         return fb.Scene(rod, fb.Clamp(rod.start), fb.Load("tip", rod.end, force=(0, 1, 20), time=lambda t: gust(t - late)))
 
     now = simulate(fb.compile_scene(pushed(0.0)), name, steps=10)
-    later = simulate(fb.compile_scene(pushed(0.5)), name, t_start=0.5, t_end=0.5 + 10 * H)
+    later = simulate(fb.compile_scene(pushed(0.5)), name, start=Start(time=0.5), t_end=0.5 + 10 * H)
     assert np.max(np.abs(now.state.v)) > 0.1
     # times differ by round-off, so do the loads
     assert_same_motion(later.state, now.state, 1e-10)

@@ -187,7 +187,7 @@ def test_threads_and_pauses_do_not_change_bits(others: dict[str, Any], monkeypat
                          ids=["carried", "with others"])
 def test_balances(others: dict[str, Any]) -> None:
     model = model_of(scene(rate=2.0, free=True, gravity=False, **others), planar=False)
-    result = fb.simulate(model, t_end=0.1, step=STEP, observe=("energy", "momentum", "slider"), progress=False, threads=1)
+    result = fb.simulate(model, t_end=0.1, step=STEP, observe=("energy", "momentum", "slider"), progress=False, solver=fb.Solver(threads=1))
     assert result.info.get("fallbacks", 0) == 0
     for name in ("balance" if others else "total", "lin_mom", "ang_mom"):
         x = np.asarray(result.series[name]).reshape(len(result.t), -1)
@@ -221,7 +221,7 @@ def test_dependent_sliders_move_as_with_the_dense_border_and_are_named_without_t
     assert np.max(np.abs(one.state.q - other.state.q)) < 1e-9
     assert np.max(np.abs(one.state.s - other.state.s)) < 1e-9
     with pytest.raises(fb.ConvergenceError, match="s0|again0"):
-        fb.simulate(model, t_end=STEP, step=STEP, augmentation=0.0, progress=False)
+        fb.simulate(model, t_end=STEP, step=STEP, solver=fb.Solver(augmentation=0.0), progress=False)
 
 
 def test_a_slider_at_the_end_of_its_beam_ends_the_run() -> None:

@@ -177,7 +177,7 @@ def test_runs_go_on_across_and_behind_it(tmp_path: Path) -> None:
     part = fb.simulate(model, **{**settings, "t_end": 0.0575})
     other = falling(since=0.0525, until=0.09)[0]
     for start in (part.state, part.state_for(other)):
-        again = fb.simulate(other, start=start, t_start=0.0575, t_end=0.12, step=0.005, progress=False)
+        again = fb.simulate(other, start=fb.Start(start, time=0.0575), t_end=0.12, step=0.005, progress=False)
         assert [e["kind"] for e in again.events] == ["let go"] and again.drift("balance") < 1e-12
         np.testing.assert_allclose(again.state.q, whole.state.q, rtol=0, atol=1e-12)
 

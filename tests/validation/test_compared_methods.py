@@ -29,7 +29,7 @@ def alpha(rho_inf: float) -> dict[str, Any]:
 
 def simulate(model: Model, steps: int, t_end: float, **changes: Any) -> fb.Result:
     """A run of so many steps."""
-    return fb.simulate(model, t_end=t_end, step=t_end / steps, snapshots=0, progress=False, **changes)
+    return fb.simulate(model, t_end=t_end, step=t_end / steps, output=fb.Output(snapshots=0), progress=False, **changes)
 
 
 # ------------------------------------------------------------------------------------------------------------------ orders

@@ -59,7 +59,7 @@ def test_step_whose_inner_pivot_vanishes_is_taken_without_elimination() -> None:
     model = fb.compile_scene(linear_algebra.bar(), planar=False)
     start = linear_algebra.stretched(model)
     h = linear_algebra.vanishing_step(model, start)[1]
-    found = fb.simulate(model, t_end=h, step=h, start=start, t_start=0.0)
+    found = fb.simulate(model, t_end=h, step=h, start=fb.Start(start, time=0.0))
     assert found.info["fallbacks"] == 1 and found.drift("total") <= 1e-13
     assert wrong(linear_algebra.inner_pivots()) == []
 

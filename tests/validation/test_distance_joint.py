@@ -143,7 +143,7 @@ def test_a_start_that_stretches_a_rod_is_refused_or_mended() -> None:
     state.q.reshape(-1, 4, 3)[1, 0] = 1.001, 0, 0
     with pytest.raises(fb.SceneError, match="start: distance joint 'rod': its points lie 0.001 m off"):
         fb.simulate(model, t_end=0.1, step=0.01, start=state, progress=False)
-    run = fb.simulate(model, t_end=0.1, step=0.01, start=state, mend_start=True, progress=False)
+    run = fb.simulate(model, t_end=0.1, step=0.01, start=fb.Start(state, mend=True), progress=False)
     assert abs(np.linalg.norm(position(run, 1)) - 1.0) < 1e-12
 
 

@@ -135,7 +135,7 @@ def test_a_step_that_does_not_fit_becomes_a_whole_part_of_the_time() -> None:
     run = fb.simulate(model, t_end=1.0, step=0.03, order=4, every=5, progress=False)
     assert run.info["steps"] == 34 and run.info["step"] == 1.0 / 34
     np.testing.assert_allclose(run.t, [*np.arange(0, 34, 5) / 34, 1.0], rtol=1e-15)
-    one = fb.simulate(model, t_end=1.0, step=0.03, order=4, every=5, observe=(), snapshots=3, progress=False)
+    one = fb.simulate(model, t_end=1.0, step=0.03, order=4, every=5, observe=(), output=fb.Output(snapshots=3), progress=False)
     assert one.t[0] == 0.0 and one.t[-1] == 1.0 and np.array_equal(one.state.q, run.state.q)
 
 

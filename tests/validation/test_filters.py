@@ -57,7 +57,7 @@ def bar(**options: Any) -> tuple[fb.Model, fb.Beam]:
 def test_a_bar_follows_the_recursion_of_its_mode(rho: float, h: float, planar: Any) -> None:
     """Strains are linear in the stretch; w h = 0.8, 16 and 314."""
     model, beam = bar(planar=planar)
-    run = fb.simulate(model, t_end=10 * h, step=h, rho_inf=rho, every=1, points={"tip": beam.end}, progress=False)
+    run = fb.simulate(model, t_end=10 * h, step=h, method=fb.Method(rho_inf=rho), every=1, points={"tip": beam.end}, progress=False)
     step, y, found = one_step(5.0 * np.pi * h, rho), 1e-3 * h * np.array([0.0, 1.0, 1.0, 1.0]), [0.0]
     for _ in range(10):
         y = step @ y
@@ -78,7 +78,7 @@ def flight(elements: int = 8) -> fb.Model:
 
 def test_momenta_stay_books_close_and_energy_falls_in_every_step() -> None:
     model = flight()
-    runs = {n: fb.simulate(model, t_end=1.0, step=1.0 / n, rho_inf=0.5, every=1, progress=False) for n in (20, 400, 1600)}
+    runs = {n: fb.simulate(model, t_end=1.0, step=1.0 / n, method=fb.Method(rho_inf=0.5), every=1, progress=False) for n in (20, 400, 1600)}
     for run in runs.values():
         assert "total" not in run.info["conserved"] and "rho_inf = 0.5" in run.info["method"]
         for name in ("balance", "lin_mom", "ang_mom"):
@@ -89,7 +89,7 @@ def test_momenta_stay_books_close_and_energy_falls_in_every_step() -> None:
         assert np.all(np.diff(held) < 1e-13 * held[0])
     assert runs[20].series["filter_loss"][-1, 0] > 10.0 * runs[1600].series["filter_loss"][-1, 0]
     # 1 dissipates nothing
-    plain, one = (fb.simulate(model, t_end=0.2, step=0.01, rho_inf=rho, progress=False) for rho in (None, 1.0))
+    plain, one = (fb.simulate(model, t_end=0.2, step=0.01, method=fb.Method(rho_inf=rho), progress=False) for rho in (None, 1.0))
     assert np.array_equal(plain.state.q, one.state.q) and "filter_loss" not in one.series
 
 
@@ -116,14 +116,14 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit_and_step_control_books_what
     assert np.array_equal(whole.series["filter_loss"][-1], rest.series["filter_loss"][-1])
     with pytest.raises(fb.SceneError, match="the checkpoint carries"):
         fb.simulate(model, t_end=0.6, start=half.checkpoint, step=0.01, progress=False)
-    run = fb.simulate(model, t_end=0.5, step=0.01, rho_inf=0.5, tolerance=1e-5, progress=False)
+    run = fb.simulate(model, t_end=0.5, step=0.01, method=fb.Method(rho_inf=0.5), tolerance=1e-5, progress=False)
     assert run.info["accepted"] > 5 and run.drift("balance") < ROUND_OFF
 
 
 def test_motions_without_strain_do_not_know_of_filters() -> None:
     rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=fb.Section(**SOFT), elements=3, degree=3)
     model = fb.compile_scene(fb.Scene(rod, fb.RigidMotion(velocity=(1.0, 0.3, 0.0))))
-    run = fb.simulate(model, t_end=1.0, step=0.1, rho_inf=0.0, progress=False)
+    run = fb.simulate(model, t_end=1.0, step=0.1, method=fb.Method(rho_inf=0.0), progress=False)
     np.testing.assert_allclose(run.phi[-1] - run.phi[0], np.broadcast_to((1.0, 0.3, 0.0), run.phi[0].shape), atol=1e-13)
     assert np.max(np.abs(run.series["filter_loss"])) < 1e-18
 
@@ -133,7 +133,7 @@ def test_equilibria_stay() -> None:
     beam = fb.Beam.straight("bar", (0, 0, 0), (1, 0, 0), section=fb.Section(**SOFT), elements=8, degree=3)
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), gravity=(0, -3, 0)))
     rest = fb.solve_static(model).state
-    run = fb.simulate(model, t_end=5.0, step=0.5, rho_inf=0.2, start=rest, progress=False)
+    run = fb.simulate(model, t_end=5.0, step=0.5, method=fb.Method(rho_inf=0.2), start=rest, progress=False)
     assert np.max(np.abs(run.state.q - rest.q)) < 1e-12 and np.max(np.abs(run.series["filter_loss"])) < 1e-20
 
 
@@ -147,7 +147,7 @@ def test_what_filters_do_not_go_together_with_is_refused(damping: float, options
         fb.simulate(model, t_end=0.1, step=0.01, progress=False, **{"rho_inf": 0.5, **options})
     mass = fb.PointMass("mass", mass=1.0, position=(0, 0, 0))
     with pytest.raises(fb.SceneError, match="no beams"):
-        fb.simulate(fb.compile_scene(fb.Scene(mass)), t_end=0.1, step=0.01, rho_inf=0.5, progress=False)
+        fb.simulate(fb.compile_scene(fb.Scene(mass)), t_end=0.1, step=0.01, method=fb.Method(rho_inf=0.5), progress=False)
 
 
 @pytest.mark.slow
@@ -158,7 +158,7 @@ def test_in_space_with_twist_and_a_slider_that_leaves_its_beam_the_books_close()
     bead = fb.PointMass("bead", mass=0.5)
     model = fb.compile_scene(fb.Scene(rod, bend, bead, fb.Slider("s", bead, rod, at=1.5, rate=1.0),
                                       fb.RigidMotion(velocity=(1.0, 0.3, 0.0), spin=(0, 0, 2.0))))
-    run = fb.simulate(model, t_end=2.0, step=0.05, rho_inf=0.5, every=1, progress=False)
+    run = fb.simulate(model, t_end=2.0, step=0.05, method=fb.Method(rho_inf=0.5), every=1, progress=False)
     assert run.events[-1]["kind"] == "slider" or "reached the end" in run.events[-1]["text"]
     for name in ("balance", "lin_mom", "ang_mom"):
         assert run.drift(name) < ROUND_OFF

@@ -256,7 +256,7 @@ def test_a_run_that_has_settled() -> None:
     rest = fb.solve_static(model, at_time=0.5 * np.pi / w)
     found = fb.frequency_response(model, [twice(w, h)], state=rest.state, at_time=0.5 * np.pi / w, loads="push",
                                   points={"bead": bead, "mid": beam.at(1.5)})
-    run = fb.simulate(model, start=rest.state, t_start=0.0, t_end=1600 * h, step=h, every=1, progress=False,
+    run = fb.simulate(model, start=fb.Start(rest.state, time=0.0), t_end=1600 * h, step=h, every=1, progress=False,
                       points={"bead": bead, "mid": beam.at(1.5)})
     share = np.sinc(0.5 * w * h / np.pi) / np.cos(0.5 * w * h)
     late = np.flatnonzero(run.t > 1600 * h - 2.0)

@@ -289,8 +289,8 @@ def test_accelerations_go_with_impacts_ends_of_beams_checkpoints_and_files(tmp_p
         assert np.array_equal(plain.state.q, result.state.q)
         assert plain.info["steps"] == result.info["steps"]
     # both before the first impact
-    half = fb.simulate(model, t_end=0.08, every=10, points={"bead": bead}, checkpoint=tmp_path / "c", **options)
-    rest = fb.simulate(model, t_end=0.16, every=10, points={"bead": bead}, file=tmp_path / "r.h5",
+    half = fb.simulate(model, t_end=0.08, every=10, points={"bead": bead}, output=fb.Output(checkpoint=tmp_path / "c"), **options)
+    rest = fb.simulate(model, t_end=0.16, every=10, points={"bead": bead}, output=tmp_path / "r.h5",
                        start=fb.load_checkpoint(tmp_path / "c"), **options)
     whole = fb.simulate(model, t_end=0.16, every=10, points={"bead": bead}, **options)
     assert np.array_equal(rest.state.q, whole.state.q)

@@ -164,7 +164,7 @@ def test_velocities_written_into_a_state() -> None:
     given = fb.Scene(*[x for x in scene.parts if not isinstance(x, fb.MovingMesh)],
                      fb.MovingMesh(scene.beams[0], scene.sliders[0], velocity=lambda s: np.outer(0.3 * bump(s), (0, 0, 1))))
     wanted = fb.simulate(fb.compile_scene(given), **run)
-    taken = fb.simulate(model, start=pushed(0.3), mend_start=True, **run)
+    taken = fb.simulate(model, start=fb.Start(pushed(0.3), mend=True), **run)
     assert np.max(np.abs(taken.state.q - wanted.state.q)) < 1e-6 < np.max(np.abs(taken.state.q - middle.q))
     # what a run leads to starts the next one, and states carried to another model bring momenta of their velocities
     again = fb.simulate(model, start=taken.state, **run)

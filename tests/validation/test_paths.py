@@ -116,7 +116,7 @@ def test_steps_across_joints_and_the_seam_meet_the_equations_of_the_twin(planar:
     twin = Twin(scene, model)
     h, before, crossed = 0.05, model.state(), 0
     for _ in range(12):
-        result = fb.simulate(model, start=before, t_end=h, step=h, snapshots=0, progress=False)
+        result = fb.simulate(model, start=before, t_end=h, step=h, output=fb.Output(snapshots=0), progress=False)
         after = result.state
         crossed += int(before.s[0] // 1.0) != int(after.s[0] // 1.0)
         q, end = (x.q.reshape(-1, 4, 3) for x in (before, after))

@@ -145,7 +145,7 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit_however_it_is_cut() -> None
     rest = fb.simulate(model, t_end=0.6, step=0.01, every=7, start=half.checkpoint, progress=False)
     assert all(np.array_equal(a, b) for a, b in zip(whole.state, rest.state))
     # from the state alone it moves on from where it is
-    other = fb.simulate(model, t_end=0.6, step=0.01, start=half.state, t_start=0.3, progress=False)
+    other = fb.simulate(model, t_end=0.6, step=0.01, start=fb.Start(half.state, time=0.3), progress=False)
     np.testing.assert_allclose(other.state.q, whole.state.q, rtol=0, atol=1e-9)
     assert not [event for event in other.events if event["kind"] == "support"]
 
@@ -299,7 +299,7 @@ def test_a_slider_on_a_moving_beam_keeps_the_balance() -> None:
     off = State(*(x.copy() for x in part.state))
     bead_at = 12 * model.names["masses"][0]["node"]
     off.q[bead_at:bead_at + 3] += 3e-8
-    rest = fb.simulate(model, start=off, t_start=0.25, t_end=0.5, step=0.005, progress=False, mend_start=True, every=1)
+    rest = fb.simulate(model, start=fb.Start(off, time=0.25, mend=True), t_end=0.5, step=0.005, progress=False, every=1)
     assert [x["kind"] for x in rest.events] == ["mended"]
     np.testing.assert_allclose(rest.state.q, run.state.q, rtol=0, atol=3e-7)
     assert rest.drift("balance") < ROUND_OFF

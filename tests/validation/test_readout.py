@@ -191,7 +191,7 @@ def test_shares_that_nothing_tells_are_nan():
 def test_reactions_survive_files_and_checkpoints(tmp_path):
     model = fb.compile_scene(loop_scene())
     options = {"step": 1e-3, "observe": ("reaction", "energy")}
-    whole = fb.simulate(model, t_end=0.04, every=5, file=tmp_path / "run.h5", **options)
+    whole = fb.simulate(model, t_end=0.04, every=5, output=tmp_path / "run.h5", **options)
     again = fb.load_result(tmp_path / "run.h5")
     assert np.array_equal(again.reaction("pin")["force"], whole.reaction("pin")["force"])
     half = fb.simulate(model, t_end=0.02, every=5, **options)

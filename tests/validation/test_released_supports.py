@@ -71,7 +71,7 @@ def test_a_rope_that_is_let_go_is_the_rope_without_that_support(options: dict[st
     held, last = fb.simulate(model, t_end=0.1 - 0.005, **settings), fb.simulate(model, t_end=0.1, **settings)
     assert not held.events and len(last.events) == 1
     free = fb.compile_scene(fb.Scene(*parts, supports[0], gravity=gravity, project_velocities=True), **options)
-    other = fb.simulate(free, start=last.state_for(free), t_start=0.1, t_end=0.3, **settings)
+    other = fb.simulate(free, start=fb.Start(last.state_for(free), time=0.1), t_end=0.3, **settings)
     np.testing.assert_allclose(run.state.q, other.state.q, rtol=0, atol=1e-9)
     assert np.max(np.abs(run.state.q - held.state.q)) > 0.1
 
@@ -121,7 +121,7 @@ def test_what_is_carried_is_thrown() -> None:
                      fb.PrescribedMotion("turn", spear, rotation=lambda t: (0, 0, 4.0 * t * t), displacement=table, axes="x",
                                          until=T), gravity=(0, 0, -G))
     model = fb.compile_scene(scene)
-    run = fb.simulate(model, t_end=1.0, step=0.01, every=1, points={"ball": ball, "spear": spear}, snapshots=200, progress=False)
+    run = fb.simulate(model, t_end=1.0, step=0.01, every=1, points={"ball": ball, "spear": spear}, output=fb.Output(snapshots=200), progress=False)
     assert run.drift("balance") < 1e-12 and len(run.events) == 2
     free = run.t >= T
     t = run.t[free] - T
@@ -142,7 +142,7 @@ def test_runs_go_on_across_and_behind_it(tmp_path: Path) -> None:
     for n in (5, 11, 15):
         assert_goes_on(model, whole, n, tmp_path / f"{n}.h5", settings)
     # from a state alone: it knows what has let go
-    again = fb.simulate(model, start=whole.state, t_start=0.1, t_end=0.2, step=0.005, progress=False)
+    again = fb.simulate(model, start=fb.Start(whole.state, time=0.1), t_end=0.2, step=0.005, progress=False)
     assert not again.events and again.drift("total") < 1e-12
     with pytest.raises(fb.SceneError, match="hand has let go there"):
         fb.solve_static(model, start=whole.state, held=True)
@@ -158,12 +158,12 @@ def test_another_model_knows_which_supports_have_let_go() -> None:
         return fb.compile_scene(pendulum(0.3)[0])
     whole, part = (fb.simulate(make(), t_end=t, step=0.01, progress=False) for t in (0.6, 0.4))
     state = part.state_for(make())
-    rest = fb.simulate(make(), start=state, t_start=0.4, t_end=0.6, step=0.01, progress=False)
+    rest = fb.simulate(make(), start=fb.Start(state, time=0.4), t_end=0.6, step=0.01, progress=False)
     np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0, atol=1e-12)
     # one that never lets go is told that its node moves
     held = fb.compile_scene(pendulum(None)[0])
     with pytest.raises(fb.SceneError, match="the support of .*: its velocity is"):
-        fb.simulate(held, start=part.state_for(held), t_start=0.4, t_end=0.6, step=0.01, progress=False)
+        fb.simulate(held, start=fb.Start(part.state_for(held), time=0.4), t_end=0.6, step=0.01, progress=False)
 
 
 def test_a_net_that_is_let_go_is_condensed_to_the_same_numbers() -> None:

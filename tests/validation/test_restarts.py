@@ -35,7 +35,7 @@ def test_two_bodies_dock_in_an_inelastic_impact(planar: bool | str) -> None:
     with pytest.raises(fb.SceneError, match=r"'[ab]' \(dock\) is 0.3\d* m/s off .*mend_start=True: then the parts meet in an "
                                             "inelastic impact"):
         fb.simulate(model, start=start, t_end=0.1, step=H)
-    run = fb.simulate(model, start=start, t_end=0.1, step=H, mend_start=True, progress=False)
+    run = fb.simulate(model, start=fb.Start(start, mend=True), t_end=0.1, step=H, progress=False)
     # about the common centre: reduced mass 2/3, spin of the whole from the moment of the relative velocity
     r, v = np.array([1.0 - 0.001, -0.03]), np.array([-0.01, -0.3])
     inertia = 0.3 + 2.0 / 3.0 * r @ r
@@ -57,7 +57,7 @@ def test_books_of_the_start_are_kept_in_files(tmp_path: Path) -> None:
     model = bodies(True)
     start = flight.state_for(model)
     start.q[:] = model.q0
-    run = fb.simulate(model, start=start, t_end=H, step=H, mend_start=True, progress=False, file=tmp_path / "run.h5")
+    run = fb.simulate(model, start=fb.Start(start, mend=True), t_end=H, step=H, progress=False, output=tmp_path / "run.h5")
     again = fb.load_result(tmp_path / "run.h5").balance()
     assert run.balance()["impact at the start"][0] > 0.005
     for name, x in run.balance().items():
@@ -69,7 +69,7 @@ def test_a_large_gap_is_refused_with_the_joint_and_its_size() -> None:
     flight = fb.simulate(bodies(False), t_end=0.1, step=H, progress=False)
     for mend in (False, True):
         with pytest.raises(fb.SceneError, match=r"'[ab]' \(dock\) stands 0.03\d* m off .*(too much to be mended|mends up to)"):
-            fb.simulate(bodies(True), start=flight.state_for(bodies(True)), t_end=H, step=H, mend_start=mend)
+            fb.simulate(bodies(True), start=fb.Start(flight.state_for(bodies(True)), mend=mend), t_end=H, step=H)
     # statics and modes measure it as well
     with pytest.raises(fb.SceneError, match=r"body '[ab]' \(dock\) stands 0.03\d* m off"):
         fb.modes(bodies(True), state=flight.state_for(bodies(True)), n=2)
@@ -91,7 +91,7 @@ def test_a_small_gap_closes_without_bending_anything(joint: type) -> None:
     np.testing.assert_array_equal(start.q, free.state.q)
     with pytest.raises(fb.SceneError, match=r"start: beam '[ab]' node \d \(joint\) stands 0.005\d* m off .*mend_start=True"):
         fb.simulate(model, start=start, t_end=H, step=H)
-    run = fb.simulate(model, start=start, t_end=H, step=H, mend_start=True, progress=False)
+    run = fb.simulate(model, start=fb.Start(start, mend=True), t_end=H, step=H, progress=False)
     # the rod that spins is stretched as it was, by 8e-16 J
     np.testing.assert_allclose(run.series["strain"][0], free.series["strain"][-1], rtol=0, atol=1e-18)
     for name in ("lin_mom", "ang_mom"):

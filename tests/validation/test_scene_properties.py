@@ -33,7 +33,7 @@ def run(drawn: Drawn, scene: fb.Scene | None = None, steps: int = STEPS, **optio
                                 **{key: options.pop(key) for key in ("solver", "eliminate_inner") if key in options})
     h = drawn.rest["step"]
     try:
-        result = fb.simulate(compiled, t_end=steps * h, step=h, every=3, snapshots=0, progress=False, **options)
+        result = fb.simulate(compiled, t_end=steps * h, step=h, every=3, output=fb.Output(snapshots=0), progress=False, **options)
     except fb.ConvergenceError:
         assume(False)
     assume(result.info["steps"] == steps)
@@ -135,7 +135,7 @@ def test_yards_keep_their_books_whatever_the_order_of_parts_and_across_a_restart
         def run(order: Any = None, steps: int = STEPS, start: Any = None) -> fb.Result:
             model = fb.compile_scene(build_yard(drawn, order))
             try:
-                return fb.simulate(model, t_end=steps * drawn.step, step=drawn.step, every=1, snapshots=0, progress=False,
+                return fb.simulate(model, t_end=steps * drawn.step, step=drawn.step, every=1, output=fb.Output(snapshots=0), progress=False,
                                    start=start)
             except fb.ConvergenceError:
                 assume(False)

@@ -81,7 +81,7 @@ def swinging(mesh: dict[str, Any], *parts: Any, section: fb.Section = BAR, held:
     model = fb.compile_scene(fb.Scene(part, *([fb.Clamp(part.start, name="clamp")] if held else []), *own, gravity=GRAVITY),
                              **({} if planar else {"planar": False}))
     return part, fb.simulate(model, t_end=6e-3, step=1e-3, every=1, observe=("section", "reaction", "velocity"), progress=False,
-                             points=places(part), snapshots=7, **options)
+                             points=places(part), output=fb.Output(snapshots=7), **options)
 
 
 def ring(**options: Any) -> Any:

@@ -43,8 +43,8 @@ def test_dependent_sliders_meet_all_equations(monkeypatch: pytest.MonkeyPatch) -
     # plain multipliers once ran through with forces of 1e8 N, the energy 2e-8 and s 2e-5 m off, and no error
     model = fb.compile_scene(three_points())
     h = 2e-3
-    before = fb.simulate(model, t_end=10 * h, step=h, snapshots=0).state
-    after = fb.simulate(model, start=before, t_end=h, step=h, snapshots=0)
+    before = fb.simulate(model, t_end=10 * h, step=h, output=fb.Output(snapshots=0)).state
+    after = fb.simulate(model, start=before, t_end=h, step=h, output=fb.Output(snapshots=0))
     q, end = (x.q.reshape(-1, 4, 3) for x in (before, after.state))
     twin = Twin(three_points(), model)
     theta = np.array([cayley_vector(b.T @ a) for a, b in zip(q[:, 1:], end[:, 1:])])
@@ -74,7 +74,7 @@ def test_shared_forces_do_not_grow_in_small_steps() -> None:
 def test_plain_multipliers_refuse_dependent_sliders(planar: bool) -> None:
     # the planar border leaves a pivot of 1e-10
     with pytest.raises(fb.ConvergenceError, match="equations of slider 'run [12]' are singular.*Leave out"):
-        fb.simulate(fb.compile_scene(three_points(), planar=planar), t_end=0.1, step=2e-3, augmentation=0.0)
+        fb.simulate(fb.compile_scene(three_points(), planar=planar), t_end=0.1, step=2e-3, solver=fb.Solver(augmentation=0.0))
 
 
 def test_a_gap_that_stays_open_is_refused() -> None:
@@ -86,8 +86,8 @@ def test_a_gap_that_stays_open_is_refused() -> None:
                          ids=lambda x: str(*x.values()))
 def test_dependent_sliders_run_in_every_way(settings: dict) -> None:
     model = fb.compile_scene(three_points())
-    run = fb.simulate(model, t_end=0.05, step=2e-3, snapshots=0, **settings)
-    exact = fb.simulate(model, t_end=0.05, step=2.5e-4, order=4, snapshots=0)
+    run = fb.simulate(model, t_end=0.05, step=2e-3, output=fb.Output(snapshots=0), **settings)
+    exact = fb.simulate(model, t_end=0.05, step=2.5e-4, order=4, output=fb.Output(snapshots=0))
     assert np.max(np.abs(run.state.s - exact.state.s)) < 1e-5
     assert run.drift("gap") < 1e-14
 
@@ -95,8 +95,8 @@ def test_dependent_sliders_run_in_every_way(settings: dict) -> None:
 def test_dependent_sliders_have_consistent_accelerations() -> None:
     # the start of the trapezoidal rule called them undetermined
     model = fb.compile_scene(three_points())
-    run = fb.simulate(model, method="trapezoidal", t_end=0.05, step=2e-3, snapshots=0)
-    exact = fb.simulate(model, t_end=0.05, step=2.5e-4, order=4, snapshots=0)
+    run = fb.simulate(model, method="trapezoidal", t_end=0.05, step=2e-3, output=fb.Output(snapshots=0))
+    exact = fb.simulate(model, t_end=0.05, step=2.5e-4, order=4, output=fb.Output(snapshots=0))
     assert np.max(np.abs(run.state.s - exact.state.s)) < 1e-5
 
 
@@ -111,4 +111,4 @@ def test_restart_with_dependent_sliders_gives_the_same_bits() -> None:
 @pytest.mark.parametrize("value", [-1.0, 0.5, 1e13, np.nan, "much"])
 def test_augmentation_out_of_range_is_refused(value: object) -> None:
     with pytest.raises(fb.SceneError, match="augmentation"):
-        fb.simulate(fb.compile_scene(three_points()), t_end=0.1, step=2e-3, augmentation=value)
+        fb.simulate(fb.compile_scene(three_points()), t_end=0.1, step=2e-3, solver=fb.Solver(augmentation=value))

@@ -269,7 +269,7 @@ def test_a_capstan_of_rings_in_slow_motion(rings: int, per_length: int) -> None:
 
     model, tension = capstan(rings, per_length, time=pull)
     start = fb.solve_static(model, at_time=0.0).state
-    run = fb.simulate(model, t_end=100.0, step=0.5, start=start, snapshots=201, progress=False)
+    run = fb.simulate(model, t_end=100.0, step=0.5, start=start, output=fb.Output(snapshots=201), progress=False)
     ratio = np.array([pull(t) for t in run.t_snap]) / tension(run.phi) / CAPSTAN[rings] - 1.0
     print(f"{rings} rings: T1/T2 off by {np.mean(ratio):.1e} in the mean, {np.max(np.abs(ratio)):.1e} at most")
     assert np.max(np.abs(ratio)) < 1e-4 and abs(np.mean(ratio)) < 2e-5

@@ -137,7 +137,7 @@ def test_a_whirl_is_seen_in_time() -> None:
     for k in (1, 2):
         seen = []
         for h in (0.02, 0.01, 0.005):
-            run = fb.simulate(model, start=found.state(k, 1e-6), t_end=1.2, step=h, every=1, points={"p": middle}, snapshots=0,
+            run = fb.simulate(model, start=found.state(k, 1e-6), t_end=1.2, step=h, every=1, points={"p": middle}, output=fb.Output(snapshots=0),
                               progress=False)
             z = run.point("p")[:, 1] + 1j * run.point("p")[:, 2]
             seen.append(float(np.angle(z[1:] / z[:-1]).mean()) / h)
@@ -170,7 +170,7 @@ def test_a_blade_on_a_hub_that_turns_is_seen_in_time() -> None:
             ways = []
             for amplitude in (1e-6, -1e-6):
                 run = fb.simulate(model, start=found.state(k, amplitude), t_end=6.0, step=0.01 / refine, every=refine,
-                                  points={"p": beam.end}, snapshots=0, progress=False)
+                                  points={"p": beam.end}, output=fb.Output(snapshots=0), progress=False)
                 ways.append(run.point("p"))
             way, angle = 0.5 * (ways[0] - ways[1]), rate * run.t
             across = np.stack((way[:, 2], np.cos(angle) * way[:, 1] - np.sin(angle) * way[:, 0]))

@@ -272,7 +272,7 @@ def test_ropes_are_drawn_as_lines(tmp_path: Any) -> None:
     rope = fb.Winch("rope", ORIGIN, bob, stiffness=2e4, mass_per_length=0.1, segments=4, length_at=lambda t: 9.9 + 0.1 * t * t)
     beam = fb.Beam.straight("beam", (5, 0, 0), (5, 0, -1), section=fb.Section.circle(radius=0.1, E=1e9, rho=1.0), elements=2)
     model = fb.compile_scene(fb.Scene(bob, rope, beam, fb.Clamp(beam.start), gravity=(0, 0, -G)))
-    result = fb.simulate(model, t_end=0.5, step=0.01, snapshots=5, progress=False)
+    result = fb.simulate(model, t_end=0.5, step=0.01, output=fb.Output(snapshots=5), progress=False)
     result.save(tmp_path / "r.h5")
     for x in (result, fb.load_result(tmp_path / "r.h5")):
         lines = Lines(x.names, x.phi.shape[1])
@@ -301,7 +301,7 @@ def test_a_support_lets_go_of_the_load_of_a_winch() -> None:
     assert [event["kind"] for event in whole.events] == ["let go"] and whole.drift("balance") < 1e-14
     assert np.max(np.abs(whole.reaction("hold")["force"][-40:])) == 0.0
     free = crane()
-    after = fb.simulate(free, t_end=0.4, step=0.005, start=held.state_for(free), t_start=0.1, progress=False)
+    after = fb.simulate(free, t_end=0.4, step=0.005, start=fb.Start(held.state_for(free), time=0.1), progress=False)
     np.testing.assert_allclose(after.state.q, whole.state.q, rtol=0, atol=1e-9)
     assert np.max(np.abs(whole.state.q - held.state.q)) > 0.05
     with pytest.raises(fb.SceneError, match="hold: since, whose impact does not know winches"):

@@ -325,24 +325,24 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
                          "or end earlier")
 
 
-def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
+def start_clock(model: Model, start: Any, time: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
     """Return state and clock at the start of a run.
 
     Raises
     ------
     SceneError
-        The checkpoint is one of another model, or t_start is given beside it.
+        The checkpoint is one of another model, or a time is given beside it.
     """
     if not isinstance(start, Checkpoint):
-        t = 0.0 if t_start is None else number("t_start", t_start)
+        t = 0.0 if time is None else time
         return start, Clock(t, t, step, step, t)
-    if t_start is not None:
-        raise SceneError(f"t_start: the checkpoint stands at t = {start.t:.6g} s; leave t_start out")
+    if time is not None:
+        raise SceneError(f"start: the checkpoint stands at t = {start.t:.6g} s; leave the time of Start out")
     if start.fingerprint != model.fingerprint:
         raise SceneError(f"start: the checkpoint belongs to another model (scene {start.scene!r}, {start.state.q.size // 12} "
                          f"nodes) than {model.scene_name!r} with {model.n_nodes} nodes, or was made by another version or on "
                          "another machine; compile the same scene, or go on at your own risk with "
-                         "start=checkpoint.state, t_start=checkpoint.t")
+                         "start=Start(checkpoint.state, time=checkpoint.t)")
     before = None if start.mean_force is None else start.mean_force.copy()
     began = start.t if start.began is None else start.began
     clock = Clock(start.t, start.t, step, step, began, before=before, before_size=start.last_step)

@@ -9,6 +9,7 @@ import numpy as np
 
 from fastbeam.dynamics.bounds import Ways
 from fastbeam.dynamics.checkpoint import RESOLVED, Clock, check_times
+from fastbeam.dynamics.options import StepControl
 from fastbeam.interface.errors import ConvergenceError, SceneError
 from fastbeam.kernels.loop import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from fastbeam.kernels.state import State
@@ -194,7 +195,7 @@ def run_to_condition(stepper: Stepper, t: float, h: float, parts: int, least: fl
 
 
 @dataclass
-class StepControl:
+class StepSizes:
     """Local error control by step doubling: one step against two halves; the halves are kept.
 
     Parameters
@@ -351,8 +352,7 @@ class StepControl:
         return float(np.clip(0.9 * (self.tolerance / error) ** (1.0 / (self.order + 1)), 0.2, 4.0))
 
 
-def step_control(tolerance: float, order: int, clock: Clock, t_end: float, min_step: float | None,
-                 max_step: float | None) -> StepControl:
+def step_sizes(asked: StepControl, order: int, clock: Clock, t_end: float) -> StepSizes:
     """Make the step control of a run, with bounds where none are given: a millionth of the first step, a tenth of the run.
 
     Raises
@@ -360,9 +360,9 @@ def step_control(tolerance: float, order: int, clock: Clock, t_end: float, min_s
     SceneError
         The bounds are none, or doubles cannot tell apart times of smallest steps.
     """
-    largest = 0.1 * (t_end - clock.origin) if max_step is None else max_step
+    largest = 0.1 * (t_end - clock.origin) if asked.max_step is None else asked.max_step
     least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
-    smallest = min(max(1e-6 * clock.step, least), largest) if min_step is None else min_step
-    control = StepControl(tolerance, order, smallest, largest)
+    smallest = min(max(1e-6 * clock.step, least), largest) if asked.min_step is None else asked.min_step
+    control = StepSizes(asked.tolerance, order, smallest, largest)
     check_times(clock.now, t_end, smallest, "min_step")
     return control

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.dynamics.control import StepControl
+from fastbeam.dynamics.control import StepSizes
 from fastbeam.dynamics.locks import Awaited, Locking
 from fastbeam.interface.errors import ConvergenceError
 from fastbeam.kernels.loop import OK, SLIDER_END
@@ -41,11 +41,11 @@ class Corners:
     ----------
     stepper : Stepper
     locking : Locking
-    control : StepControl, optional
+    control : StepSizes, optional
         Judges the steps.
     """
 
-    def __init__(self, stepper: Stepper, locking: Locking, control: StepControl | None = None) -> None:
+    def __init__(self, stepper: Stepper, locking: Locking, control: StepSizes | None = None) -> None:
         self.stepper, self.locking, self.model, self.control = stepper, locking, stepper.model, control
 
     def passed(self, start: Any, t: float, sizes: tuple[float, float], awaited: Awaited, step: int) -> Passed | None:

@@ -10,7 +10,7 @@ from fastbeam.dynamics.checkpoint import Clock
 from fastbeam.dynamics.control import (
     END_TOLERANCE,
     TRANSFER_TOLERANCE,
-    StepControl,
+    StepSizes,
     failure,
     run_to_condition,
     run_to_end_of_beam,
@@ -68,7 +68,7 @@ class Encounters:
     calls: Calls
     rows: Rows
     progress: Progress
-    control: StepControl | None
+    control: StepSizes | None
     impacts: Impacts
     locking: Locking
     event: Callable[[dict[str, Any]], None]

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from fastbeam.dynamics.checkpoint import Clock
 from fastbeam.dynamics.kinks import Kinks
+from fastbeam.dynamics.options import Output, Start
 from fastbeam.interface.errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from fastbeam.interface.paths import check_new
 from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, FRICTION_LOSS, HISTORY, LOCK_LOSS, STOP_LOSS
@@ -35,15 +37,14 @@ def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
     return dissipates and not any(lacking(Analysis.ORDER_4, model))
 
 
-def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any, max_step: Any) -> None:
+def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any) -> None:
     """Refuse options that need one state on the way.
 
     Raises
     ------
     SceneError
     """
-    given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint),
-                                  ("min_step", min_step), ("max_step", max_step)) if x is not None]
+    given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint)) if x is not None]
     if given:
         raise SceneError(f"{given[0]}: {WHICH}, and there is no {given[0]} between them; leave it out, or use order=2")
 
@@ -155,7 +156,7 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     return result
 
 
-def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any, overwrite: bool) -> BaseException:
+def ended_alone(error: BaseException, runs: list[Result], step: float, output: Output) -> BaseException:
     """Return the error to raise where one of the two runs did not come to its end: its result is that of one run, of order 2, and
     says so; it is written to the file that was asked for.
 
@@ -174,9 +175,9 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any
             "alone: "
             f"steps of {(0.5 if second else 1.0) * step:g} s, errors of second order")
     result.events.append({"kind": "extrapolation", "time": float(result.t[-1]), "text": text})
-    if file is not None:
+    if output.file is not None:
         try:
-            result.save(file, overwrite=overwrite)
+            result.save(output.file, overwrite=output.overwrite)
         except ResultFileError as failed:
             result.events.append({"kind": "file", "time": float(result.t[-1]), "text": str(failed)})
     if isinstance(error, KeyboardInterrupt) and not isinstance(error, Interrupted):
@@ -189,29 +190,30 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, file: Any
     return error
 
 
-def of_two_runs(run: Callable[..., Result], model: Model, t_start: float, t_end: float, step: float,
-                every: int | None, file: Any, overwrite: bool, options: dict[str, Any]) -> Result:
+def of_two_runs(run: Callable[..., Result], model: Model, start: Start, t_end: float, step: float, every: int | None,
+                output: Output, options: dict[str, Any]) -> Result:
     """Run order 4 with what dissipates, or with reactions; the step becomes a whole part of the time, so that rows are the same.
     run: `simulate`."""
-    if file is not None:
-        check_new("result file", Path(file), Path(file), overwrite)
+    if output.file is not None:
+        check_new("result file", Path(output.file), Path(output.file), output.overwrite)
+    t_start = start.time
     n = max(1, math.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
     every = max(1, n // 500) if every is None else min(every, n)
     step = (t_end - t_start) / n
     kinks = Kinks(model, step)
-    kinks(t_start, options["start"] or model.state())
+    kinks(t_start, start.state or model.state())
     runs: list[Result] = []
     try:
         for k in (1, 2):
-            runs.append(run(model, t_start=t_start, t_end=t_end, step=step / k, every=k * every,
-                                 callback=kinks if k == 2 and kinks.groups else None, **options))
+            runs.append(run(model, start=start, t_end=t_end, step=step / k, every=k * every, output=replace(output, file=None),
+                            callback=kinks if k == 2 and kinks.groups else None, **options))
         result = combine(model, *runs, step, t_end)
     except (KeyboardInterrupt, Exception) as error:
-        raised = ended_alone(error, runs, step, file, overwrite)
+        raised = ended_alone(error, runs, step, output)
         if raised is not error:
             raise raised from error
         raise
     result.events += kinks.events
-    if file is not None:
-        result.save(file, overwrite=overwrite)
+    if output.file is not None:
+        result.save(output.file, overwrite=output.overwrite)
     return result

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from fastbeam.dynamics.control import StepControl
+from fastbeam.dynamics.control import StepSizes
 from fastbeam.kernels.jit.parts import WholeCompiler
 from fastbeam.kernels.loop import OK
 from fastbeam.stepping.outcome import Outcome
@@ -186,8 +186,8 @@ class Calls:
         assert whole is not None
         return whole
 
-    def controlled(self, control: StepControl, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
-        """Take a step as `StepControl.advance`; none where a Ctrl-C waits."""
+    def controlled(self, control: StepSizes, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
+        """Take a step as `StepSizes.advance`; none where a Ctrl-C waits."""
         self.intact, self.stepper.stop = False, self._waits
         begin = time.perf_counter()
         try:

@@ -9,6 +9,7 @@ import numpy as np
 from fastbeam.dynamics.blocks import Block
 from fastbeam.dynamics.checkpoint import Clock
 from fastbeam.dynamics.contact_force import ContactForces
+from fastbeam.dynamics.options import Output
 from fastbeam.interface.errors import ResultFileError
 from fastbeam.kernels.state import State
 from fastbeam.results.observe.observer import Observer
@@ -16,6 +17,8 @@ from fastbeam.results.result import ResultBuffer, ResultHeader
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
+# whole shapes of a run that says nothing
+SNAPSHOTS = 50
 
 
 class Rows:
@@ -31,10 +34,8 @@ class Rows:
         None where forces are not recorded, or are those at the end of a step.
     t_end : float
     header : ResultHeader
-    snapshots : int
-        About how many shapes to keep, one a row at most.
-    file, overwrite : path or None, bool
-        File for everything besides.
+    output : Output
+        File, and about how many shapes to keep, one a row at most.
 
     Attributes
     ----------
@@ -48,16 +49,16 @@ class Rows:
     """
 
     def __init__(self, observer: Observer, stepper: Stepper, clock: Clock, forces: ContactForces | None, t_end: float,
-                 header: ResultHeader, snapshots: int, file: Any, overwrite: bool) -> None:
+                 header: ResultHeader, output: Output) -> None:
         self.observer, self.stepper, self.clock, self.forces, self.t_end = observer, stepper, clock, forces, t_end
         self.memory = ResultBuffer(header)
         self.writer: Any = None
-        if file is not None:
+        if output.file is not None:
             from fastbeam.results.hdf5_writer import ResultWriter
-            self.writer = ResultWriter(file, header, overwrite=overwrite)
+            self.writer = ResultWriter(output.file, header, overwrite=output.overwrite)
         self.file_error: ResultFileError | None = None
-        self.snapshots = snapshots
-        self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
+        self.snapshots = SNAPSHOTS if output.snapshots is None else output.snapshots
+        self.shape_gap = (t_end - clock.origin) / max(self.snapshots - 1, 1)
         self.first_shape = self.next_shape = clock.origin
         self.pending: tuple[float, dict[str, Any]] | None = None
         self.first_force: Array | None = None

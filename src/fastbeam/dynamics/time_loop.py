@@ -16,7 +16,7 @@ from fastbeam.dynamics.bounds import Ways
 from fastbeam.dynamics.callback import Callback
 from fastbeam.dynamics.checkpoint import SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from fastbeam.dynamics.contact_force import AT_END, AT_ROWS, ContactForces
-from fastbeam.dynamics.control import StepControl, composition, failure, step_control
+from fastbeam.dynamics.control import StepSizes, composition, failure, step_sizes
 from fastbeam.dynamics.events import CONDITION, Encounters, Plan
 from fastbeam.dynamics.extrapolation import check_two_runs, extrapolates, of_two_runs
 from fastbeam.dynamics.filtering import FilteringStepper, check_filtered
@@ -25,11 +25,13 @@ from fastbeam.dynamics.interrupt import Calls, Interrupts
 from fastbeam.dynamics.kinks import Kinks
 from fastbeam.dynamics.locks import Locking
 from fastbeam.dynamics.reactions import ReactingStepper
+from fastbeam.dynamics.options import BEGIN, OLD, STEP, TIME, Group, Method, Output, Solver, Start, StepControl, groups
 from fastbeam.dynamics.recording import Rows
 from fastbeam.dynamics.sampling import Sampling
 from fastbeam.dynamics.step_means import forces_of, measuring
 from fastbeam.dynamics.warnings import Watch
-from fastbeam.interface.arguments import Anything, Count, FilePath, Flag, Function, Instance, Number, Word, checked
+from fastbeam.interface.arguments import Anything, Count, FilePath, Flag, Function, Number, Word, checked
+from fastbeam.interface.deprecation import regrouped
 from fastbeam.interface.errors import ConvergenceError, Interrupted, ResultFileError, SceneError, carry
 from fastbeam.interface.result_warnings import warns
 from fastbeam.kernels.loop import OK, SLIDER_END
@@ -41,33 +43,27 @@ from fastbeam.results.observe.points import PointRows
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
-from fastbeam.stepping.methods import Method, choose_method
+from fastbeam.stepping.methods import Scheme, choose_scheme
 from fastbeam.stepping.outcome import Outcome
-from fastbeam.stepping.stepper import AUGMENTATION, Stepper
+from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
-TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
-START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
 AFTER_BLOWS = (". Before, sliders went over kinks of what they run on, as blows whatever the step (events 'unresolved' have "
                "places and forces), and their waves run on: weld the beams there, let them bend, or give their sections damping=")
 
 
+@regrouped("0.2", OLD)
 @warns
-@checked(model=Anything(), t_end=TIME, step=STEP, order=Count(), method=Word(), rho_inf=Number(), start=START, t_start=TIME,
-         observe=OBSERVED, points=POINTS, every=Count(), snapshots=Count(0, 10**6), file=FilePath(), overwrite=Flag(),
-         checkpoint=FilePath(), checkpoint_every=Number(least=0.0, unit="s"), callback=Function("(t, state)"),
-         tolerance=Number(above=0.0), min_step=STEP, max_step=STEP, max_iterations=Count(most=10_000), backend=Word(),
-         augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag(),
-         velocities=Word(("start", "scene")))
-def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
-             rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
+@checked(model=Anything(), t_end=TIME, step=STEP, order=Count(), method=Group(Method, Word()),
+         tolerance=Group(StepControl, Number(above=0.0)), start=Group(Start, BEGIN), observe=OBSERVED, points=POINTS,
+         every=Count(), callback=Function("(t, state)"), output=Group(Output, FilePath()), solver=Group(Solver, Word()),
+         progress=Flag())
+def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str | Method = "energy_momentum",
+             tolerance: float | StepControl | None = None, start: State | Checkpoint | Start | None = None,
              observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Place] | None = None,
-             every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
-             checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
-             callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
-             min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
-             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None,
-             mend_start: bool = False, velocities: str = "start") -> Result:
+             every: int | None = None, callback: Callable[[float, State], bool | None] | None = None,
+             output: str | PathLike[str] | Output | None = None, solver: str | Solver = "auto",
+             progress: bool | None = None) -> Result:
     """Integrate a model in time, with the conserving step (theory.md 4 to 6) or a method to compare it with (theory.md 7).
 
     With the conserving step energy, linear and angular momentum of an isolated system and the gap of its sliders stay at
@@ -84,16 +80,17 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         4 composes five substeps, one of them backwards: for smooth scenes; an event `order` tells of kinks on the way. With
         damping, drag, dampers and user forces, and with 'reaction' observed, it extrapolates two runs, of `step` and half of it,
         at three times the cost of order 2 (theory.md 6).
-    method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
-        All but the first are for comparison: same equations, sliders and solvers, but they conserve less. The last two have
-        order 2 only and no step control.
-    rho_inf : float in [0, 1]
-        Spectral radius at infinity. Of 'energy_momentum' (default: none, as 1): high frequencies of beams are dissipated, momenta
-        are kept, and what is lost is in `Result.balance` (theory.md (6.2)). Of 'generalized_alpha' (default 0.8).
-    start, t_start : State or Checkpoint, float
-        Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
-        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
-        sliders do not allow is refused; a support holds its node where the state has it.
+    method : str or Method
+        'energy_momentum', or a method to compare it with: 'midpoint', 'trapezoidal', 'generalized_alpha'.
+        ``Method(rho_inf=0.8)`` dissipates high frequencies.
+    tolerance : float or StepControl
+        Step control: local error of a position per step, relative to the size of the scene.
+        ``StepControl(1e-6, max_step=0.1)`` bounds the step size.
+    start : State, Checkpoint or Start
+        Go on from a state (`result.state`), at t = 0 unless ``Start(state, time=...)`` says otherwise; default: the initial
+        state of the model. From a checkpoint (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its
+        time. A state that joints, supports or sliders do not allow is refused, or mended by ``Start(state, mend=True)``; a
+        support holds its node where the state has it.
     observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'spin', 'orientation',
             'acceleration', 'section', 'reaction'}
         What is recorded: 'velocity' (snapshots keep velocities and spins of all nodes, too), 'spin', 'orientation',
@@ -103,40 +100,16 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
     every : int
         Steps between rows; default: about 500 rows in all. With step control every accepted step is a row.
-    snapshots : int
-        About how many whole shapes to keep, at rows; one a row at most.
-    file : path
-        Write the result to this HDF5 file as the run goes.
-    checkpoint, checkpoint_every : path, float
-        Renew a checkpoint in this file at the first row that many seconds after the last one (0: at every row) and at the end.
     callback : callable
         Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space, not to
         be written to. Where it changes what a load's time function returns, an event says so, and step control refuses it.
-    tolerance : float
-        Step control: local error of a position per step, relative to the size of the scene; of what turns at its radius of
-        gyration.
-    min_step, max_step : float
-        Its bounds, default step*1e-6 and (t_end - t_start)/10.
-    max_iterations : int
-        Newton iterations a substep.
-    backend : {'auto', 'pardiso', 'superlu'}
-        Sparse solver, where the scene needs one.
-    augmentation : float
-        Augmented Lagrangian of the sliders: stiffness of a contact over that of the parts it joins in a step, 1 to 1e12 or 0 for
-        plain multipliers. The solution is the same; it keeps sliders that hold the same motion twice regular (theory.md 5.5).
-    threads : int
-        Of large nets and long beams, which are condensed; default: FASTBEAM_THREADS, else all processors of this process, one for
-        every 2000 elements. Results are the same for any number, to the last bit, where beams are condensed; elsewhere PARDISO
-        rounds differently on another number from 5000 unknowns on.
+    output : path or Output
+        HDF5 file to which the result is written as the run goes; ``Output(file=..., checkpoint=..., snapshots=200)`` also has
+        checkpoints and the number of whole shapes.
+    solver : {'auto', 'pardiso', 'superlu'} or Solver
+        Sparse solver, where the scene needs one; ``Solver(threads=1, max_iterations=50)`` has more.
     progress : bool
         Progress bar; default: on anything longer than a second.
-    mend_start : bool
-        Start near to `start` where joints, supports and sliders do not allow it: parts up to a hundredth of the size of the scene
-        apart are moved, those that meet at different velocities do so in an inelastic impact. Momenta stay, `Result.balance` has
-        the energy.
-    velocities : {'start', 'scene'}
-        Those that a start has, or those that the scene gives its parts, in the shape of the start: of an equilibrium, which has
-        none.
 
     Returns
     -------
@@ -169,59 +142,58 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     True
     """
     check_model("simulate", model)
-    state, clock = start_clock(model, start, t_start, step, tolerance is not None)
-    said: list[tuple[str, str]] = []
-    if velocities == "scene" and state is not None:
-        if isinstance(start, Checkpoint):
-            raise SceneError("velocities: a checkpoint goes on with its own; start=checkpoint.state takes those of the scene")
-        start, said = with_velocities_of_scene(model, state, clock.now)
-        state = start
+    chosen, control, begin, kept, solving = groups(method, tolerance, start, output, solver)
+    state, clock = start_clock(model, begin.state, begin.time, step, control is not None)
+    first, said = begin.state, []
+    if begin.velocities == "scene" and state is not None:
+        if isinstance(first, Checkpoint):
+            raise SceneError("velocities: a checkpoint goes on with its own; Start(checkpoint.state, velocities=\"scene\") takes "
+                             "those of the scene")
+        first, said = with_velocities_of_scene(model, state, clock.now)
+        state = first
     check_times(clock.now, t_end, step)
-    notes = list(model.notes) if start is None else []
+    notes = list(model.notes) if first is None else []
     books: dict[str, Any] = {}
     if state is not None:
         # a checkpoint goes on as if it had never stopped
-        goes_on = isinstance(start, Checkpoint)
-        state, notes = check_start(model, state, step, mend_start, t=clock.now, goes_on=goes_on)
+        goes_on = isinstance(first, Checkpoint)
+        state, notes = check_start(model, state, step, begin.mend, t=clock.now, goes_on=goes_on)
         notes = [] if goes_on else notes
         notes += said
-        books, notes = books_of_start(model, start, state, clock.now, notes)
+        books, notes = books_of_start(model, first, state, clock.now, notes)
     elif clock.now != 0.0:
         notes += moved_supports(model, model.state(), clock.now)
-    if checkpoint is not None:
-        checkpoint = check_target(checkpoint, overwrite=True, probe=True)
-    if order == 4 and method == "energy_momentum" and extrapolates(model, observe):
-        check_two_runs(tolerance, callback, checkpoint, min_step, max_step)
-        return of_two_runs(simulate, model, clock.now, t_end, step, every, file, overwrite, {
-            "rho_inf": rho_inf, "start": start if isinstance(start, State) else state, "observe": observe, "points": points,
-            "snapshots": snapshots, "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation,
-            "threads": threads, "progress": progress, "mend_start": mend_start})
-    if tolerance is None and not (min_step is None and max_step is None):
-        raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
+    if kept.checkpoint is not None:
+        kept = replace(kept, checkpoint=check_target(kept.checkpoint, overwrite=True, probe=True))
+    if order == 4 and chosen.name == "energy_momentum" and extrapolates(model, observe):
+        check_two_runs(control, callback, kept.checkpoint)
+        begin = Start(first if isinstance(first, State) else state, clock.now, begin.mend)
+        return of_two_runs(simulate, model, begin, t_end, step, every, kept, {
+            "method": chosen, "observe": observe, "points": points, "solver": solver, "progress": progress})
     weights = composition(order)
-    chosen = choose_method(method, rho_inf, order, tolerance, model)
+    scheme = choose_scheme(chosen.name, chosen.rho_inf, order, control is not None, model)
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else every
-    control = None if tolerance is None else step_control(tolerance, order, clock, t_end, min_step, max_step)
-    memory = start.memory if isinstance(start, Checkpoint) else None
-    make = _stepper_class(chosen, order, model, observe)
+    sizes = None if control is None else step_sizes(control, order, clock, t_end)
+    memory = first.memory if isinstance(first, Checkpoint) else None
+    make = _stepper_class(scheme, order, model, observe)
     rows_of_points = PointRows(model, observe, points)
     if rows_of_points.measured:
-        make = measuring(make, chosen, rows_of_points)
-    stepper = make(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
+        make = measuring(make, scheme, rows_of_points)
+    stepper = make(model, weights, state, solving.max_iterations, solving.backend, scheme, clock.now, memory,
+                   solving.augmentation, solving.threads)
     stepper.points = rows_of_points
     if isinstance(stepper, ReactingStepper):
         stepper.cut(rows_of_points.sections)
-    observer = Observer(model, observe, rows_of_points, stepper.lost if chosen.filters else None)
-    run = _Run(model, stepper, observer, clock, t_end, order, snapshots, file, overwrite, callback,
-               control, progress, checkpoint, checkpoint_every)
+    observer = Observer(model, observe, rows_of_points, stepper.lost if scheme.filters else None)
+    run = _Run(model, stepper, observer, clock, t_end, order, kept, callback, sizes, progress)
     run.notes = notes
     run.info |= books
-    run.impacts = Impacts(model, start.impacts if isinstance(start, Checkpoint) else None)
+    run.impacts = Impacts(model, first.impacts if isinstance(first, Checkpoint) else None)
     return run.go(every)
 
 
-def _stepper_class(method: Method, order: int, model: Model, observe: Sequence[str]) -> Any:
+def _stepper_class(method: Scheme, order: int, model: Model, observe: Sequence[str]) -> Any:
     """Choose the class of the stepper of a run, before what its points ask for.
 
     Raises
@@ -249,13 +221,13 @@ class _Run(Encounters):
     """One run, which drives the stepper and feeds rows to memory and file."""
 
     def __init__(self, model: Model, stepper: Stepper, observer: Observer, clock: Clock, t_end: float, order: int,
-                 snapshots: int, file: Any, overwrite: bool, callback: Any, control: StepControl | None,
-                 progress: bool | None, checkpoint: Any, checkpoint_every: float) -> None:
+                 output: Output, callback: Any, control: StepSizes | None, progress: bool | None) -> None:
         self.model, self.stepper, self.observer, self.clock = model, stepper, observer, clock
         self.t_start, self.t_end, self.step, self.order = clock.now, t_end, clock.step, order
         self.callback = None if callback is None else Callback(model, callback, t_end)
         self.control = control
-        self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
+        self.checkpoint, self.checkpoint_every, self.last_checkpoint = (output.checkpoint, output.checkpoint_every,
+                                                                          time.perf_counter())
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
             "conserved": conserved(model, observer.lost is not None), "unknowns": stepper.core.own_unknowns,
@@ -265,7 +237,7 @@ class _Run(Encounters):
             self.info["contact_force"] = AT_END if at_end else AT_ROWS
         forces = ContactForces(stepper, control is not None, clock.began, t_end) if observer.needs_forces and not at_end else None
         header = observer.header(self.info, moving=True)
-        self.rows = Rows(observer, stepper, clock, forces, t_end, header, snapshots, file, overwrite)
+        self.rows = Rows(observer, stepper, clock, forces, t_end, header, output)
         self.memory, self.event = self.rows.memory, self.rows.event
         self.progress = Progress(t_end - clock.now, model.scene_name, progress)
         self.iterations = self.steps = 0
@@ -282,7 +254,7 @@ class _Run(Encounters):
         kinks = Kinks(model, clock.step) if order == 4 and control is None else None
         self.watch = Watch(model, stepper, self.event, clock.now, t_end, kinks)
         # nothing looks at single steps
-        alone = control is None and callback is None and checkpoint is None and kinks is None and Blocks.suit(stepper)
+        alone = control is None and callback is None and output.checkpoint is None and kinks is None and Blocks.suit(stepper)
         self.blocks = Blocks(stepper) if alone and forces is None and not at_end else None
 
     def keep_checkpoint(self, present: Checkpoint | None = None) -> None:

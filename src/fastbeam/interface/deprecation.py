@@ -6,8 +6,9 @@ function or method that goes, `@deprecated("0.2", instead="what to write")`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
+from inspect import signature
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
@@ -120,6 +121,48 @@ def deprecated(since: str, /, *, instead: str = "", **renamed: str) -> Callable[
             return thing
         return wrap(thing, thing.__name__)
 
+    return decorate
+
+
+# a group of arguments: the argument that takes it, its class, and the name of an old argument there
+Grouped = Mapping[str, tuple[str, type, str]]
+
+
+def regroup(subject: str, since: str, old: Grouped, given: dict[str, Any], level: int = 2) -> dict[str, Any]:
+    """Return arguments of a call with the old ones put into the groups that took their place, with a FutureWarning.
+
+    Raises
+    ------
+    TypeError
+        An old argument is given beside its group.
+    SceneError
+        A group refuses its arguments.
+    """
+    out = {name: value for name, value in given.items() if name not in old}
+    groups: dict[str, tuple[type, dict[str, Any]]] = {}
+    for name in (name for name in given if name in old):
+        place, group, new = old[name]
+        if isinstance(given.get(place), group):
+            raise TypeError(f"{subject}: {name} is {new} of {group.__name__} now; give it there alone")
+        first = {} if given.get(place) is None else {next(iter(signature(group).parameters)): given[place]}
+        groups.setdefault(place, (group, first))[1][new] = given[name]
+    if not groups:
+        return out
+    texts = (f"{place}={group.__name__}({', '.join(f'{name}=...' for name in values)})" for place, (group, values) in groups.items())
+    have = ", ".join(name for name in given if name in old)
+    _warn(f"{subject}: arguments went into groups; instead of {have} write {', '.join(texts)}", since, level + 1)
+    return out | {place: group(**values) for place, (group, values) in groups.items()}
+
+
+def regrouped(since: str, old: Grouped) -> Callable[[T], T]:
+    """Accept arguments of the decorated function that went into groups by their old names, too. It stands above `@checked`."""
+    gone(since)
+
+    def decorate(call: Any) -> Any:
+        @wraps(call)
+        def warned(*args: Any, **given: Any) -> Any:
+            return call(*args, **(given if given.keys().isdisjoint(old) else regroup(call.__name__, since, old, given, 3)))
+        return warned
     return decorate
 
 

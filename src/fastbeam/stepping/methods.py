@@ -26,8 +26,8 @@ RHO_INF = 0.8
 
 
 @dataclass(frozen=True)
-class Method:
-    """Method of time integration.
+class Scheme:
+    """Scheme of time integration.
 
     Attributes
     ----------
@@ -66,8 +66,8 @@ class Method:
         return self.parameters is not None
 
 
-def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float | None, model: Model) -> Method:
-    """Return the method for these arguments of `simulate`.
+def choose_scheme(name: str, rho_inf: float | None, order: int, controlled: bool, model: Model) -> Scheme:
+    """Return the scheme of a method of `simulate` with this order, with or without step control.
 
     Raises
     ------
@@ -85,21 +85,21 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
         require(Analysis.COMPARED, model, f"method {name!r}")
     if name in ("energy_momentum", "midpoint"):
         # 1 dissipates nothing: the step as it is
-        return Method(name, 1 if name == "midpoint" else None, None, rho_inf if rho_inf is None or rho < 1.0 else None)
+        return Scheme(name, 1 if name == "midpoint" else None, None, rho_inf if rho_inf is None or rho < 1.0 else None)
     if order != 2:
         raise SceneError(f"order: method {name!r} has order 2, got order={order!r}; order 4 composes the symmetric steps of "
                          "'energy_momentum' or 'midpoint'")
-    if tolerance is not None:
+    if controlled:
         raise SceneError(f"tolerance: step control is there for 'energy_momentum' and 'midpoint', not for {name!r}; "
                          "leave tolerance out")
     if name == "trapezoidal":
-        return Method(name, None, np.array([0.0, 0.0, 0.25, 0.5]))
+        return Scheme(name, None, np.array([0.0, 0.0, 0.25, 0.5]))
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 + af - am
-    return Method(name, None, np.array([am, af, 0.25 * (gamma + 0.5)**2, gamma]), rho)
+    return Scheme(name, None, np.array([am, af, 0.25 * (gamma + 0.5)**2, gamma]), rho)
 
 
-def empty_rates(method: Method, n_nodes: int) -> Alpha | None:
+def empty_rates(method: Scheme, n_nodes: int) -> Alpha | None:
     """Allocate work arrays of a method, None where it needs none."""
     if method.parameters is None:
         return None

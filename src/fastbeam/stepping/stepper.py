@@ -48,7 +48,7 @@ from fastbeam.model.workspace import (
 from fastbeam.stepping.condensed import CondensedIteration, thread_count
 from fastbeam.stepping.constraint_rows import constraints_of
 from fastbeam.stepping.iteration import LEFT, Iteration
-from fastbeam.stepping.methods import Method, empty_rates, start_rates
+from fastbeam.stepping.methods import Scheme, empty_rates, start_rates
 from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.terms import Corner, Growing, put_limits, system_of, terms_of
 
@@ -82,7 +82,7 @@ class Stepper:
         Newton iterations a substep.
     backend : {'auto', 'pardiso', 'superlu'}
         Sparse solver, where the model needs one.
-    method : Method
+    method : Scheme
     t : float
         Time of the state, s; some methods need the loads there.
     memory : float64, optional
@@ -102,7 +102,7 @@ class Stepper:
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
-                 backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
+                 backend: str = "auto", method: Scheme = Scheme(), t: float = 0.0, memory: Array | None = None,
                  augmentation: float = AUGMENTATION, threads: int | None = None, static: bool = False,
                  symmetric: bool = False) -> None:
         check_backend(backend)
