@@ -169,7 +169,8 @@ def draw_film() -> None:
 
     import fastbeam as fb
     from fastbeam.__main__ import load_example
-    result = fb.simulate(fb.compile_scene(load_example("ring_on_cable").build()), t_end=0.6, step=5e-4, output=fb.Output(snapshots=80))
+    result = fb.simulate(fb.compile_scene(load_example("ring_on_cable").build()), t_end=0.6, step=5e-4,
+                         output=fb.Output(snapshots=80))
     with tempfile.TemporaryDirectory() as folder:
         fb.animate(result, Path(folder) / "large.gif", fps=20.0, progress=False)
         with Image.open(Path(folder) / "large.gif") as film:

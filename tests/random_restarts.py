@@ -75,7 +75,7 @@ def restart(seed: int) -> tuple[str, float]:
     moved = float(10.0**rng.uniform(-6.0, -2.0)) if rng.random() < 0.3 else 0.0
     one = fb.compile_scene(scene(rng, before, 0.0, speed, True), planar=False)
     two = fb.compile_scene(scene(rng, after, moved, speed, False), planar=False)
-    options: dict[str, Any] = dict(step=STEP, t_end=STEPS * STEP, every=1, snapshots=0, progress=False)
+    options: dict[str, Any] = dict(step=STEP, t_end=STEPS * STEP, every=1, output=fb.Output(snapshots=0), progress=False)
     run = fb.simulate(one, **options)
     start, mend = run.state_for(two), bool(rng.random() < 0.7)
     try:

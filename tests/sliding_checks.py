@@ -39,7 +39,7 @@ def compiled(drawn: Drawn | DrawnPath, **options: Any) -> fb.Model:
 
 def settings_of(drawn: Drawn | DrawnPath) -> dict[str, Any]:
     h = drawn.rest["step"] if isinstance(drawn, Drawn) else drawn.step
-    return dict(t_end=STEPS * h, step=h, every=1, snapshots=0, progress=False)
+    return dict(t_end=STEPS * h, step=h, every=1, output=fb.Output(snapshots=0), progress=False)
 
 
 def run(model: fb.Model, drawn: Drawn | DrawnPath, **options: Any) -> fb.Result:

@@ -453,7 +453,8 @@ def _simulate(h: Host, **options: Any) -> Found:
     u = h.u
     # steps with filters have no reactions
     observe = ("energy", "momentum", "slider", "joint", *(() if "rho_inf" in options else ("reaction",)))
-    run = fb.simulate(fb.compile_scene(h.scene, planar=False), t_end=STEPS * H * u.s, step=H * u.s, every=1, output=fb.Output(snapshots=0),
+    run = fb.simulate(fb.compile_scene(h.scene, planar=False), t_end=STEPS * H * u.s, step=H * u.s, every=1,
+                      output=fb.Output(snapshots=0),
                       progress=False, points=h.points, observe=observe, **options)
     # the potential of loads and of gravity depends on where the scene is
     apex, inner = u.home(run.point("apex")), (run.series["kinetic"] + run.series["strain"]) / u.Nm
@@ -560,7 +561,7 @@ def _adjoint_run(h: Host) -> Found:
 
 
 ANALYSES: dict[str, Callable[[Host], Found]] = {
-    "simulate": _simulate, "simulate with rho_inf": lambda h: _simulate(h, rho_inf=0.8),
+    "simulate": _simulate, "simulate with rho_inf": lambda h: _simulate(h, method=fb.Method(rho_inf=0.8)),
     "simulate with order 4": lambda h: _simulate(h, order=4), "solve_static": _solve_static, "solve_path": _solve_path,
     "relax": _relax, "modes": _modes, "damped modes": lambda h: _modes(h, damped=True),
     "frequency_response": _frequency_response, "sensitivity": _sensitivity, "critical load": _critical,

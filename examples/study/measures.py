@@ -263,7 +263,8 @@ def step_control(case: Case, model: fb.Model, order: int, tolerance: float, t_en
     errors = []
     for k in np.unique(np.linspace(0, len(states) - 2, min(samples, len(states) - 1)).astype(int)):
         (t, a), (after, b) = states[k], states[k + 1]
-        exact = fb.simulate(model, start=fb.Start(a, time=t), t_end=after, step=(after - t) / 16.0, order=4, observe=(), output=fb.Output(snapshots=0),
+        exact = fb.simulate(model, start=fb.Start(a, time=t), t_end=after, step=(after - t) / 16.0, order=4, observe=(),
+                            output=fb.Output(snapshots=0),
                             progress=False).state
         # over the same size of the scene as in the step control
         errors.append(_local_error(exact, b, float(info["scale"]["gap"])))

@@ -46,9 +46,9 @@ METHODS = {m.key: m for m in (
     Method("em4", "energy-momentum, order 4", {"order": 4}),
     Method("midpoint", "implicit midpoint", {"method": "midpoint"}),
     Method("trapezoidal", "trapezoidal (Newmark)", {"method": "trapezoidal"}),
-    Method("alpha09", "generalised-alpha, 0.9", {"method": "generalized_alpha", "rho_inf": 0.9}),
-    Method("alpha05", "generalised-alpha, 0.5", {"method": "generalized_alpha", "rho_inf": 0.5}),
-    Method("alpha00", "generalised-alpha, 0", {"method": "generalized_alpha", "rho_inf": 0.0}))}
+    Method("alpha09", "generalised-alpha, 0.9", {"method": fb.Method("generalized_alpha", rho_inf=0.9)}),
+    Method("alpha05", "generalised-alpha, 0.5", {"method": fb.Method("generalized_alpha", rho_inf=0.5)}),
+    Method("alpha00", "generalised-alpha, 0", {"method": fb.Method("generalized_alpha", rho_inf=0.0)}))}
 
 
 @dataclass
@@ -90,7 +90,8 @@ def run(case: Case, model: fb.Model, method: str, *, step: float, t_end: float |
         **settings: Any) -> Attempt:
     """Run a case with one method; `scale`: energy that errors are divided by, J (default: that of the run)."""
     t_end = case.t_end if t_end is None else t_end
-    settings = {"points": case.points, "snapshots": 0, "progress": False, "max_iterations": MAX_ITERATIONS} | settings
+    settings = {"points": case.points, "output": fb.Output(snapshots=0), "progress": False,
+                "solver": fb.Solver(max_iterations=MAX_ITERATIONS)} | settings
     status, reason = "done", ""
     with np.errstate(all="ignore"):
         try:

@@ -23,7 +23,8 @@ STYLE = {"font.size": 9, "axes.grid": True, "grid.color": "0.9", "axes.axisbelow
 
 def shapes(case: Case, model: fb.Model, n: int = 6) -> Numbers:
     """Positions along every beam [beam][time][node] and of bodies, masses and sliders at a few times, in the largest plane."""
-    result = run(case, model, "em2", step=case.step, every=max(1, round(case.t_end / case.step / 200)), snapshots=120).result
+    result = run(case, model, "em2", step=case.step, every=max(1, round(case.t_end / case.step / 200)),
+                 output=fb.Output(snapshots=120)).result
     phi = result.phi
     low, high = phi.reshape(-1, 3).min(axis=0), phi.reshape(-1, 3).max(axis=0)
     plane = sorted(np.argsort(high - low)[::-1][:2].tolist())

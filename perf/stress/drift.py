@@ -83,7 +83,8 @@ def march(name: str, steps: int, checkpoint: Path | None = None) -> tuple[fb.Res
     """Run one scene; growth of everything it conserves, relative as in `Result.drift`."""
     h = H[name]
     model = fb.compile_scene(SCENES[name]())
-    run = fb.simulate(model, t_end=steps * h, step=h, every=EVERY, output=fb.Output(snapshots=0, checkpoint=checkpoint), progress=False)
+    run = fb.simulate(model, t_end=steps * h, step=h, every=EVERY, output=fb.Output(snapshots=0, checkpoint=checkpoint),
+                      progress=False)
     out = {}
     for key in run.info["conserved"]:
         x = run.series[key].reshape(len(run.t), -1) / run.info["scale"][key]

@@ -76,7 +76,8 @@ def restarts(place: Path) -> Iterator[Row]:
             generator = random.Random(3)
             while start is None or start.t < 0.6:
                 stop = generator.uniform(0.05, 0.2) + (0.0 if start is None else start.t)
-                part = fb.simulate(model, start=start, output=fb.Output(checkpoint=path), callback=lambda t, state: t >= stop, **common)
+                part = fb.simulate(model, start=start, output=fb.Output(checkpoint=path), callback=lambda t, state: t >= stop,
+                                   **common)
                 start = fb.load_checkpoint(path)
                 pieces += 1
             path.unlink()

@@ -17,7 +17,7 @@ import numpy as np
 import fastbeam as fb
 from perf.feature_scenes import Host, MakesNoSense
 
-RUN = {"t_end": 0.02, "step": 1e-3, "every": 1, "snapshots": 3, "progress": False}
+RUN = {"t_end": 0.02, "step": 1e-3, "every": 1, "output": fb.Output(snapshots=3), "progress": False}
 # stiffness without a symmetry: eigenvalues are not counted
 UNSYMMETRIC = ("follower load", "drag with wind")
 EVERYTHING = ("energy", "reaction", "section", "slider", "joint", "spring", "velocity", "spin", "acceleration")
@@ -139,7 +139,7 @@ def tolerance(feature: str) -> None:
 
 def rho_inf(feature: str) -> None:
     """Run with a filter."""
-    sound(feature, simulate(feature, method=Method(rho_inf=0.8)), like=0.05)
+    sound(feature, simulate(feature, method=fb.Method(rho_inf=0.8)), like=0.05)
 
 
 def generalized_alpha(feature: str) -> None:
@@ -184,7 +184,7 @@ def solve_static(feature: str) -> None:
     check(np.isfinite(apex).all() and abs(found.t[-1] - 1) < 1e-12, "no load factor 1")
     check(not found.info["unstable_directions"], f"unstable: {found.info['unstable_directions']}")
     t = host(feature).at_time or 0.0
-    moved = simulate(feature, start=Start(found.state, time=t), t_end=t + 0.002, step=2e-4)
+    moved = simulate(feature, start=fb.Start(found.state, time=t), t_end=t + 0.002, step=2e-4)
     if host(feature).at_time is None:
         close(moved.point("apex")[-1], apex, 1e-8, "a run from the equilibrium moves,", 1.0)
 
@@ -334,7 +334,7 @@ def condensed_net(feature: str) -> None:
 
 def threads_2(feature: str) -> None:
     """Run with two threads."""
-    one, two = (simulate(feature, solver=Solver(threads=n)).state.q for n in (1, 2))
+    one, two = (simulate(feature, solver=fb.Solver(threads=n)).state.q for n in (1, 2))
     check(np.array_equal(one, two), "other bits with two threads")
 
 

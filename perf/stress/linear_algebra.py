@@ -24,7 +24,7 @@ from fastbeam.stepping.stepper import Stepper
 from perf.stress.table import Row
 
 Array = np.ndarray
-QUIET: dict[str, Any] = {"every": 1, "snapshots": 0, "progress": False}
+QUIET: dict[str, Any] = {"every": 1, "output": fb.Output(snapshots=0), "progress": False}
 
 
 # ------------------------------------------------------------------------------------------------------------ bare matrices

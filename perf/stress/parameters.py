@@ -22,7 +22,7 @@ from perf.stress.table import Row
 Array = np.ndarray
 LENGTH, H = 3.0, 5e-3
 DRIFT = 1e-10
-QUIET: dict[str, Any] = {"every": 1, "snapshots": 0, "progress": False}
+QUIET: dict[str, Any] = {"every": 1, "output": fb.Output(snapshots=0), "progress": False}
 
 
 def section(EA: float = 1e4, GA: float = 1e4, GJ: float = 500.0, EI: float = 500.0, rhoA: float = 1.0,

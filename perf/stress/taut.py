@@ -22,7 +22,7 @@ FAMILIES = {**{f"lagrange {p}": {"degree": p} for p in range(1, 9)},
 # of a quick run
 FEW, FEW_COUNTS = ("lagrange 1", "lagrange 3", "lagrange 8", "bspline 3"), (3, 8)
 TENSIONS = 10.0**np.arange(-2, 9)
-QUIET: dict[str, Any] = {"progress": False, "snapshots": 0}
+QUIET: dict[str, Any] = {"progress": False, "output": fb.Output(snapshots=0)}
 
 
 def wire(tension: float, EI: float = 1.0) -> fb.Section:

@@ -25,7 +25,7 @@ def long_rail() -> fb.Scene:
 
 SCENES = {"free_beam": free_beam, "bead": bead, "cantilever": cantilever}
 # long enough to be killed in
-RUN: dict[str, Any] = {"t_end": 400.0, "step": 2e-3, "every": 5, "snapshots": 4000}
+RUN: dict[str, Any] = {"t_end": 400.0, "step": 2e-3, "every": 5, "output": fb.Output(snapshots=4000)}
 
 
 def say(*what: Any) -> None:

@@ -12,7 +12,7 @@ from .rows import Array, Row, reference
 
 # under the weights used here the wires give way by about 1e-8 of their length
 STIFF = 1e9
-QUIET = {"snapshots": 0, "progress": False}
+QUIET = {"output": fb.Output(snapshots=0), "progress": False}
 
 
 def wire(**inertia: float) -> fb.Section:

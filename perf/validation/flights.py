@@ -10,7 +10,7 @@ import fastbeam as fb
 from .invariants import section
 from .rows import Array, Row, distance, orders, reference
 
-QUIET = {"snapshots": 0, "progress": False}
+QUIET = {"output": fb.Output(snapshots=0), "progress": False}
 
 
 # ----------------------------------------------------------------------------------------------------------- free flight

@@ -69,7 +69,8 @@ def beam_scene(curve: str = "own", **family: Any) -> fb.Scene:
 
 def fly(scene: fb.Scene, order: int, steps: int = STEPS) -> tuple[fb.Result, int]:
     """Run the flight; also the number of elements the contact passed."""
-    result = fb.simulate(fb.compile_scene(scene), t_end=steps * STEP, step=STEP, order=order, every=5, output=fb.Output(snapshots=0),
+    result = fb.simulate(fb.compile_scene(scene), t_end=steps * STEP, step=STEP, order=order, every=5,
+                         output=fb.Output(snapshots=0),
                          progress=False)
     s = result.slider("contact")["s"]
     first, last = (int(np.floor(x * ELEMENTS / LENGTH)) for x in (s.min(), s.max()))

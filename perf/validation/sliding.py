@@ -11,7 +11,7 @@ import fastbeam as fb
 
 from .rows import Array, Row, distance, orders, reference
 
-QUIET = {"snapshots": 0, "progress": False}
+QUIET = {"output": fb.Output(snapshots=0), "progress": False}
 # elements, degree and step of the ring on a cable
 FINE = (64, 3, 2.5e-4)
 # (name, slider curve, interpolation, degree)

@@ -12,7 +12,7 @@ from .rows import Array, Row, orders, reference
 
 BAR = 1e-6
 GRAVITY = (0.0, -1.0, 0.0)
-QUIET = {"snapshots": 0, "progress": False}
+QUIET = {"output": fb.Output(snapshots=0), "progress": False}
 
 
 def rod(EA: float, GA: float, EI: float, rhoA: float = 1.0) -> fb.Section:

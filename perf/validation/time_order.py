@@ -38,7 +38,7 @@ def errors(scene: fb.Scene, order: int, steps: Sequence[int], fine: int) -> list
     model = fb.compile_scene(scene)
 
     def end(n: int, order: int) -> np.ndarray:
-        settings: dict[str, Any] = {"observe": (), "snapshots": 0, "progress": False}
+        settings: dict[str, Any] = {"observe": (), "output": fb.Output(snapshots=0), "progress": False}
         state = fb.simulate(model, t_end=T_END, step=T_END / n, order=order, **settings).state
         return np.concatenate((state.q.reshape(-1, 12)[:, :3].ravel(), state.s))
 

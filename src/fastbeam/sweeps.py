@@ -365,7 +365,7 @@ class Job:
         return row
 
     def _arguments(self, run: dict[str, Any]) -> dict[str, Any]:
-        """Return arguments of `simulate`: those given, no shapes, and the threads of the sweep where they say nothing of these."""
+        """Return the given arguments of `simulate`; without shapes, and on the threads of the sweep, where they do not say."""
         output, solver = run.get("output") or Output(), run.get("solver") or Solver()
         output = output if isinstance(output, Output) else Output(output)
         solver = solver if isinstance(solver, Solver) else Solver(solver)

@@ -515,7 +515,8 @@ def test_compared_methods_run_in_space(method: str) -> None:
     # a beam alone: fewer kernels
     scene = fb.Scene(rail := beam(plane()), wave(rail, plane()))
     model = fb.compile_scene(scene, planar=True)
-    run = {"t_end": 5 * H, "step": H, "method": method} | ({"rho_inf": 0.8} if method == "generalized_alpha" else {})
+    run = {"t_end": 5 * H, "step": H,
+           "method": method} | ({"method": fb.Method(method, rho_inf=0.8)} if method == "generalized_alpha" else {})
     found, expected = (fb.simulate(m, **run) for m in (model, fb.compile_scene(scene, planar=False)))
     assert is_same(found.state, expected.state)
     assert found.info["unknowns"] == 6 * model.n_nodes == 2 * model.n_unknowns

@@ -63,7 +63,7 @@ def stop_at(time_: float) -> Any:
 @pytest.mark.parametrize("make", [free_beam, bead, pulled])
 def test_run_from_a_checkpoint_is_the_rest_of_the_run(make: Any, order: int, control: dict[str, float], tmp_path: Path) -> None:
     model = fb.compile_scene(make())
-    settings: dict[str, Any] = {"t_end": 0.603, "step": H, "order": order, "snapshots": 7, **control}
+    settings: dict[str, Any] = {"t_end": 0.603, "step": H, "order": order, "output": fb.Output(snapshots=7), **control}
     if not control:
         settings["every"] = 3
     whole = fb.simulate(model, **settings)
@@ -124,7 +124,8 @@ def test_a_run_that_records_other_forces_goes_on_from_a_checkpoint(before: tuple
     model = fb.compile_scene(ring_on_a_clamped_beam())
     settings: dict[str, Any] = {"step": H, "t_end": 0.6, **(control or {"every": 3})}
     whole = fb.simulate(model, observe=after, **settings)
-    first = fb.simulate(model, observe=before, callback=stop_at(0.3), output=fb.Output(checkpoint=tmp_path / "run.checkpoint"), **settings)
+    first = fb.simulate(model, observe=before, callback=stop_at(0.3), output=fb.Output(checkpoint=tmp_path / "run.checkpoint"),
+                        **settings)
     kept = fb.load_checkpoint(tmp_path / "run.checkpoint")
     for start in (first.checkpoint, kept):
         rest = fb.simulate(model, observe=after, start=start, **settings)
@@ -151,7 +152,8 @@ def test_failed_run_leaves_the_last_good_state(tmp_path: Path) -> None:
     blow = fb.Load("blow", beam.end, force=(0, 0, 300.0), time=lambda t: float(t > 0.05))
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), blow))
     with pytest.raises(fb.ConvergenceError) as caught:
-        fb.simulate(model, t_end=0.1, step=H, solver=fb.Solver(max_iterations=2), every=100, output=fb.Output(checkpoint=tmp_path / "a"))
+        fb.simulate(model, t_end=0.1, step=H, solver=fb.Solver(max_iterations=2), every=100,
+                    output=fb.Output(checkpoint=tmp_path / "a"))
     kept = fb.load_checkpoint(tmp_path / "a")
     assert kept.t == caught.value.time == caught.value.result.t[-1] == pytest.approx(0.05)
     assert kept.steps == 5
@@ -399,7 +401,8 @@ def test_disk_that_becomes_unwritable_leaves_the_result(monkeypatch: pytest.Monk
 
     model = fb.compile_scene(bead())
     with pytest.raises(fb.ResultFileError, match="run': cannot be written .*Read-only") as caught:
-        fb.simulate(model, t_end=0.1, step=H, every=1, output=fb.Output(checkpoint=tmp_path / "run", checkpoint_every=0.0), callback=fail_later)
+        fb.simulate(model, t_end=0.1, step=H, every=1, output=fb.Output(checkpoint=tmp_path / "run", checkpoint_every=0.0),
+                    callback=fail_later)
     monkeypatch.undo()
     assert caught.value.result.checkpoint.steps == len(caught.value.result.t) - 1 == 6
     assert fb.load_checkpoint(tmp_path / "run").steps == 5

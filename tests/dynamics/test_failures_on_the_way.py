@@ -76,7 +76,8 @@ def test_callback_that_raises_brings_everything_until_then(settings: dict[str, A
             raise Own("enough")
 
     with pytest.raises(Own, match="enough") as caught:
-        fb.simulate(fb.compile_scene(scene(steady)), t_end=1.0, step=H, callback=callback, output=fb.Output(tmp_path / "run.h5", checkpoint=tmp_path / "kept"), **settings)
+        fb.simulate(fb.compile_scene(scene(steady)), t_end=1.0, step=H, callback=callback,
+                    output=fb.Output(tmp_path / "run.h5", checkpoint=tmp_path / "kept"), **settings)
     result: Any = caught.value.result  # type: ignore[attr-defined]
     assert "everything computed until then is in .result" in caught.value.__notes__[0]
     assert 0.3 < result.t[-1] == result.checkpoint.t < 0.5
@@ -99,7 +100,8 @@ def test_controller_that_fails_brings_everything_until_then(tmp_path: Path) -> N
 
     control = fb.Controller("hand", law=law, period=5 * H, start=1.0)
     with pytest.raises(fb.SceneError, match="its law failed at t = 0.3 s") as caught:
-        fb.simulate(fb.compile_scene(scene(control, lambda beam: control)), t_end=1.0, step=H, every=1, output=tmp_path / "run.h5")
+        fb.simulate(fb.compile_scene(scene(control, lambda beam: control)), t_end=1.0, step=H, every=1,
+                    output=tmp_path / "run.h5")
     result = caught.value.result
     assert result.t[-1] == pytest.approx(0.3) == result.checkpoint.t
     np.testing.assert_array_equal(fb.load_result(tmp_path / "run.h5").t, result.t)

@@ -89,7 +89,8 @@ def test_the_row_the_callback_and_the_checkpoint_of_an_impact_are_behind_it(tmp_
         return len(state.history) > 0 and state.history[4] > 0.0
 
     model = rail(60.0, 1.05, stops=fb.Stops(1.0, 3.0, restitution=0.5))
-    result = fb.simulate(model, t_end=1.0, step=1e-2, every=1, progress=False, callback=look, output=fb.Output(checkpoint=tmp_path / "c", checkpoint_every=0.0))
+    result = fb.simulate(model, t_end=1.0, step=1e-2, every=1, progress=False, callback=look,
+                         output=fb.Output(checkpoint=tmp_path / "c", checkpoint_every=0.0))
     (t,) = impacts_of(result)
     assert result.t[-1] == t == seen[-1][0] and result.slider("s")["slide_rate"][-1] > 0.0
     np.testing.assert_array_equal(seen[-1][1], result.state.v)

@@ -35,9 +35,8 @@ STATE = MODEL.state()
     ({"t_end": True}, "t_end: must be a finite number, got True"),
     ({"t_end": [0.1]}, r"t_end: must be a finite number, got \[0.1\]"),
     ({"t_end": np.inf}, "t_end: must be a finite number, got inf"),
-    ({"t_end": 0.0}, "t_end: must lie after t_start = 0 s, got 0"),
-    ({"t_start": 0.2}, "t_end: must lie after t_start = 0.2 s, got 0.1"),
-    ({"t_start": np.nan}, "t_start: must be a finite number, got nan"),
+    ({"t_end": 0.0}, "t_end: must lie after the start at 0 s, got 0"),
+    ({"start": fb.Start(time=0.2)}, "t_end: must lie after the start at 0.2 s, got 0.1"),
     ({"step": 0.0}, "step: must be a finite number > 0 s, got 0"),
     ({"step": -0.1}, "step: must be a finite number > 0 s, got -0.1"),
     ({"step": None}, "step: must be a finite number > 0 s, got None"),
@@ -50,17 +49,13 @@ STATE = MODEL.state()
     ({"points": ["tip"]}, "points: must map names to nodes"),
     ({"every": 0}, "every: must be a whole number >= 1, got 0"),
     ({"every": 2.5}, "every: must be a whole number >= 1, got 2.5"),
-    ({"snapshots": -1}, "snapshots: must be a whole number >= 0, got -1"),
-    ({"snapshots": True}, "snapshots: must be a whole number >= 0, got True"),
-    ({"backend": "mumps"}, "backend 'mumps' does not exist: choose 'auto', 'pardiso' or 'superlu'"),
-    ({"max_iterations": 0}, "max_iterations: must be a whole number >= 1, got 0"),
-    ({"max_iterations": "many"}, "max_iterations: must be a whole number >= 1, got 'many'"),
+    ({"solver": "mumps"}, "backend 'mumps' does not exist: choose 'auto', 'pardiso' or 'superlu'"),
+    ({"solver": 3}, "solver: must be a text, got 3; or an object of Solver"),
+    ({"output": 3}, "output: must be the path of a file, a text or a pathlib.Path, got 3; or an object of Output"),
     ({"callback": 3}, r"callback: must be a function of \(t, state\), got 3"),
     ({"tolerance": 0.0}, "tolerance: must be a finite number > 0, got 0"),
     ({"tolerance": "fine"}, "tolerance: must be a finite number > 0, got 'fine'"),
-    ({"min_step": 1e-3}, "min_step, max_step: they bound the step control; give tolerance too"),
-    ({"tolerance": 1e-3, "min_step": -1.0}, "min_step: must be a finite number > 0 s, got -1"),
-    ({"tolerance": 1e-3, "min_step": 0.2, "max_step": 0.1}, "need 0 < min_step <= max_step, got 0.2 and 0.1 s"),
+    ({"tolerance": fb.StepControl(1e-3, min_step=0.2, max_step=0.1)}, "need 0 < min_step <= max_step, got 0.2 and 0.1 s"),
     ({"start": 3}, r"start: must be a State \(result.state, model.state\(\)\) or Checkpoint, got 3"),
     ({"start": STATE._replace(q=STATE.q[:24])}, r"start: q has shape \(24,\), scene 'free beam' needs \(84,\)"),
     ({"start": STATE._replace(s=np.zeros(1))}, r"start: s has shape \(1,\), scene 'free beam' needs \(0,\)"),
@@ -68,6 +63,41 @@ STATE = MODEL.state()
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
         run(**arguments)
+
+
+@pytest.mark.parametrize(("group", "arguments", "message"), [
+    (fb.Start, {"time": np.nan}, "Start: time must be a finite number, got nan"),
+    (fb.Start, {"velocities": "mine"}, "Start: velocities 'mine' does not exist: choose 'state' or 'scene'"),
+    (fb.Output, {"snapshots": -1}, "Output: snapshots must be a whole number >= 0, got -1"),
+    (fb.Output, {"snapshots": True}, "Output: snapshots must be a whole number >= 0, got True"),
+    (fb.Solver, {"max_iterations": 0}, "Solver: max_iterations must be a whole number >= 1, got 0"),
+    (fb.Solver, {"max_iterations": "many"}, "Solver: max_iterations must be a whole number >= 1, got 'many'"),
+    (fb.StepControl, {"min_step": 1e-3}, "StepControl: tolerance missing; it takes tolerance, min_step, max_step"),
+    (fb.StepControl, {"tolerance": 1e-3, "min_step": -1.0}, "StepControl: min_step must be a finite number > 0 s, got -1")])
+def test_bad_arguments_of_groups_are_refused(group: Any, arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(fb.SceneError, match=message):
+        group(**arguments)
+
+
+@pytest.mark.parametrize(("old", "new", "says"), [
+    ({"t_start": 0.2, "t_end": 0.3}, {"start": fb.Start(time=0.2), "t_end": 0.3},
+     r"instead of t_start write start=Start\(time=...\)"),
+    ({"start": STATE, "t_start": 0.05}, {"start": fb.Start(STATE, time=0.05)}, r"start=Start\(state=..., time=...\)"),
+    ({"rho_inf": 0.5}, {"method": fb.Method(rho_inf=0.5)}, r"method=Method\(rho_inf=...\)"),
+    ({"snapshots": 3, "max_iterations": 9}, {"output": fb.Output(snapshots=3), "solver": fb.Solver(max_iterations=9)},
+     r"instead of snapshots, max_iterations write output=Output\(snapshots=...\), solver=Solver\(max_iterations=...\)"),
+    ({"tolerance": 1e-6, "max_step": 0.02}, {"tolerance": fb.StepControl(1e-6, max_step=0.02)},
+     r"tolerance=StepControl\(tolerance=..., max_step=...\)")])
+def test_arguments_that_went_into_groups_work_for_two_versions(old: dict[str, Any], new: dict[str, Any], says: str) -> None:
+    with pytest.warns(FutureWarning,
+                      match=rf"simulate: arguments went into groups; .*{says}; the old name works until 0.4") as said:
+        before = fb.simulate(MODEL, **{"t_end": 0.1, "step": 0.01, **old})
+    assert said[0].filename == __file__
+    after = run(**new)
+    np.testing.assert_array_equal(before.state.q, after.state.q)
+    assert before.info["method"] == after.info["method"] and len(before.t_snap) == len(after.t_snap)
+    with pytest.raises(TypeError, match="snapshots is snapshots of Output now; give it there alone"):
+        run(output=fb.Output(), snapshots=3)
 
 
 @pytest.mark.parametrize(("what", "shown"), [(free_beam(), "<scene 'free beam': 1 beam"), (None, "None"), ("mine", "'mine'")])
@@ -102,15 +132,15 @@ def test_file_that_exists_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     path.write_text("precious")
     with pytest.raises(fb.ResultFileError, match="run.h5': exists already; pass overwrite=True"):
-        run(file=path)
+        run(output=path)
     assert path.read_text() == "precious"
-    run(file=path, overwrite=True)
+    run(output=fb.Output(file=path, overwrite=True))
     assert len(fb.load_result(path).t) == 11
 
 
 def test_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(fb.ResultFileError, match="folder '.*nowhere' does not exist"):
-        run(file=tmp_path / "nowhere" / "run.h5")
+        run(output=tmp_path / "nowhere" / "run.h5")
 
 
 def test_file_that_is_no_result_is_refused(tmp_path: Path) -> None:
@@ -344,7 +374,7 @@ def test_error_in_a_callback_reaches_the_caller_and_closes_the_file(tmp_path: Pa
             raise KeyError("mine")
 
     with pytest.raises(KeyError, match="mine"):
-        run(callback=fail, file=tmp_path / "run.h5", every=1)
+        run(callback=fail, output=tmp_path / "run.h5", every=1)
     np.testing.assert_allclose(fb.load_result(tmp_path / "run.h5").t, [0.0, 0.01, 0.02, 0.03, 0.04])
 
 
@@ -352,7 +382,7 @@ def test_error_in_a_callback_reaches_the_caller_and_closes_the_file(tmp_path: Pa
 @pytest.mark.parametrize("every", [1, 2, 100])
 @pytest.mark.parametrize(("t_start", "t_end"), [(0.0, 0.1), (-1.0, -0.9), (1e3, 1e3 + 0.1)])
 def test_last_step_is_shortened_to_meet_the_end(every: int, t_start: float, t_end: float) -> None:
-    result = run(t_start=t_start, t_end=t_end, step=0.03, every=every)
+    result = run(start=fb.Start(time=t_start), t_end=t_end, step=0.03, every=every)
     assert result.t[0] == t_start and result.t[-1] == t_end
     assert result.info["steps"] == 4
     assert result.series["step_size"][-1] == pytest.approx(0.01, rel=1e-9)
@@ -398,7 +428,7 @@ def test_last_step_of_a_hundredth_stays_and_a_run_may_go_on_for_less() -> None:
 
 @pytest.mark.parametrize("largest", [0.03, 1.0])
 def test_step_control_leaves_no_sliver(largest: float) -> None:
-    result = run(t_end=0.09 * (1.0 + 1e-7), step=0.03, tolerance=1.0, min_step=0.03, max_step=largest)
+    result = run(t_end=0.09 * (1.0 + 1e-7), step=0.03, tolerance=fb.StepControl(1.0, min_step=0.03, max_step=largest))
     sizes = result.series["step_size"][1:]
     assert result.t[-1] == 0.09 * (1.0 + 1e-7) and sizes.max() <= largest
     assert sizes.min() >= 0.4 * sizes.max()
@@ -406,38 +436,39 @@ def test_step_control_leaves_no_sliver(largest: float) -> None:
 
 @pytest.mark.parametrize(("t_start", "step", "n"), [(1.7e9, 1e-6, 1000), (1e8, 1e-7, 100), (-1.7e9, 1e-6, 999), (1e15, 0.5, 7)])
 def test_run_far_from_zero_takes_all_its_steps(t_start: float, step: float, n: int) -> None:
-    result = run(t_start=t_start, t_end=t_start + n * step, step=step, every=n // 3, snapshots=0)
+    result = run(start=fb.Start(time=t_start), t_end=t_start + n * step, step=step, every=n // 3, output=fb.Output(snapshots=0))
     assert result.info["steps"] == n and result.t[-1] == t_start + n * step
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    ({"t_start": 1e16, "t_end": 1e16 + 100},
+    ({"start": fb.Start(time=1e16), "t_end": 1e16 + 100},
      r"step: must be at least 8 s, got 0.01, because times near 1e\+16 s are doubles 2 s apart"),
     ({"t_end": 1e18}, "step: must be at least 512 s, got 0.01"),
-    ({"t_end": 5e-324}, "t_end: lies 4.94e-324 s after t_start = 0 s, next to nothing of a step of 0.01 s"),
-    ({"t_start": 1.7e9, "t_end": 1.7e9 + 1, "tolerance": 1e-3, "min_step": 1e-9},
+    ({"t_end": 5e-324}, "t_end: lies 4.94e-324 s after the start at 0 s, next to nothing of a step of 0.01 s"),
+    ({"start": fb.Start(time=1.7e9), "t_end": 1.7e9 + 1, "tolerance": fb.StepControl(1e-3, min_step=1e-9)},
      "min_step: must be at least 9.54e-07 s, got 1e-09"),
-    ({"t_start": 1e17, "t_end": 1e17 + 64, "step": 1.0}, "step: must be at least 64 s, got 1")])
+    ({"start": fb.Start(time=1e17), "t_end": 1e17 + 64, "step": 1.0}, "step: must be at least 64 s, got 1")])
 def test_times_that_doubles_cannot_tell_apart_are_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
         run(**arguments)
 
 
 def test_step_control_far_from_zero_stays_above_the_resolution_of_time() -> None:
-    result = run(t_start=1.7e9, t_end=1.7e9 + 0.1, step=1e-4, tolerance=1e-7)
+    result = run(start=fb.Start(time=1.7e9), t_end=1.7e9 + 0.1, step=1e-4, tolerance=1e-7)
     assert result.t[-1] == 1.7e9 + 0.1 and np.all(np.diff(result.t) > 0.0)
 
 
 def test_more_shapes_than_rows_are_one_a_row() -> None:
-    assert len(run(snapshots=10**6).t_snap) == 11
-    assert peak_bytes(lambda: run(snapshots=10**6)) < 2 * peak_bytes(lambda: run(snapshots=11)) + 10**6
+    assert len(run(output=fb.Output(snapshots=10**6)).t_snap) == 11
+    few, many = (peak_bytes(lambda n=n: run(output=fb.Output(snapshots=n))) for n in (11, 10**6))  # type: ignore[misc]
+    assert many < 2 * few + 10**6
     for snapshots in (10**12, 10**400):
         with pytest.raises(fb.SceneError, match="snapshots: must be a whole number from 0 to 1e\\+06"):
-            run(snapshots=snapshots)
+            run(output=fb.Output(snapshots=snapshots))
 
 
 def test_shapes_are_spread_over_the_run() -> None:
-    np.testing.assert_allclose(run(snapshots=6, step=1e-3, every=1).t_snap, [0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
+    np.testing.assert_allclose(run(output=fb.Output(snapshots=6), step=1e-3, every=1).t_snap, [0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
 
 
 def test_what_to_record_may_come_from_an_iterator() -> None:
@@ -502,21 +533,21 @@ def test_smaller_tolerance_gives_smaller_error_and_keeps_the_invariants() -> Non
 
 
 def test_steps_that_are_too_large_are_rejected_and_counted() -> None:
-    result = run(t_end=0.5, step=0.25, max_step=0.5, tolerance=1e-6)
+    result = run(t_end=0.5, step=0.25, tolerance=fb.StepControl(1e-6, max_step=0.5))
     assert result.info["rejected"] >= 1
     assert result.series["step_size"][1] < 0.25
     assert result.t[-1] == 0.5
 
 
 def test_bounds_of_the_step_hold_from_the_first_step_on() -> None:
-    result = run(t_end=0.5, step=0.1, tolerance=1.0, max_step=0.02)
+    result = run(t_end=0.5, step=0.1, tolerance=fb.StepControl(1.0, max_step=0.02))
     assert result.series["step_size"].max() <= 0.02 * (1.0 + 1e-12)
 
 
 def test_smallest_step_that_misses_the_tolerance_is_reported() -> None:
     message = "the local error .* exceeds the tolerance 1e-12 at the smallest step 0.01 s"
     with pytest.raises(fb.ConvergenceError, match=message) as caught:
-        run(step=0.01, min_step=0.01, max_step=0.01, tolerance=1e-12)
+        run(step=0.01, tolerance=fb.StepControl(1e-12, min_step=0.01, max_step=0.01))
     assert caught.value.time == 0.0
     np.testing.assert_array_equal(caught.value.state.q, MODEL.q0)
     assert len(caught.value.result.t) == 1
@@ -530,7 +561,7 @@ def test_failed_step_carries_the_last_state_the_result_and_the_place(tmp_path: P
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), blow))
     message = "step 5 at t = 0.05 s: the Newton iteration did not converge; increments"
     with pytest.raises(fb.ConvergenceError, match=message) as caught:
-        run(model, max_iterations=2, every=1, file=tmp_path / "run.h5")
+        run(model, solver=fb.Solver(max_iterations=2), every=1, output=tmp_path / "run.h5")
     error = caught.value
     assert error.step == 5 and error.time == pytest.approx(0.05)
     assert len(error.residuals) == 2 and all(x > 0.0 for x in error.residuals)
@@ -542,7 +573,7 @@ def test_failed_step_carries_the_last_state_the_result_and_the_place(tmp_path: P
     np.testing.assert_array_equal(stored.t, error.result.t)
     assert stored.events == error.result.events
     # the state it carries is good to go on from
-    again = run(model, start=error.state, t_start=error.time, t_end=0.1)
+    again = run(model, start=fb.Start(error.state, time=error.time), t_end=0.1)
     assert again.t[-1] == 0.1 and again.state.q[-10] > 0.0
 
 
@@ -551,20 +582,20 @@ def test_step_far_too_large_fails_and_step_control_saves_it() -> None:
     with pytest.raises(fb.ConvergenceError, match="Try a smaller step, or step control with tolerance") as caught:
         run(model, t_end=400.0, step=200.0)
     assert caught.value.step == 0 and "slider 'run' (gap " in caught.value.worst
-    result = run(model, t_end=0.2, step=200.0, max_step=200.0, tolerance=1e-3)
+    result = run(model, t_end=0.2, step=200.0, tolerance=fb.StepControl(1e-3, max_step=200.0))
     assert result.t[-1] == 0.2
 
 
 # ------------------------------------------------------------------------------------------------------------------ output
 def test_nothing_is_recorded_that_was_not_asked_for() -> None:
-    assert set(run(observe=(), snapshots=0).series) == {"iterations", "step_size"}
-    assert len(run(observe=(), snapshots=0).t_snap) == 0
+    assert set(run(observe=(), output=fb.Output(snapshots=0)).series) == {"iterations", "step_size"}
+    assert len(run(observe=(), output=fb.Output(snapshots=0)).t_snap) == 0
     assert set(run(observe=("momentum",)).series) == {"iterations", "step_size", "lin_mom", "ang_mom"}
 
 
 def test_observers_do_not_disturb_the_run() -> None:
     model = fb.compile_scene(bead())
-    bare, full = run(model, observe=(), snapshots=0), run(model, every=1, snapshots=5)
+    bare, full = run(model, observe=(), output=fb.Output(snapshots=0)), run(model, every=1, output=fb.Output(snapshots=5))
     for a, b in zip(bare.state, full.state):
         np.testing.assert_array_equal(a, b)
 
@@ -579,7 +610,7 @@ def test_points_follow_nodes_and_places_between_them() -> None:
 
 
 def test_file_holds_what_memory_holds(tmp_path: Path) -> None:
-    result = run(fb.compile_scene(bead(2.5, 1.5)), t_end=1.0, every=1, file=tmp_path / "run.h5")
+    result = run(fb.compile_scene(bead(2.5, 1.5)), t_end=1.0, every=1, output=tmp_path / "run.h5")
     stored = fb.load_result(tmp_path / "run.h5")
     assert stored.events == result.events and stored.events[0]["kind"] == "slider_end"
     assert stored.series.keys() == result.series.keys()

@@ -39,9 +39,9 @@ def at(model: fb.Model, what: object) -> int:
     return model.numbers.number(what) if isinstance(what, fb.NodeRef) else model.numbers.start(what)
 
 
-def refused(model: fb.Model, state: object, message: str, **options: object) -> None:
+def refused(model: fb.Model, start: object, message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
-        fb.simulate(model, start=state, t_end=0.01, step=H, **options)
+        fb.simulate(model, start=start, t_end=0.01, step=H)
 
 
 # ------------------------------------------------------------------------------------------------------------ refusals
@@ -115,11 +115,13 @@ def test_a_slider_off_its_beam_is_refused_with_its_size() -> None:
     model = fb.compile_scene(bead())
     state = model.state()
     state.s[0] += 0.01
-    refused(model, state, r"start: slider 'run': its point lies 0.01 m off .*; have it mended with mend_start=True")
+    refused(model, state,
+            r"start: slider 'run': its point lies 0.01 m off .*; have it mended, with start=Start\(state, mend=True\)")
     state = model.state()
     state.q.reshape(-1, 4, 3)[-1, 0] += (0.0, 1.0, 0.0)
     refused(model, state, r"start: slider 'run': its point lies 1 m off .*; that is too much to be mended")
-    refused(model, state, r"start: slider 'run': its point lies 1 m off .*; mend_start mends up to 0.03 m", mend_start=True)
+    refused(model, fb.Start(state, mend=True),
+            r"start: slider 'run': its point lies 1 m off .*; Start\(mend=True\) mends up to 0.03 m")
     state = model.state()
     state.v.reshape(-1, 4, 3)[-1, 0] += (0.0, 50.0, 0.0)
     refused(model, state, r"start: slider 'run': the velocity of its point across the beam is 50 m/s off")
@@ -332,7 +334,9 @@ def lifted(**motion: object) -> tuple[fb.Model, int]:
 
 
 def said(model: fb.Model, kind: str, **options: object) -> list[str]:
-    options = {"step": H, "t_end": 0.01 + float(options.get("t_start", 0.0)), "progress": False} | options
+    start = options.get("start")
+    begin = (start.time or 0.0) if isinstance(start, fb.Start) else 0.0
+    options = {"step": H, "t_end": 0.01 + begin, "progress": False} | options
     return [event["text"] for event in fb.simulate(model, **options).events if event["kind"] == kind]
 
 
@@ -342,10 +346,10 @@ def said(model: fb.Model, kind: str, **options: object) -> list[str]:
 def test_a_support_that_moves_begins_at_its_place_of_that_time_or_it_is_told(motion: dict[str, object]) -> None:
     model, end = lifted(**motion)
     later = fb.simulate(model, t_end=0.5, step=0.01, progress=False)
-    assert said(model, "support") == said(model, "support", start=later.state, t_start=0.5) == []
+    assert said(model, "support") == said(model, "support", start=fb.Start(later.state, time=0.5)) == []
     assert said(model, "support", start=later.checkpoint, t_end=0.51, step=0.01) == []
     says = "prescribed motion 'lift' begins at t = .* s, where beam 'beam' .* is 0.025 m off its place at that time, and keeps"
-    for options in (dict(start=later.state), dict(t_start=0.5)):
+    for options in (dict(start=later.state), dict(start=fb.Start(time=0.5))):
         text, = said(model, "support", **options)
         assert re.match(says, text)
     state = model.state()
@@ -357,7 +361,7 @@ def test_a_support_that_moves_begins_at_its_place_of_that_time_or_it_is_told(mot
 def test_a_support_that_turns_is_looked_at_as_well() -> None:
     model, _ = lifted(rotation=lambda t: (0.3 * t * t, 0, 0), displacement=lambda t: (0, 0, 0))
     later = fb.simulate(model, t_end=1.0, step=0.01, progress=False)
-    assert said(model, "support", start=later.state, t_start=1.0) == []
+    assert said(model, "support", start=fb.Start(later.state, time=1.0)) == []
     text, = said(model, "support", start=later.state)
     assert "is 0.3 rad off" in text
 
@@ -370,8 +374,8 @@ def test_velocities_of_supports_that_move_are_told_and_mended() -> None:
     state.v.reshape(-1, 4, 3)[end, 0, 2] = 5.0
     text, = said(model, "shock", start=state)
     assert text.startswith("the velocity of beam 'beam' node ") and "against that of prescribed motion 'lift', is 4.9 m/s" in text
-    assert said(model, "shock", start=state, mend_start=True) == []
-    assert "was mended" in said(model, "mended", start=state, mend_start=True)[0]
+    assert said(model, "shock", start=fb.Start(state, mend=True)) == []
+    assert "was mended" in said(model, "mended", start=fb.Start(state, mend=True))[0]
     run = fb.simulate(model, start=fb.Start(state, mend=True), t_end=0.5, step=H, progress=False)
     assert run.drift("balance") < 1e-12
     # as if it had begun with the velocity that the support gives
@@ -389,7 +393,7 @@ def test_a_run_goes_on_from_its_checkpoint_however_coarse_its_steps() -> None:
     scene = fb.Scene(one, two, fb.RigidConnection(one.end, two.start), bead, fb.Slider(
         "run", bead, fb.Path("way", (one, two)), at=0.4, rate=4.0, friction=0.3, curve="own"), project_velocities=True)
     model = fb.compile_scene(scene)
-    options: dict[str, object] = dict(step=0.012, every=1, progress=False, snapshots=0)
+    options: dict[str, object] = dict(step=0.012, every=1, progress=False, output=fb.Output(snapshots=0))
     whole = fb.simulate(model, t_end=24 * 0.012, **options)
     across = []
     for k in range(1, len(whole.t) - 1):
@@ -425,7 +429,8 @@ def test_a_start_from_an_equilibrium_says_that_it_is_at_rest_or_takes_velocities
     assert said(fb.compile_scene(swinging()[0]), "start", start=rest.state) == [
         "the start is at rest, where the scene gives point mass 'ring' 0.3 m/s: the run begins without it; take the velocities "
         "of the scene with velocities=\"scene\" of simulate, or leave them out of the scene"]
-    run = fb.simulate(model, start=fb.Start(rest.state, velocities="scene"), t_end=0.01, step=H, every=1, observe=("energy", "velocity"))
+    run = fb.simulate(model, start=fb.Start(rest.state, velocities="scene"), t_end=0.01, step=H, every=1,
+                      observe=("energy", "velocity"))
     assert not run.events and run.drift("total") < 1e-12
     # a rigid motion about the hinge in the shape of the equilibrium, and the ring along the rod
     q = rest.state.q.reshape(-1, 4, 3)[:, 0]

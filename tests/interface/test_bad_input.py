@@ -279,8 +279,7 @@ MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_r
 SIX = dict.fromkeys(("EA", "GA2", "GA3", "GJ", "EI2", "EI3"), is_real)
 INERTIA = dict(rhoA=is_real, rhoI2=is_real, rhoI3=is_real, damping=DAMPING, name=is_text)
 NODES, EDGES = [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1), (1, 2)]
-RUN = dict(start=one_of(State, fb.Checkpoint), observe=is_list_of(is_text), points=one_of(Mapping), max_iterations=is_count,
-           backend=is_text, threads=is_count, mend_start=is_flag)
+ROWS = dict(observe=is_list_of(is_text), points=one_of(Mapping))
 
 
 def calls(folder: Path) -> dict[str, Call]:
@@ -437,13 +436,21 @@ def calls(folder: Path) -> dict[str, Call]:
             scene=one_of(fb.Scene), solver=is_text, eliminate_inner=is_flag, planar=either(is_flag, among("auto")),
             condense=either(is_flag, among("auto")))),
         "Model.node_label": Call(model().node_label, dict(node=0), dict(node=is_count)),
-        "simulate": Call(fb.simulate, dict(model=model(), **ends_at_once), RUN | dict(
-            model=one_of(Model), t_end=is_real, step=is_real, order=is_count, method=is_text, rho_inf=is_real, t_start=is_real,
-            every=is_count, snapshots=is_count, file=PATH, overwrite=is_flag, checkpoint=PATH, checkpoint_every=is_real,
-            callback=is_function, tolerance=is_real, min_step=is_real, max_step=is_real, augmentation=is_real, progress=is_flag,
-            velocities=is_text)),
-        "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
-            model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
+        "simulate": Call(fb.simulate, dict(model=model(), **ends_at_once), ROWS | dict(
+            model=one_of(Model), start=one_of(State, fb.Checkpoint, fb.Start), t_end=is_real, step=is_real, order=is_count,
+            method=either(is_text, one_of(fb.Method)),
+            every=is_count, callback=is_function, tolerance=either(is_real, one_of(fb.StepControl)),
+            output=either(PATH, one_of(fb.Output)), solver=either(is_text, one_of(fb.Solver)), progress=is_flag)),
+        "Start": Call(fb.Start, {}, dict(state=one_of(State, fb.Checkpoint), time=is_real, mend=is_flag,
+                                         velocities=among("state", "scene"))),
+        "Method": Call(fb.Method, {}, dict(name=is_text, rho_inf=is_real)),
+        "StepControl": Call(fb.StepControl, dict(tolerance=1e-6), dict(tolerance=is_real, min_step=is_real, max_step=is_real)),
+        "Output": Call(fb.Output, {}, dict(file=PATH, overwrite=is_flag, snapshots=is_count, checkpoint=PATH,
+                                           checkpoint_every=is_real)),
+        "Solver": Call(fb.Solver, {}, dict(backend=is_text, threads=is_count, max_iterations=is_count, augmentation=is_real)),
+        "solve_static": Call(fb.solve_static, dict(model=held()), ROWS | dict(
+            model=one_of(Model), start=one_of(State, fb.Start), max_iterations=is_count, backend=is_text, threads=is_count,
+            load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
             rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag, contacts=among("mesh", "exact"),
              steady=STEADY)),
@@ -477,9 +484,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "force_density": Call(fb.force_density, dict(nodes=NODES, edges=EDGES, densities=1.0, pins=[0]), dict(
             nodes=is_array(2), edges=is_array(2), densities=either(is_real, VECTOR), pins=VECTOR, loads=is_array(2))),
         "relax": Call(fb.relax, dict(model=held(), most_steps=50), dict(
-            model=one_of(Model), start=one_of(State), step=is_real, most_steps=is_count, at_time=is_real,
-            observe=is_list_of(is_text), points=one_of(Mapping), finish=is_flag, max_iterations=is_count, backend=is_text,
-            mend_start=is_flag)),
+            model=one_of(Model), start=one_of(State, fb.Start), step=is_real, most_steps=is_count, at_time=is_real,
+            observe=is_list_of(is_text), points=one_of(Mapping), finish=is_flag, max_iterations=is_count, backend=is_text)),
         **{f"FrequencyResponse.{name}": Call(getattr(response(), name), dict(name="tip"), dict(name=is_text))
            for name in ("point", "spin", "slide", "peaks")},
         "FrequencyResponse.shape": Call(response().shape, dict(k=0), dict(k=is_count)),

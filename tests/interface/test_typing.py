@@ -51,8 +51,8 @@ force: np.ndarray = result.slider("contact")["force"]
 fb.plot_overview(result).savefig("first.png")
 result.to_vtk("run.vtkhdf", surface=True)
 fb.animate(result, "run.gif", speed=0.1)
-again = fb.simulate(model, start=result.state, t_start=1.5, t_end=2.0, step=1e-3)
-more = fb.simulate(model, start=result.checkpoint, t_end=2.0, step=1e-3, file="run.h5")
+again = fb.simulate(model, start=fb.Start(result.state, time=1.5), t_end=2.0, step=1e-3)
+more = fb.simulate(model, start=result.checkpoint, t_end=2.0, step=1e-3, output="run.h5", solver=fb.Solver(threads=1))
 rest = fb.solve_static(model, levels=(0.25, 1.0), held=("contact",))
 def case(a: int) -> int:
     return a + 1

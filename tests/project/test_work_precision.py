@@ -67,7 +67,8 @@ def test_the_mean_contact_force_is_the_gain_in_momentum(study: dict[str, ModuleT
     tool = study["work_precision"]
     case, model = tool.build("mass_on_cable", tool.Family("simo_reissner", "lagrange", 3, curve="c1"), 10)
     found = tool.observe(case, model, "em2", 0.5, 800)
-    rows = fb.simulate(model, t_end=0.5, step=0.5 / 800, every=1, output=fb.Output(snapshots=0), progress=False).series["contact_force"][:, 0]
+    rows = fb.simulate(model, t_end=0.5, step=0.5 / 800, every=1, output=fb.Output(snapshots=0),
+                       progress=False).series["contact_force"][:, 0]
     weight = case.scene.masses[0].mass * case.scene.gravity
     means = [np.trapezoid(rows[k:k + 33], axis=0) / 32 + weight for k in range(32 * tool.FIRST, 800, 32)]
     peak = np.linalg.norm(means, axis=1).max()

@@ -80,7 +80,7 @@ def test_looking_ahead_and_back_leaves_no_trace(planar: str | bool, options: dic
 def test_rows_of_an_interrupted_run_go_on_bit_for_bit(options: dict[str, Any], stop: float, tmp_path: Path) -> None:
     # the last step is a shorter one
     model = fb.compile_scene(bead())
-    run = {"t_end": 0.01234, "step": 1e-3, "every": 1, "snapshots": 0, **options}
+    run = {"t_end": 0.01234, "step": 1e-3, "every": 1, "output": fb.Output(snapshots=0), **options}
     whole = fb.simulate(model, **run)
     first = fb.simulate(model, callback=lambda t, state: t >= stop - 1e-12, **run)
     first.checkpoint.save(tmp_path / "kept")

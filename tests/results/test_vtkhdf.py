@@ -27,7 +27,8 @@ def flight() -> Result:
     scene = bead()
     rail = scene.beams[0]
     points = {f"{s:.9f}": (rail, float(s)) for s in Lines(fb.compile_scene(scene).names, 8, refine=3).s}
-    return fb.simulate(fb.compile_scene(scene), t_end=0.2, step=0.02, every=1, output=fb.Output(snapshots=11), points=points, progress=False)
+    return fb.simulate(fb.compile_scene(scene), t_end=0.2, step=0.02, every=1, output=fb.Output(snapshots=11), points=points,
+                       progress=False)
 
 
 def steps_of(path: Path, name: str) -> np.ndarray:
@@ -103,7 +104,8 @@ def watched() -> Result:
     rail = scene.beams[0]
     model = fb.compile_scene(scene)
     points = {f"{s:.9f}": (rail, float(s)) for s in Lines(model.names, 8, refine=3).s}
-    return fb.simulate(model, t_end=0.2, step=0.02, every=1, output=fb.Output(snapshots=11), points=points, observe=("velocity", "slider"),
+    return fb.simulate(model, t_end=0.2, step=0.02, every=1, output=fb.Output(snapshots=11), points=points,
+                       observe=("velocity", "slider"),
                        progress=False)
 
 

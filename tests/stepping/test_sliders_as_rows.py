@@ -217,7 +217,8 @@ def test_a_long_thin_beam() -> None:
 
 def test_dependent_sliders_are_named_without_the_augmented_lagrangian() -> None:
     with pytest.raises(fb.ConvergenceError, match="s0[01]"):
-        fb.simulate(fb.compile_scene(masses(twice=True)), t_end=STEP, step=STEP, solver=fb.Solver(augmentation=0.0), progress=False)
+        fb.simulate(fb.compile_scene(masses(twice=True)), t_end=STEP, step=STEP, solver=fb.Solver(augmentation=0.0),
+                    progress=False)
 
 
 def test_the_next_run_of_a_model_begins_with_the_capacity_that_the_last_one_came_to_need() -> None:

@@ -99,7 +99,8 @@ def everything(run: fb.Result) -> Any:
 ANALYSES: dict[str, Callable[[], Any]] = {
     "everything": lambda: everything(fb.simulate(fb.compile_scene(scene()), t_end=0.12, step=1e-3, every=1, observe=OBSERVE,
                                                  progress=False)),
-    "filters": lambda: everything(fb.simulate(test_filters.flight(), t_end=0.5, step=0.05, method=fb.Method(rho_inf=0.5), every=1, progress=False)),
+    "filters": lambda: everything(fb.simulate(test_filters.flight(), t_end=0.5, step=0.05, method=fb.Method(rho_inf=0.5),
+                                              every=1, progress=False)),
     "joints that rub": lambda: everything(test_joint_drives.run(test_joint_drives.arm(friction=2.0), 0.1, 1e-2, every=1,
                                                                 observe=("energy", "joint"))),
     "given joints": lambda: everything(test_joint_drives.run(test_joint_drives.arm(angle=lambda t: 3.0 * t * t), 0.1, 1e-2,

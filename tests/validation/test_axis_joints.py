@@ -269,7 +269,7 @@ def bricard(flying: bool) -> fb.Scene:
     ids=["double pendulum", "four-bar in space", "four-bar in plane", "slider-crank", "gyroscope", "Bricard", "Bricard flying"])
 def test_ten_thousand_steps_keep_invariants_and_gaps(scene: Any, step: float, planar: bool) -> None:
     model = fb.compile_scene(scene(), planar=planar)
-    result = run(model, 1e4 * step, step, every=100, snapshots=2)
+    result = run(model, 1e4 * step, step, every=100, output=fb.Output(snapshots=2))
     assert result.info["fallbacks"] == 0
     assert {name: result.drift(name) for name in result.info["conserved"] if name != "gap" and result.drift(name) > 1e-12} == {}
     assert largest_gap(model, result.state.q) < 1e-14
@@ -331,7 +331,7 @@ def flight(kind: str) -> fb.Scene:
 @pytest.mark.parametrize("kind", list(JOINTS))
 def test_two_bodies_in_flight_keep_everything_and_move_as_the_joint_allows(kind: str) -> None:
     model = fb.compile_scene(flight(kind))
-    result = run(model, 5.0, 5e-3, every=1, snapshots=201)
+    result = run(model, 5.0, 5e-3, every=1, output=fb.Output(snapshots=201))
     assert result.info["fallbacks"] == 0
     assert max(result.drift(name) for name in ("total", "lin_mom", "ang_mom")) < 1e-13
     assert largest_gap(model, result.state.q) < 1e-14

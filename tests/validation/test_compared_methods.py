@@ -16,7 +16,7 @@ from perf.validation.time_order import T_END, soft_scene
 Array = np.ndarray
 METHODS: dict[str, dict[str, Any]] = {
     "energy_momentum": {}, "midpoint": {"method": "midpoint"}, "trapezoidal": {"method": "trapezoidal"},
-    "generalized_alpha 0.8": {"method": "generalized_alpha", "rho_inf": 0.8}}
+    "generalized_alpha 0.8": {"method": fb.Method("generalized_alpha", rho_inf=0.8)}}
 OTHERS = [name for name in METHODS if name != "energy_momentum"]
 ROUND_OFF = 1e-12  # relative drift over a few hundred steps
 LINEAR = 1e-12  # of the amplitude; 40 steps of up to 30 rad, measured up to 3e-13
@@ -24,7 +24,7 @@ LINEAR = 1e-12  # of the amplitude; 40 steps of up to 30 rad, measured up to 3e-
 
 def alpha(rho_inf: float) -> dict[str, Any]:
     """Generalised alpha."""
-    return {"method": "generalized_alpha", "rho_inf": rho_inf}
+    return {"method": fb.Method("generalized_alpha", rho_inf=rho_inf)}
 
 
 def simulate(model: Model, steps: int, t_end: float, **changes: Any) -> fb.Result:

@@ -363,7 +363,7 @@ def halves(planar: bool | str, joined: bool = True, ground: bool = False, **join
 @pytest.mark.parametrize("rho_inf", [None, 0.8])
 @pytest.mark.parametrize("ground", [False, True], ids=["two beams", "beam and ground"])
 def test_a_planar_joint_in_its_plane_only_reads(ground: bool, rho_inf: float | None) -> None:
-    with_joint, without = (run(halves("auto", joined=joined, ground=ground), 0.02, 1e-3, rho_inf=rho_inf)
+    with_joint, without = (run(halves("auto", joined=joined, ground=ground), 0.02, 1e-3, method=fb.Method(rho_inf=rho_inf))
                            for joined in (True, False))
     # the ground is one more node, the last
     q = with_joint.state.q[:without.state.q.size].reshape(-1, 4, 3)

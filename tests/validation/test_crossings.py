@@ -99,7 +99,7 @@ def test_there_and_back(planar: bool, order: int) -> None:
     model = fb.compile_scene(scene(planar))
     there = run(model, 0.2, order=order)
     back = there.state._replace(v=-there.state.v)
-    again = run(model, 0.2, order=order, start=back, t_start=0.0)
+    again = run(model, 0.2, order=order, start=fb.Start(back, time=0.0))
     off = np.abs(again.state.q - model.q0).max(), np.abs(again.state.s - model.s0).max()
     print(f"there and back: {off[0]:.1e} m, s {off[1]:.1e} m")
     assert max(off) < 1e-12

@@ -130,7 +130,8 @@ def test_a_damped_net_is_condensed_to_the_same_numbers() -> None:
     net = fb.Net("net", grid, edges, section=section, elements=4, degree=2, clamps=[0, 12])
     scene = fb.Scene(net, gravity=(0, 0, -2))
     runs = [fb.simulate(fb.compile_scene(scene, condense=condense), t_end=0.2, step=0.01, progress=False, **options)
-            for condense, options in ((False, {}), (True, {"threads": 1}), (True, {"threads": 2}))]
+            for condense, options in ((False, {}), (True, {"solver": fb.Solver(threads=1)}),
+                                      (True, {"solver": fb.Solver(threads=2)}))]
     assert max(run.drift("balance") for run in runs) < ROUND_OFF
     np.testing.assert_allclose(runs[1].state.q, runs[0].state.q, rtol=0, atol=1e-11)
     np.testing.assert_allclose(runs[1].series["losses"], runs[0].series["losses"], rtol=1e-9)

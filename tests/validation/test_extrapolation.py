@@ -108,7 +108,7 @@ def flight() -> fb.Model:
 
 def test_momenta_and_books_stay_at_round_off_in_large_motion(tmp_path: Path) -> None:
     model = flight()
-    run = fourth(model, 1.0, 50, file=tmp_path / "run.h5")
+    run = fourth(model, 1.0, 50, output=tmp_path / "run.h5")
     for name in ("balance", "lin_mom", "ang_mom"):
         assert name in run.info["conserved"] and run.drift(name) < ROUND_OFF
     assert np.all(np.diff(run.series["losses"][:, 0]) > 0.0)
@@ -124,7 +124,7 @@ def test_momenta_and_books_stay_at_round_off_in_large_motion(tmp_path: Path) -> 
     errors = [np.max(np.abs(fourth(model, 1.0, n).phi[-1] - exact)) for n in (100, 200)]
     assert 3.8 < np.log2(errors[0] / errors[1]) < 4.2
     # it goes on from its end, and the books of both parts are one
-    rest = fourth(model, 1.0, 50, snapshots=2)
+    rest = fourth(model, 1.0, 50, output=fb.Output(snapshots=2))
     later = fb.simulate(model, t_end=1.2, step=0.02, order=4, start=rest.checkpoint, progress=False)
     assert later.t[0] == 1.0 and later.drift("balance") < ROUND_OFF
     assert abs(later.series["losses"][0, 0] - rest.series["losses"][-1, 0]) < 1e-12
@@ -147,7 +147,8 @@ def test_runs_that_differ_too_much_are_told() -> None:
     assert "take smaller steps" in run.events[0]["text"]
 
 
-@pytest.mark.parametrize("options", [{"tolerance": 1e-6}, {"callback": lambda t, state: None}, {"checkpoint": "run.check"}])
+@pytest.mark.parametrize("options", [{"tolerance": 1e-6}, {"callback": lambda t, state: None},
+                                     {"output": fb.Output(checkpoint="run.check")}])
 def test_what_needs_one_state_on_the_way_is_refused(options: dict[str, Any]) -> None:
     with pytest.raises(fb.SceneError, match=f"{next(iter(options))}: order=4 with what dissipates"):
         fb.simulate(bar(0.02)[0], t_end=0.1, step=0.01, order=4, progress=False, **options)
@@ -156,7 +157,7 @@ def test_what_needs_one_state_on_the_way_is_refused(options: dict[str, Any]) -> 
 def test_a_file_that_is_there_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "run.h5").write_bytes(b"")
     with pytest.raises(fb.ResultFileError, match="exists already"):
-        fourth(bar(0.02)[0], 0.1, 10, file=tmp_path / "run.h5")
+        fourth(bar(0.02)[0], 0.1, 10, output=tmp_path / "run.h5")
 
 
 @pytest.mark.slow

@@ -57,7 +57,8 @@ def bar(**options: Any) -> tuple[fb.Model, fb.Beam]:
 def test_a_bar_follows_the_recursion_of_its_mode(rho: float, h: float, planar: Any) -> None:
     """Strains are linear in the stretch; w h = 0.8, 16 and 314."""
     model, beam = bar(planar=planar)
-    run = fb.simulate(model, t_end=10 * h, step=h, method=fb.Method(rho_inf=rho), every=1, points={"tip": beam.end}, progress=False)
+    run = fb.simulate(model, t_end=10 * h, step=h, method=fb.Method(rho_inf=rho), every=1, points={"tip": beam.end},
+                      progress=False)
     step, y, found = one_step(5.0 * np.pi * h, rho), 1e-3 * h * np.array([0.0, 1.0, 1.0, 1.0]), [0.0]
     for _ in range(10):
         y = step @ y
@@ -78,7 +79,8 @@ def flight(elements: int = 8) -> fb.Model:
 
 def test_momenta_stay_books_close_and_energy_falls_in_every_step() -> None:
     model = flight()
-    runs = {n: fb.simulate(model, t_end=1.0, step=1.0 / n, method=fb.Method(rho_inf=0.5), every=1, progress=False) for n in (20, 400, 1600)}
+    runs = {n: fb.simulate(model, t_end=1.0, step=1.0 / n, method=fb.Method(rho_inf=0.5), every=1,
+                           progress=False) for n in (20, 400, 1600)}
     for run in runs.values():
         assert "total" not in run.info["conserved"] and "rho_inf = 0.5" in run.info["method"]
         for name in ("balance", "lin_mom", "ang_mom"):
@@ -102,14 +104,14 @@ def test_errors_in_large_motion_are_of_second_order_and_as_large_as_the_theory_s
 
     plain = [place(n) for n in (1600, 3200, 12800)]
     exact = plain[2] + (plain[2] - plain[1]) / 15.0
-    own = [np.max(np.abs(place(n, rho_inf=0.5) - exact)) for n in (1600, 3200)]
+    own = [np.max(np.abs(place(n, method=fb.Method(rho_inf=0.5)) - exact)) for n in (1600, 3200)]
     assert own[0] / own[1] == pytest.approx(4.0, rel=0.05)
     assert own[1] / np.max(np.abs(plain[1] - exact)) == pytest.approx(1.5, rel=0.02)
 
 
 def test_a_run_goes_on_from_a_checkpoint_bit_for_bit_and_step_control_books_what_it_keeps() -> None:
     model = flight()
-    options = {"step": 0.01, "rho_inf": 0.5, "every": 10, "progress": False}
+    options = {"step": 0.01, "method": fb.Method(rho_inf=0.5), "every": 10, "progress": False}
     whole, half = (fb.simulate(model, t_end=t, **options) for t in (0.6, 0.3))
     rest = fb.simulate(model, t_end=0.6, start=half.checkpoint, **options)
     assert all(np.array_equal(a, b) for a, b in zip(whole.state, rest.state))
@@ -139,12 +141,13 @@ def test_equilibria_stay() -> None:
 
 @pytest.mark.parametrize(("damping", "options", "says"), [
     (0.0, {"order": 4}, "order=2"), (0.01, {}, "has damping of its own"), (0.0, {"observe": ("reaction",)}, "'reaction'"),
-    (0.0, {"method": "midpoint"}, "not to 'midpoint'"), (0.0, {"rho_inf": 1.5}, "must lie in")])
+    (0.0, {"method": fb.Method("midpoint", rho_inf=0.5)}, "not to 'midpoint'"),
+    (0.0, {"method": fb.Method(rho_inf=1.5)}, "must lie in")])
 def test_what_filters_do_not_go_together_with_is_refused(damping: float, options: dict[str, Any], says: str) -> None:
     beam = fb.Beam.straight("bar", (0, 0, 0), (1, 0, 0), section=fb.Section(**SOFT, damping=damping), elements=2)
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start)))
     with pytest.raises(fb.SceneError, match=says):
-        fb.simulate(model, t_end=0.1, step=0.01, progress=False, **{"rho_inf": 0.5, **options})
+        fb.simulate(model, t_end=0.1, step=0.01, progress=False, **{"method": fb.Method(rho_inf=0.5), **options})
     mass = fb.PointMass("mass", mass=1.0, position=(0, 0, 0))
     with pytest.raises(fb.SceneError, match="no beams"):
         fb.simulate(fb.compile_scene(fb.Scene(mass)), t_end=0.1, step=0.01, method=fb.Method(rho_inf=0.5), progress=False)

@@ -143,7 +143,8 @@ def test_step_control_does_not_jump_over_a_pad() -> None:
 
 def test_smallest_step_that_passes_over_a_pad_is_told() -> None:
     model, points = dropped(on_a_pad)
-    result = fb.simulate(model, t_end=1.0, step=0.2, tolerance=fb.StepControl(1e3, min_step=0.2, max_step=0.2), points=points, progress=False)
+    result = fb.simulate(model, t_end=1.0, step=0.2, tolerance=fb.StepControl(1e3, min_step=0.2, max_step=0.2), points=points,
+                         progress=False)
     assert [event["kind"] for event in result.events] == ["unresolved"]
     assert "line force 'p': its ends pass each other in a step of 0.2 s" in result.events[0]["text"]
 

@@ -283,13 +283,13 @@ def test_another_model_knows_what_locks_have_done() -> None:
     def make() -> fb.Model:
         return rail(30.0, 3.0, lock=fb.Lock(0.1, until=0.3))
     whole, part = run(make(), 0.6), run(make(), 0.2)
-    rest = run(make(), 0.6, start=part.state_for(make()), t_start=0.2)
+    rest = run(make(), 0.6, start=fb.Start(part.state_for(make()), time=0.2))
     # held until 0.3 s, not locked once more at once, nor free
     assert happened(part) == [("locked", 0.1)] and happened(rest) == happened(whole)[1:]
     np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0, atol=1e-12)
     # one with other locks begins with its own
     free = rail(30.0, 3.0)
-    slid = run(free, 0.25, start=part.state_for(free), t_start=0.2).slider("s")["s"]
+    slid = run(free, 0.25, start=fb.Start(part.state_for(free), time=0.2)).slider("s")["s"]
     assert slid[0] - slid[-1] == pytest.approx(0.25 * G * 0.05**2, rel=1e-3)
 
 
@@ -297,9 +297,9 @@ def test_another_model_knows_that_a_point_flies() -> None:
     def make() -> fb.Model:
         return rail(30.0, 3.0, release=fb.Release(0.1))
     whole, part = run(make(), 0.4), run(make(), 0.2)
-    rest = run(make(), 0.4, start=part.state_for(make()), t_start=0.2)
+    rest = run(make(), 0.4, start=fb.Start(part.state_for(make()), time=0.2))
     np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0, atol=1e-12)
     # a slider that never leaves its beam cannot take that state
     model = rail(30.0, 3.0)
     with pytest.raises(fb.SceneError, match="its point lies"):
-        run(model, 0.4, start=part.state_for(model), t_start=0.2)
+        run(model, 0.4, start=fb.Start(part.state_for(model), time=0.2))

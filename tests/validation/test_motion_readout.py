@@ -83,7 +83,7 @@ def test_it_does_with_other_beams(kind):
 def test_behind_a_sudden_load_rows_do_not_go_up_and_down():
     """Steps that do not resolve axial waves leave velocities that alternate; means over steps do not."""
     beam, model = cantilever(time=None, force=(3.0, -1.0, 0.5))
-    result = run(model, beam, 4e-3, every=1, more=("velocity",), snapshots=100)
+    result = run(model, beam, 4e-3, every=1, more=("velocity",), output=fb.Output(snapshots=100))
     wall = -result.reaction("wall")["force"]
     off = np.linalg.norm(at_root(result) - wall, axis=1)
     own = np.linalg.norm(fb.section_forces(model, result, beam, 0.0).force[:, 0] - wall, axis=1)
@@ -157,7 +157,7 @@ def test_a_damped_beam_that_spins_has_the_forces_of_one_that_is_not_damped():
 
 def test_shapes_have_viscous_forces_where_velocities_are_kept(tmp_path):
     beam, model = cantilever()
-    result = run(model, beam, 4e-3, more=("velocity",), file=tmp_path / "run.h5", snapshots=8)
+    result = run(model, beam, 4e-3, more=("velocity",), output=fb.Output(file=tmp_path / "run.h5", snapshots=8))
     along = fb.section_forces(model, result, beam)
     last = fb.section_forces(model, result.state, beam)
     assert np.allclose(along.force[-1], last.force[0], rtol=0, atol=1e-5 * np.max(np.abs(last.force)))
@@ -167,7 +167,7 @@ def test_shapes_have_viscous_forces_where_velocities_are_kept(tmp_path):
     assert np.array_equal(fb.section_forces(model, again, beam).force, along.force)
     result.save(tmp_path / "copy.h5")
     assert np.array_equal(fb.load_result(tmp_path / "copy.h5").spins, result.spins)
-    plain = run(model, beam, 4e-3, snapshots=8)
+    plain = run(model, beam, 4e-3, output=fb.Output(snapshots=8))
     with pytest.warns(UserWarning, match="beam 'beam' has damping"):
         still = fb.section_forces(model, plain, beam)
     assert still.strain_rates is None and np.max(np.abs(still.force - along.force)) > 0.05

@@ -157,7 +157,7 @@ def test_velocities_written_into_a_state() -> None:
         return state
 
     run = {"t_end": 0.02, "step": 2e-3, "progress": False}
-    with pytest.raises(fb.SceneError, match="velocities against those of the momenta .* mend_start=True"):
+    with pytest.raises(fb.SceneError, match="velocities against those of the momenta .* mend=True"):
         fb.simulate(model, start=pushed(0.3), **run)
     told = fb.simulate(model, start=pushed(0.02), **run)
     assert [x for x in told.events if x["kind"] == "start" and "the momenta count" in x["text"]]

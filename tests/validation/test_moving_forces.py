@@ -440,7 +440,7 @@ def test_a_run_goes_on_from_a_state_in_which_all_has_come_to_rest() -> None:
     first = run_of(model, 0.002, t_end=0.6)
     there = first.slider("run")["s"][-1]
     assert abs(there - START) > 0.01 and first.slider("run")["slide_rate"][-1] == pytest.approx(0.0, abs=1e-9)
-    later = run_of(model, 0.002, t_end=0.7, start=first.state, t_start=float(first.t[-1]))
+    later = run_of(model, 0.002, t_end=0.7, start=fb.Start(first.state, time=float(first.t[-1])))
     assert later.slider("run")["s"][-1] == pytest.approx(there, abs=1e-12) and not later.events
 
 
@@ -462,7 +462,7 @@ def test_what_elements_that_move_do_not_know_is_said_of_them_first() -> None:
                  lambda: fb.simulate(model, t_end=0.1, step=0.01, method="generalized_alpha")):
         with pytest.raises(fb.SceneError, match="moving mesh with slider 'run'.*elements that move"):
             call()
-    with pytest.raises(fb.SceneError, match=r"its given position at t = 0 s is 0.7 m.*\(t_start=\.\.\.\)$"):
+    with pytest.raises(fb.SceneError, match=r"its given position at t = 0 s is 0.7 m.*\(Start\(state, time=\.\.\.\)\)$"):
         fb.simulate(on_a_rail(drive=fb.Drive(position=lambda t: 0.7)), t_end=0.1, step=0.01)
 
 

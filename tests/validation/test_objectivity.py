@@ -25,7 +25,7 @@ H = 0.02
 STEPS = {"energy_momentum": 15, "midpoint": 15, "trapezoidal": 8, "generalized_alpha": 15}
 METHODS: dict[str, dict[str, Any]] = {
     "energy_momentum": {}, "midpoint": {"method": "midpoint"}, "trapezoidal": {"method": "trapezoidal"},
-    "generalized_alpha": {"method": "generalized_alpha", "rho_inf": 0.7}}
+    "generalized_alpha": {"method": fb.Method("generalized_alpha", rho_inf=0.7)}}
 
 
 # ------------------------------------------------------------------------------------------------------------ moved scenes

@@ -235,7 +235,7 @@ def test_a_path_over_beams_of_a_net(joints: str) -> None:
     net, path = cable_net(joints)
     bead = fb.PointMass("bead", mass=0.5)
     scene = fb.Scene(net, bead, fb.Slider("s", bead, on=path, at=0.3, rate=1.5), gravity=(0.0, 0.0, -0.5))
-    results = [run(fb.compile_scene(scene, condense=condense), 1.5, 0.005, threads=threads)
+    results = [run(fb.compile_scene(scene, condense=condense), 1.5, 0.005, solver=fb.Solver(threads=threads))
                for condense, threads in ((False, 1), (True, 1), (True, 2))]
     text = str(fb.compile_scene(scene, condense=True))
     assert ("its beams not condensed" in text) == ("condensed to their ends" in text)
@@ -397,7 +397,7 @@ def test_random_paths_conserve_come_back_and_agree(planar: bool) -> None:
         model, h = fb.compile_scene(scene), drawn.step
         track = scene.sliders[0].beam
         try:
-            there = run(model, 25 * h, h, snapshots=0)
+            there = run(model, 25 * h, h, output=fb.Output(snapshots=0))
         except fb.ConvergenceError:
             assume(False)
         # a bead that leaves an open path is no example
@@ -405,14 +405,14 @@ def test_random_paths_conserve_come_back_and_agree(planar: bool) -> None:
         assert drifts(there) < 1e-12
         crossings.append(sum(track.places([s])[0][0] != track.places([at.at])[0][0]
                              for s, at in zip(there.state.s, scene.sliders)))
-        back = run(model, 25 * h, h, snapshots=0, start=there.state._replace(v=-there.state.v))
+        back = run(model, 25 * h, h, output=fb.Output(snapshots=0), start=there.state._replace(v=-there.state.v))
         size = max(1.0, float(np.max(np.abs(model.q0))))
         assert np.max(np.abs(back.state.q - model.q0)) < 1e-9 * size and np.max(np.abs(back.state.s - model.s0)) < 1e-9
-        other = run(fb.compile_scene(scene, solver="sparse"), 25 * h, h, snapshots=0)
+        other = run(fb.compile_scene(scene, solver="sparse"), 25 * h, h, output=fb.Output(snapshots=0))
         assert np.max(np.abs(other.state.s - there.state.s)) < 1e-9
         if planar:
             assert model.plane is not None
-            space = run(fb.compile_scene(scene, planar=False), 25 * h, h, snapshots=0)
+            space = run(fb.compile_scene(scene, planar=False), 25 * h, h, output=fb.Output(snapshots=0))
             assert np.max(np.abs(space.state.s - there.state.s)) < 1e-9
 
     check()

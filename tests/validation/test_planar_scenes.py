@@ -31,7 +31,7 @@ def both(scene: Callable[[], fb.Scene], compiled: dict[str, Any] | None = None, 
     out = []
     for planar in (True, False):
         model = fb.compile_scene(scene(), planar=planar, **(compiled or {}))
-        out.append(fb.simulate(model, **{"t_end": 25 * H, "step": H, "every": 1, "snapshots": 5, **run}))
+        out.append(fb.simulate(model, **{"t_end": 25 * H, "step": H, "every": 1, "output": fb.Output(snapshots=5), **run}))
     return out[0], out[1]
 
 

@@ -113,7 +113,7 @@ def test_reactions_of_all_supports_and_loads_make_up_the_change_of_momentum() ->
 
 def test_files_rows_and_names_are_as_of_other_runs(tmp_path: Path) -> None:
     model = pendulum()
-    run = fourth(model, 0.4, 40, 10, observe=("energy", "reaction"), file=tmp_path / "run.h5")
+    run = fourth(model, 0.4, 40, 10, observe=("energy", "reaction"), output=tmp_path / "run.h5")
     again = fb.load_result(tmp_path / "run.h5")
     assert np.array_equal(again.reaction("hanger")["force"], run.reaction("hanger")["force"])
     assert run.names["reactions"] == ["hanger", "rod"] and "two runs extrapolated" in run.info["method"]
@@ -123,7 +123,8 @@ def test_files_rows_and_names_are_as_of_other_runs(tmp_path: Path) -> None:
     assert 1e-5 < np.max(np.abs(two.reaction("rod")["force"] - run.reaction("rod")["force"])) < 0.1
 
 
-@pytest.mark.parametrize("options", [{"tolerance": 1e-6}, {"callback": lambda t, state: None}, {"checkpoint": "run.check"}])
+@pytest.mark.parametrize("options", [{"tolerance": 1e-6}, {"callback": lambda t, state: None},
+                                     {"output": fb.Output(checkpoint="run.check")}])
 def test_what_needs_one_state_on_the_way_is_refused(options: dict[str, Any]) -> None:
     with pytest.raises(fb.SceneError, match=f"{next(iter(options))}: order=4 with .* or with 'reaction' observed"):
         fb.simulate(pendulum(), t_end=0.1, step=0.01, order=4, observe=("reaction",), progress=False, **options)

@@ -121,7 +121,8 @@ def test_what_is_carried_is_thrown() -> None:
                      fb.PrescribedMotion("turn", spear, rotation=lambda t: (0, 0, 4.0 * t * t), displacement=table, axes="x",
                                          until=T), gravity=(0, 0, -G))
     model = fb.compile_scene(scene)
-    run = fb.simulate(model, t_end=1.0, step=0.01, every=1, points={"ball": ball, "spear": spear}, output=fb.Output(snapshots=200), progress=False)
+    run = fb.simulate(model, t_end=1.0, step=0.01, every=1, points={"ball": ball, "spear": spear},
+                      output=fb.Output(snapshots=200), progress=False)
     assert run.drift("balance") < 1e-12 and len(run.events) == 2
     free = run.t >= T
     t = run.t[free] - T

@@ -135,7 +135,8 @@ def test_yards_keep_their_books_whatever_the_order_of_parts_and_across_a_restart
         def run(order: Any = None, steps: int = STEPS, start: Any = None) -> fb.Result:
             model = fb.compile_scene(build_yard(drawn, order))
             try:
-                return fb.simulate(model, t_end=steps * drawn.step, step=drawn.step, every=1, output=fb.Output(snapshots=0), progress=False,
+                return fb.simulate(model, t_end=steps * drawn.step, step=drawn.step, every=1, output=fb.Output(snapshots=0),
+                                   progress=False,
                                    start=start)
             except fb.ConvergenceError:
                 assume(False)

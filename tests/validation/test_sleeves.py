@@ -316,7 +316,7 @@ def test_friction_drives_and_stops_keep_the_books(planar: bool) -> None:
 def test_friction_in_a_step_is_that_of_the_force_and_of_the_moments(planar: bool) -> None:
     model = fb.compile_scene(flat(friction=0.2, length=0.3), planar=planar)
     before = run(model, 0.2).state
-    step = run(model, 0.2002, 2e-4, start=before, t_start=0.2)
+    step = run(model, 0.2002, 2e-4, start=fb.Start(before, time=0.2))
     tangent = np.mean([contact(model, 0, x.s[0], *2 * (x.q.reshape(-1, 4, 3),))[1] for x in (before, step.state)], axis=0)
     long = np.linalg.norm(tangent)
     force, moments = step.state.force[:3], step.state.force[3:6]

@@ -340,7 +340,7 @@ def test_plane_and_space_agree(name: str) -> None:
 def test_a_run_goes_on_bit_for_bit(name: str, tmp_path: Any) -> None:
     model = flying(**ALL[name])
     whole = run(model, 0.1)
-    run(model, 0.05, checkpoint=tmp_path / "c")
+    run(model, 0.05, output=fb.Output(checkpoint=tmp_path / "c"))
     rest = run(model, 0.1, start=fb.load_checkpoint(tmp_path / "c"))
     if name == "rigid stops":
         # steps are counted anew from an impact on, so that the half run ends with another step; tests/dynamics/test_impacts.py
@@ -358,12 +358,12 @@ def test_a_slider_that_sticks_goes_on_sticking_from_its_bare_state() -> None:
         half = run(model, t, 2e-3)
         # what that leaves of its velocity is taken away
         assert abs(half.slider("s")["slide_rate"][-1]) < 1e-9
-        rest = run(model, t + 0.02, 2e-3, start=half.state, t_start=t)
+        rest = run(model, t + 0.02, 2e-3, start=fb.Start(half.state, time=t))
         assert np.array_equal(rest.slider("s")["s"], np.full(len(rest.t), half.state.s[0]))
     # one that moves does not stick where it turns around
     moving = rigid_rail(0.0, 2.0, friction=0.5, rate=1.0)
     half = run(moving, 0.05, 1e-3)
-    back = run(moving, 0.1, 1e-3, start=half.state._replace(v=-half.state.v), t_start=0.05)
+    back = run(moving, 0.1, 1e-3, start=fb.Start(half.state._replace(v=-half.state.v), time=0.05))
     assert back.slider("s")["s"][-1] < half.state.s[0] - 0.01
 
 
@@ -452,7 +452,7 @@ def test_step_control_and_threads_take_forces_along_the_beam() -> None:
     net = fb.Net("net", nodes, edges, section=DENSE, elements=3, pins=(0, 2, 3, 5))
     bead = fb.PointMass("bead", mass=0.02)
     scene = fb.Scene(net, bead, fb.Slider("s", bead, net.beam(0), at=0.4, rate=0.5, friction=0.2), gravity=(0, 0, -1.0))
-    results = [run(fb.compile_scene(scene, condense=condense), 0.05, threads=threads)
+    results = [run(fb.compile_scene(scene, condense=condense), 0.05, solver=fb.Solver(threads=threads))
                for condense, threads in ((True, 1), (True, 2), (False, None))]
     assert all(balanced(x) for x in results)
     assert np.array_equal(results[0].state.q, results[1].state.q)

@@ -82,7 +82,7 @@ def test_a_gap_that_stays_open_is_refused() -> None:
         fb.simulate(fb.compile_scene(CASES["two points of one body on one beam, 1e-06 m apart"].scene()), t_end=0.1, step=2e-3)
 
 
-@pytest.mark.parametrize("settings", [{"order": 4}, {"tolerance": 1e-6}, {"backend": "superlu"}, {"method": "midpoint"}],
+@pytest.mark.parametrize("settings", [{"order": 4}, {"tolerance": 1e-6}, {"solver": "superlu"}, {"method": "midpoint"}],
                          ids=lambda x: str(*x.values()))
 def test_dependent_sliders_run_in_every_way(settings: dict) -> None:
     model = fb.compile_scene(three_points())

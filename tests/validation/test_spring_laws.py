@@ -310,7 +310,8 @@ def net(condense: bool, threads: int = 1) -> fb.Result:
                      fb.RevoluteJoint(grid.node(10), turned.point((-0.5, 0, 0)), "drive", axis=(0, 1, 0),
                                       angle=lambda t: 5.0 * t * t),
                      fb.UserForce("wind", grid.node(6), push, parameters=(3.0,)), gravity=(0, 0, -9.81))
-    return fb.simulate(fb.compile_scene(scene, condense=condense), t_end=0.015, step=0.005, solver=fb.Solver(threads=threads), progress=False)
+    return fb.simulate(fb.compile_scene(scene, condense=condense), t_end=0.015, step=0.005, solver=fb.Solver(threads=threads),
+                       progress=False)
 
 
 def test_forces_of_links_laws_and_joints_reach_condensed_nets() -> None:

@@ -190,7 +190,8 @@ def test_springs_of_joints_keep_their_turns_in_other_models_and_mode_shapes() ->
     rest = fb.solve_static(model, at_time=1.0)
     assert rest.series["potential"][-1] == pytest.approx(32.0, rel=1e-12)
     for state in (rest.state_for(model), fb.modes(model, state=rest.state, n=1).state(0, amplitude=1e-9)):
-        run = fb.simulate(model, start=fb.Start(state, time=1.0, mend=True), t_end=1.0 + 2e-6, step=1e-6, observe=("energy", "joint"))
+        run = fb.simulate(model, start=fb.Start(state, time=1.0, mend=True), t_end=1.0 + 2e-6, step=1e-6,
+                          observe=("energy", "joint"))
         assert run.joint("h")["angle"][0] == pytest.approx(-4.0, abs=1e-8)
         assert run.series["potential"][0] == pytest.approx(32.0, rel=1e-8)
 

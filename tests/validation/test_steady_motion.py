@@ -137,7 +137,8 @@ def test_a_whirl_is_seen_in_time() -> None:
     for k in (1, 2):
         seen = []
         for h in (0.02, 0.01, 0.005):
-            run = fb.simulate(model, start=found.state(k, 1e-6), t_end=1.2, step=h, every=1, points={"p": middle}, output=fb.Output(snapshots=0),
+            run = fb.simulate(model, start=found.state(k, 1e-6), t_end=1.2, step=h, every=1, points={"p": middle},
+                              output=fb.Output(snapshots=0),
                               progress=False)
             z = run.point("p")[:, 1] + 1j * run.point("p")[:, 2]
             seen.append(float(np.angle(z[1:] / z[:-1]).mean()) / h)

@@ -178,7 +178,7 @@ def test_backwards_through_the_start() -> None:
 def test_there_and_back() -> None:
     model = fb.compile_scene(yard()[0])
     there = run(model, 1.6)
-    back = run(model, 1.6, start=there.state._replace(v=-there.state.v), t_start=0.0)
+    back = run(model, 1.6, start=fb.Start(there.state._replace(v=-there.state.v), time=0.0))
     assert switched(there) == ["loop"] and switched(back) == ["loop"]
     # cut steps lie elsewhere on the way back
     np.testing.assert_allclose(back.state.s, model.s0, atol=2e-3)
@@ -226,7 +226,7 @@ def test_a_run_goes_on_behind_a_switch() -> None:
     for one, other in zip(rest.state, whole.state):
         np.testing.assert_array_equal(one, other)
     # from the bare state, which knows its track by s
-    bare = run(model, start=part.state, t_start=part.t[-1])
+    bare = run(model, start=fb.Start(part.state, time=part.t[-1]))
     np.testing.assert_allclose(bare.state.s, whole.state.s, atol=1e-9)
 
 

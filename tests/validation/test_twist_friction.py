@@ -114,13 +114,13 @@ def test_a_torsion_pendulum_loses_two_limits_over_its_stiffness_in_every_swing()
 def test_a_run_goes_on_bit_for_bit_and_rows_tell_the_coordinates(tmp_path: Any) -> None:
     model, start = from_rest(60.0)
     whole = run(model, 0.1, 2e-3, start=start)
-    half = run(model, 0.05, 2e-3, start=start, checkpoint=tmp_path / "c")
+    half = run(model, 0.05, 2e-3, start=start, output=fb.Output(checkpoint=tmp_path / "c"))
     rest = run(model, 0.1, 2e-3, start=fb.load_checkpoint(tmp_path / "c"))
     for x, y in zip(rest.state, whole.state):
         assert np.array_equal(x, y)
     # from the bare state, without what it remembers, it goes on in the same way
     bare = half.state._replace(history=model.state().history)
-    again = run(model, 0.1, 2e-3, start=bare, t_start=0.05).slider("s")["twist"][-1]
+    again = run(model, 0.1, 2e-3, start=fb.Start(bare, time=0.05)).slider("s")["twist"][-1]
     assert abs(np.exp(1j * again) - np.exp(1j * whole.slider("s")["twist"][-1])) < 1e-3
     section = sections(model, whole.state.s, whole.state.q.reshape(-1, 4, 3))[0]
     d = np.einsum("a,ajc->jc", section.shapes[0], section.d)

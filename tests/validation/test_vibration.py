@@ -287,7 +287,8 @@ def test_bead_on_a_string_converges_with_order_six() -> None:
 def seen_in_time(model: Any, found: Modes, k: int, point: Any, amplitude: float = 1e-6) -> float:
     """Relative distance of a mode's frequency from that of a run: what a step of size h turns by is 2 atan(w h/2)."""
     h = 2.0 * np.pi / found.angular[k] / 60.0
-    run = fb.simulate(model, start=found.state(k, amplitude), t_end=180 * h, step=h, every=1, points={"p": point}, output=fb.Output(snapshots=0),
+    run = fb.simulate(model, start=found.state(k, amplitude), t_end=180 * h, step=h, every=1, points={"p": point},
+                      output=fb.Output(snapshots=0),
                       progress=False)
     x = run.point("p") - run.point("p").mean(axis=0)
     y = x[:, np.argmax(np.abs(x).max(axis=0))]

@@ -58,7 +58,8 @@ def main() -> None:
 
     def run(samples: int) -> fb.Result:
         return fb.simulate(model, t_end=samples * n_steps * options["step"], step=options["step"], order=options["order"],
-                           observe=("energy",) if options["energy"] else (), output=fb.Output(snapshots=0), progress=False, points=points,
+                           observe=("energy",) if options["energy"] else (), output=fb.Output(snapshots=0), progress=False,
+                           points=points,
                            every=n_steps)
 
     def solve(_: None) -> None:

@@ -313,15 +313,15 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
     SceneError
     """
     if not t_end > now:
-        raise SceneError(f"t_end: must lie after t_start = {now:g} s, got {t_end:g}")
+        raise SceneError(f"t_end: must lie after the start at {now:g} s, got {t_end:g}")
     if t_end - now <= _unclear(now, t_end, step) * step:
-        raise SceneError(f"t_end: lies {t_end - now:.3g} s after t_start = {now:g} s, next to nothing of a step of {step:g} s; "
-                         "give a later t_end, or a smaller step")
+        raise SceneError(f"t_end: lies {t_end - now:.3g} s after the start at {now:g} s, next to nothing of a step of "
+                         f"{step:g} s; give a later t_end, or a smaller step")
     far = max(abs(now), abs(t_end))
     spacing = float(np.spacing(far))
     if not step >= RESOLVED * spacing:
         raise SceneError(f"{name}: must be at least {RESOLVED * spacing:.3g} s, got {step:g}, because times near {far:g} s are "
-                         f"doubles {spacing:.3g} s apart; count time from the start of the run (t_start=0), take larger steps, "
+                         f"doubles {spacing:.3g} s apart; count time from the start of the run (t = 0), take larger steps, "
                          "or end earlier")
 
 

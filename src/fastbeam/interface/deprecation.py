@@ -148,7 +148,8 @@ def regroup(subject: str, since: str, old: Grouped, given: dict[str, Any], level
         groups.setdefault(place, (group, first))[1][new] = given[name]
     if not groups:
         return out
-    texts = (f"{place}={group.__name__}({', '.join(f'{name}=...' for name in values)})" for place, (group, values) in groups.items())
+    texts = (f"{place}={group.__name__}({', '.join(f'{name}=...' for name in values)})" for place,
+             (group, values) in groups.items())
     have = ", ".join(name for name in given if name in old)
     _warn(f"{subject}: arguments went into groups; instead of {have} write {', '.join(texts)}", since, level + 1)
     return out | {place: group(**values) for place, (group, values) in groups.items()}

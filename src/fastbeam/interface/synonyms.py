@@ -10,7 +10,6 @@ WORDS = {
     "step": "dt h time_step timestep step_size stepsize load_step "
             "delta_t initial_step load_steps n_load_steps increments ds increment",
     "t_end": "tend end_time duration T tmax t_max t_final final_time stop_time end until time",
-    "t_start": "t0 start_time begin t_begin",
     "period": "dt sample_time sampling_time Ts sampling dt_sample interval frequency rate step",
     "time": "t time_function time_factor scaling f_of_t time_law amplitude history",
     "at_time": "t time t0 at_t",
@@ -20,6 +19,16 @@ WORDS = {
     "largest_step": "max_step ds_max",
     "max_step": "dt_max largest_step",
     "min_step": "dt_min smallest_step",
+    # groups of a run in time
+    "t_end and start=Start(..., time=...)": "t0 start_time begin t_begin",
+    "t_end and start=Start(..., mend=True)": "fix_start repair mend",
+    "t_end and tolerance=StepControl(..., max_step=...)": "dt_max largest_step",
+    "t_end and tolerance=StepControl(..., min_step=...)": "dt_min smallest_step",
+    "t_end and method=Method(rho_inf=...)": "rho rho_infinity spectral_radius numerical_damping filter",
+    "t_end and solver=Solver(max_iterations=...)": "iterations max_iter maxiter newton_iterations",
+    "t_end and solver=Solver(threads=...)": "n_threads num_threads cores",
+    "t_end and output=Output(snapshots=...)": "frames n_frames n_snapshots shapes",
+    "t_end and output=Output(..., overwrite=True)": "force replace exist_ok clobber",
     "most_points": "steps n_steps num_steps max_steps max_points n_points n n_max",
     "most_steps": "steps n_steps max_steps t_end",
     "t_end and step": "steps n_steps num_steps max_steps nt",
@@ -28,10 +37,9 @@ WORDS = {
     "to": "target final_load_factor max_load lambda_max load_factor_end end",
     "load_factor": "lambda lam factor load_level at",
     "levels": "load_factors stages load_levels load_factor",
-    "rho_inf": "rho rho_infinity spectral_radius numerical_damping filter",
     "method": "integrator scheme time_integrator",
     "backend": "solver linear_solver",
-    "mend_start": "fix_start repair mend",
+    "start=Start(..., mend=True)": "fix_start repair mend",
     "keep_every": "every checkpoints keep",
     # start and results of a run
     "start": "restart initial_state initial x0 state y0 warm_start seed from p1 x1 first begin min lower minimum low",
@@ -41,6 +49,7 @@ WORDS = {
     "every": "output_every output_step save_every sample_every stride",
     "snapshots": "frames n_frames n_snapshots shapes",
     "file": "output save save_to filename file_name out path to_file",
+    "output": "file save save_to filename file_name out path to_file",
     "path": "file filename file_name out output name",
     "overwrite": "force replace exist_ok clobber",
     "progress": "verbose quiet bar show_progress",
@@ -244,8 +253,8 @@ CONVERTED = {
     "step": {"load_steps n_load_steps increments": "the size of one, not their number"},
     "load_step": {"load_steps n_load_steps n_steps steps increments": "the size of one, one over their number"},
     "elements": {"n_nodes nodes": "the number of elements, not of nodes", "mesh_size": "the length over their size"},
-    "rho_inf": {"numerical_damping": "1 without damping, 0 with the most"},
-    "t_end": {"duration": "counted from 0 and not from t_start"},
+    "method=Method(rho_inf=...)": {"numerical_damping": "1 without damping, 0 with the most"},
+    "t_end": {"duration": "counted from t = 0 and not from the start"},
     "start_direction": {"phase": "a direction, not an angle"},
     "speed": {"slow_motion slowdown": "less than 1 for slow motion"},
     "progress": {"quiet": "the opposite"},
@@ -298,7 +307,7 @@ def _meant(unknown: str, names: list[str]) -> str:
         for argument, words in WORDS.items():
             called = words.lower().replace("_", "") if any_case else words
             if word in called.split() and _has(argument, names):
-                return argument
+                return argument.removeprefix("t_end and ") if "=" in argument else argument
     return ""
 
 
@@ -310,7 +319,7 @@ def _is_among(word: str, words: str) -> bool:
 def _has(argument: str, names: list[str]) -> bool:
     if argument == "each part without a name":
         return "gravity" in names
-    return all(word in names for word in argument.split("=")[0].split(" and "))
+    return all(word.split("=")[0] in names for word in argument.split(" and "))
 
 
 def listed(names: list[str], tail: str = "") -> str:

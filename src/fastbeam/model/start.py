@@ -41,7 +41,7 @@ AT_REST = 1e-6
 TURNS_AROUND = "contact forces alternate from step to step by as much as it takes to turn that around; use a smaller step"
 JUMPS = ("the support takes its node along at once, a blow that makes forces alternate from step to step; let the motion begin "
          "with the velocity of the state")
-# largest error of places that mend_start mends, as a share of the size of the scene
+# largest error of places that Start(mend=True) mends, as a share of the size of the scene
 MENDABLE = 1e-2
 # largest change of velocities of the scene without an event, as a share of the largest velocity
 CHANGES = 1e-9
@@ -142,7 +142,7 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
     if worst is None:
         if not mend:
             notes += [("shock" if m.word is JUMPS else "start", f"{m.what} {m.size:.3g} {m.unit} at the start: {m.word}, or "
-                       "mend_start=True") for m in found if m.size > m.told]
+                       "start=Start(state, mend=True)") for m in found if m.size > m.told]
         if not mend or not any(m.size > m.told for m in found):
             return state, notes
         worst = max(found, key=lambda m: m.size / m.told)
@@ -153,9 +153,9 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
             return state, [*notes, ("mended", f"the start was mended: {worst.what} {worst.size:.3g} {worst.unit} off")]
         worst = left
     if mend:
-        advice = f"mend_start mends up to {worst.mendable:.2g} {worst.unit}"
+        advice = f"Start(mend=True) mends up to {worst.mendable:.2g} {worst.unit}"
     elif worst.size <= worst.mendable:
-        advice = "have it mended with mend_start=True" if mend is not None else "simulate(..., mend_start=True) mends it"
+        advice = f"have it mended{'' if mend is not None else ' by simulate'}, with start=Start(state, mend=True)"
         if worst.unit == "m/s":
             advice += ": then the parts meet in an inelastic impact, which keeps momenta and takes energy"
     else:
@@ -342,8 +342,8 @@ def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]
             by = " and ".join(text for text, size in ((f"{away:.3g} m", away), (f"{angle:.3g} rad", angle)) if size)
             out.append(("support", f"{motion.label} begins at t = {t:.6g} s, where {model.labels[node]} is {by} off its place at "
                                    "that time, and keeps that distance: what the function changes from then on is added to where "
-                                   "the state has the node; start with a state of that time, or with t_start= at the time of the "
-                                   "state"))
+                                   "the state has the node; start with a state of that time, or give the time of the state, "
+                                   "Start(state, time=...)"))
     return out
 
 
@@ -379,7 +379,7 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     """
     from scipy import sparse
     if off_beam(model, state).any():
-        raise SceneError("mend_start: a slider has left its beam; start from the state of a run without mending it")
+        raise SceneError("start, mend: a slider has left its beam; start from the state of a run without mending it")
     q, s, rows = state.q.reshape(-1, 4, 3).copy(), state.s.copy(), GapRows(model)
     _close_rigidly(model, rows, state, q, s)
     q = follow(model, q)

@@ -78,7 +78,7 @@ def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, ref
         hint = "; .pvd and .vtu are older formats with a file for every time" if older else ""
         raise SceneError(f"to_vtk: path must end in .vtkhdf, got '{path.name}'{hint}")
     if not len(result.t_snap):
-        raise SceneError("to_vtk: the result holds no snapshots, simulate(..., snapshots=100) records some")
+        raise SceneError("to_vtk: the result holds no snapshots, simulate(..., output=Output(snapshots=100)) records some")
     h5py = import_h5py()
     shape = _shape(result, surface, refine, sections)
     if not shape.n_points:

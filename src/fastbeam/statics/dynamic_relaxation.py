@@ -12,7 +12,9 @@ import numpy as np
 from fastbeam.compile.links import Passes
 from fastbeam.dynamics.control import failure
 from fastbeam.dynamics.interrupt import Interrupts
+from fastbeam.dynamics.options import MENDED, Group, Start, shape_of_start
 from fastbeam.interface.arguments import Anything, Count, Flag, Number, Word, checked
+from fastbeam.interface.deprecation import regrouped
 from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
 from fastbeam.interface.result_warnings import warns
 from fastbeam.kernels.loop import OK, SLIDER_END, external_forces
@@ -22,7 +24,6 @@ from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.moving_supports import PrescribedMotions
-from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports
 from fastbeam.results.observe.observer import OBSERVED, POINTS, Observer
 from fastbeam.results.observe.resolution import Resolution
@@ -59,12 +60,14 @@ STILL = 1e-7
 NEAR = 1e-4
 
 
+@regrouped("0.2", MENDED)
 @warns
-@checked(model=Anything(), start=START, step=Number(above=0.0, unit="s"), most_steps=Count(most=10**7), at_time=Number(unit="s"),
-         observe=OBSERVED, points=POINTS, finish=Flag(), max_iterations=Count(most=10_000), backend=Word(), mend_start=Flag())
-def relax(model: Model, *, start: State | None = None, step: float | None = None, most_steps: int = 20_000,
+@checked(model=Anything(), start=Group(Start, START), step=Number(above=0.0, unit="s"), most_steps=Count(most=10**7),
+         at_time=Number(unit="s"), observe=OBSERVED, points=POINTS, finish=Flag(), max_iterations=Count(most=10_000),
+         backend=Word())
+def relax(model: Model, *, start: State | Start | None = None, step: float | None = None, most_steps: int = 20_000,
           at_time: float | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None,
-          finish: bool = True, max_iterations: int = 25, backend: str = "auto", mend_start: bool = False) -> Result:
+          finish: bool = True, max_iterations: int = 25, backend: str = "auto") -> Result:
     """Find an equilibrium by dynamic relaxation where Newton's method does not reach it from the start: mechanisms, slack cables
     and nets, sliders far from their place.
 
@@ -78,8 +81,9 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     model : Model
         Every part has to be held at one point at least, about which it may turn. With `at_time` supports that
         move go to their place at that time first, along their functions; without a time they stand still.
-    start : State
-        Begin from this shape instead of the reference; its velocities do not count.
+    start : State or Start
+        Begin from this shape instead of the reference; its velocities do not count. ``Start(state, mend=True)`` mends it as in
+        `simulate`.
     step : float
         First step, s; default: a share of the time in which the scene falls by its size.
     most_steps : int
@@ -93,8 +97,6 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     max_iterations : int
         Newton iterations of a step, and of the finish.
     backend : {'auto', 'pardiso', 'superlu'}
-    mend_start : bool
-        As in `simulate`.
 
     Returns
     -------
@@ -122,12 +124,10 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
                          "observe=('reaction',))")
     factors = load_factors_at("relax", model, at_time)
-    notes: list[Any] = []
-    if start is not None:
-        start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
-    way = _way(model, start, at_time)
+    state, notes = shape_of_start("relax", model, start)
+    way = _way(model, state, at_time)
     at_rest = _at_rest(model, factors, way)
-    run = _Motion(model, at_rest, start, factors, at_time or 0.0, max_iterations, backend, observe, points, way)
+    run = _Motion(model, at_rest, state, factors, at_time or 0.0, max_iterations, backend, observe, points, way)
     run.held_in_space = check_supports(model, run.stepper.plane is not None, may_turn=True)
     for kind, text in notes:
         run.buffer.event({"kind": kind, "time": 0.0, "text": text})

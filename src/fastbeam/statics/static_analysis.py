@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fastbeam.dynamics.options import MENDED, Group, Start, shape_of_start
 from fastbeam.interface.arguments import (
     Anything,
     Count,
@@ -20,6 +21,7 @@ from fastbeam.interface.arguments import (
     checked,
     shown,
 )
+from fastbeam.interface.deprecation import regrouped
 from fastbeam.interface.errors import ConvergenceError, Interrupted, SceneError, carry
 from fastbeam.interface.result_warnings import warns
 from fastbeam.interface.synonyms import its_sliders
@@ -28,7 +30,6 @@ from fastbeam.linalg.linear_system import check_backend
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model, check_model
-from fastbeam.model.start import check_start
 from fastbeam.results.observe.observer import OBSERVED, POINTS
 from fastbeam.results.result import Result
 from fastbeam.scene.checks import Place
@@ -62,16 +63,16 @@ def which_sliders(value: Any) -> bool | tuple[str, ...]:
 START = Instance(State, "a State (result.state, model.state())", "of a checkpoint: checkpoint.state")
 
 
+@regrouped("0.2", MENDED)
 @warns
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
-         smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
-         max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
+         smallest_step=SHARE, at_time=Number(unit="s"), start=Group(Start, START), observe=OBSERVED, points=POINTS,
+         max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), held=which_sliders,
          rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS), steady=which_motion)
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
-                 smallest_step: float = 1e-9, at_time: float | None = None, start: State | None = None,
+                 smallest_step: float = 1e-9, at_time: float | None = None, start: State | Start | None = None,
                  observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None, max_iterations: int = 20,
-                 backend: str = "auto", threads: int | None = None, mend_start: bool = False,
-                 held: bool | str | Sequence[str] = False,
+                 backend: str = "auto", threads: int | None = None, held: bool | str | Sequence[str] = False,
                  rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh",
                  steady: Spin | Travel | None = None) -> Result:
     """Find the equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
@@ -93,8 +94,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         moves its support with the load factor (displacement control): from the shape of the scene along its function from t = 0
         on, from a `start` straight to its place at that time; steps that lead to another equilibrium than the one
         nearby are divided, an event "leap" tells where the smallest one does. Without it such supports stay where they are.
-    start : State
+    start : State or Start
         Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
+        ``Start(state, mend=True)`` mends it as in `simulate`.
     observe, points
         As in `simulate`, of 'energy', 'spring', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
     max_iterations : int
@@ -102,8 +104,6 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     backend : {'auto', 'pardiso', 'superlu'}
     threads : int
         As in `simulate`; scenes with sliders are solved on one thread.
-    mend_start : bool
-        As in `simulate`.
     held : bool, str or sequence of str
         Names of sliders that stay where they are on their beams, as if clipped to them; True: all. Their contact forces may have
         a part along the beam. Sliders that are locked from the start stay as well.
@@ -170,15 +170,13 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         check_steady("solve_static", model, steady, factors)
         if model.asked_for_plane:
             raise SceneError("solve_static: steady= is known in space; compile the scene without planar=True")
-    notes: list[Any] = []
-    if start is not None:
-        start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
-    task = StaticTask(model, start, notes, factors, stops, stays, asked, smallest_step, at_time, observe, points, max_iterations,
+    state, notes = shape_of_start("solve_static", model, start)
+    task = StaticTask(model, state, notes, factors, stops, stays, asked, smallest_step, at_time, observe, points, max_iterations,
                       backend, threads, raise_loads, contacts, steady)
     result = LoadSteps(task).find(load_step, largest_load_step)
     first = max(SMALLER * load_step, smallest_step)
     large = first < load_step and float(np.max(result.series["step_size"])) > SMALLER
-    if result.info["unstable_directions"] and start is None and large:
+    if result.info["unstable_directions"] and state is None and large:
         return _more_stable(task, result, first, max(first, min(largest_load_step, SMALLER)))
     return result
 

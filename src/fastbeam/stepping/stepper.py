@@ -308,7 +308,7 @@ class Stepper:
         if memory.size != sum(sizes):
             raise SceneError(f"start: the checkpoint carries {memory.size} numbers besides the state, method "
                              f"{self.method.name!r} needs {sum(sizes)}; go on with the method that wrote it, or "
-                             "with start=checkpoint.state, t_start=checkpoint.t")
+                             "with start=Start(checkpoint.state, time=checkpoint.t)")
         for mine, other in zip(parts, np.split(memory, np.cumsum(sizes)[:-1])):
             mine[:] = other
 

@@ -410,7 +410,7 @@ class SliderForces(Feature):
             slider, place = self.sliders[k], self.place_given(k, t, history[k])
             if abs(place - s[k]) > JUMP * slider.beam.length:
                 raise SceneError(f"slider {slider.name!r} stands at s = {s[k]:.6g} m, its drive at t = {t:.6g} s at {place:.6g} "
-                                 "m; start at the time of the state (t_start=...), or let the position begin there")
+                                 "m; start at the time of the state (Start(state, time=...)), or let the position begin there")
 
     def restitution(self, k: int, at_end: bool, s: float, own: Array) -> float | None:
         """Return the coefficient of restitution of the rigid stop of slider k, at s, at its end or start; None where there is no

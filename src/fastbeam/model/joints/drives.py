@@ -329,7 +329,7 @@ class Holds:
                 statics = "" if name == "position" else ", or from the equilibrium of solve_static, which goes there"
                 raise SceneError(f"{part.label}: it stands at {found[k]:.6g} {unit}, its given {name} at t = {t:.6g} s is "
                                  f"{value:.6g} {unit}; let it begin with {found[k]:.6g} there, start at the time of the state "
-                                 f"(t_start=...){statics}")
+                                 f"(Start(state, time=...)){statics}")
             own[k] = value
 
     def check_stays(self, who: str, t: float, found: Array) -> None:

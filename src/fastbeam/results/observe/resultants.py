@@ -275,7 +275,7 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLik
         raise SceneError(f"section_forces: shapes must be a Result or a State (result.state), got {shown(shapes)}")
     if phi.shape[1] != model.n_nodes:
         raise SceneError(f"section_forces: the shapes have {phi.shape[1]} nodes and the model of scene {model.scene_name!r} has "
-                         f"{model.n_nodes}; give the model of that run, and keep shapes with snapshots=...")
+                         f"{model.n_nodes}; give the model of that run, and keep shapes with output=Output(snapshots=...)")
     sections = Sections(model, beam, s)
     phi, directors, rates = phi[:, sections.span], directors[:, sections.span], None
     if sections.viscosity is not None and v is not None:

@@ -72,7 +72,7 @@ def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, 
     """Write a film of the snapshots of a result, or of modes: `path` ends in .gif (by Pillow) or .mp4 (by ffmpeg).
 
     The shape at the first snapshot stays behind in grey. Snapshots are shown as they are, nothing is interpolated in time: record
-    enough of them, ``simulate(..., snapshots=200)``.
+    enough of them, ``simulate(..., output=Output(snapshots=200))``.
 
     A film of modes is one period of each, which goes on where it begins, before the equilibrium in grey; a GIF repeats it.
     Damped modes, and those about a steady motion in the frame that spins, have the phases of their complex shapes. Motions
