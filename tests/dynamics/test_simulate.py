@@ -463,7 +463,7 @@ def test_more_shapes_than_rows_are_one_a_row() -> None:
     few, many = (peak_bytes(lambda n=n: run(output=fb.Output(snapshots=n))) for n in (11, 10**6))  # type: ignore[misc]
     assert many < 2 * few + 10**6
     for snapshots in (10**12, 10**400):
-        with pytest.raises(fb.SceneError, match="snapshots: must be a whole number from 0 to 1e\\+06"):
+        with pytest.raises(fb.SceneError, match="Output: snapshots must be a whole number from 0 to 1e\\+06"):
             run(output=fb.Output(snapshots=snapshots))
 
 

@@ -105,7 +105,7 @@ MISTAKES = {
     "fb.simulate(model, t_end=1, step=0.1, callback=lambda t: None)": "callback: must be a function of (t, state), got one of",
     "fb.simulate(model, t_end=1, step=0.1, callback=lambda t, s: t)": "must return True where the run is to end, else False or",
     "fb.simulate(model, t_end=1, step=0.1, start=result)": "start: must be a State (result.state, model.state()) or Checkpoint",
-    "fb.simulate(model, t_end=1, step=0.1, output='x')": "simulate: has no argument 'output'; use file",
+    "fb.simulate(model, t_end=1, step=0.1, filename='x')": "simulate: has no argument 'filename'; use output",
     "fb.simulate(model, t_end=1e20, step=1e-3)": "step: must be at least 6.55e+04 s, got 0.001",
     "fb.solve_static(scene)": "solve_static: needs a model, got <scene 'scene': 1 beam",
     "fb.solve_static(model, load_steps=10)": "solve_static: has no argument 'load_steps'; use load_step",

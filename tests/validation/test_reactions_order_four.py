@@ -123,10 +123,11 @@ def test_files_rows_and_names_are_as_of_other_runs(tmp_path: Path) -> None:
     assert 1e-5 < np.max(np.abs(two.reaction("rod")["force"] - run.reaction("rod")["force"])) < 0.1
 
 
-@pytest.mark.parametrize("options", [{"tolerance": 1e-6}, {"callback": lambda t, state: None},
-                                     {"output": fb.Output(checkpoint="run.check")}])
-def test_what_needs_one_state_on_the_way_is_refused(options: dict[str, Any]) -> None:
-    with pytest.raises(fb.SceneError, match=f"{next(iter(options))}: order=4 with .* or with 'reaction' observed"):
+@pytest.mark.parametrize(("name", "options"), [
+    ("tolerance", {"tolerance": 1e-6}), ("callback", {"callback": lambda t, state: None}),
+    ("checkpoint", {"output": fb.Output(checkpoint="run.check")})])
+def test_what_needs_one_state_on_the_way_is_refused(name: str, options: dict[str, Any]) -> None:
+    with pytest.raises(fb.SceneError, match=f"{name}: order=4 with .* or with 'reaction' observed"):
         fb.simulate(pendulum(), t_end=0.1, step=0.01, order=4, observe=("reaction",), progress=False, **options)
 
 
