@@ -67,7 +67,7 @@ def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> N
 
 @pytest.mark.parametrize(("group", "arguments", "message"), [
     (fb.Start, {"time": np.nan}, "Start: time must be a finite number, got nan"),
-    (fb.Start, {"velocities": "mine"}, "Start: velocities 'mine' does not exist: choose 'state' or 'scene'"),
+    (fb.Start, {"velocities": "mine"}, "Start: velocities 'mine' does not exist: choose 'start' or 'scene'"),
     (fb.Output, {"snapshots": -1}, "Output: snapshots must be a whole number >= 0, got -1"),
     (fb.Output, {"snapshots": True}, "Output: snapshots must be a whole number >= 0, got True"),
     (fb.Solver, {"max_iterations": 0}, "Solver: max_iterations must be a whole number >= 1, got 0"),

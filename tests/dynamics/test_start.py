@@ -441,3 +441,20 @@ def test_a_start_from_an_equilibrium_says_that_it_is_at_rest_or_takes_velocities
     np.testing.assert_allclose(run.velocities[0][ring], np.cross((0, 2.0, 0), q[ring]) + 0.3 * slopes @ q[nodes], atol=1e-12)
     with pytest.raises(fb.SceneError, match="velocities: a checkpoint goes on with its own"):
         fb.simulate(model, start=fb.Start(run.checkpoint, velocities="scene"), t_end=0.02, step=H)
+
+
+def test_an_equilibrium_takes_the_state_of_a_start_and_mends_it_and_refuses_what_it_has_no_use_for() -> None:
+    scene = crane()
+    model = fb.compile_scene(scene)
+    state = model.state()
+    state.q.reshape(-1, 4, 3)[at(model, scene.bodies[1]), 0] += (0.0, 0.0, 0.005)
+    for analysis in (fb.solve_static, fb.relax):
+        with pytest.raises(fb.SceneError, match=r"mended, with start=Start\(state, mend=True\)"):
+            analysis(model, start=state)
+        for start, says in ((fb.Start(state, time=1.0), "takes no time"), (fb.Start(time=1.0), "takes no time"),
+                            (fb.Start(state, velocities="scene"), "no velocities"), (3, "must be a State")):
+            with pytest.raises(fb.SceneError, match=f"{analysis.__name__}, start: .*{says}"):
+                analysis(model, start=start)
+    found = fb.solve_static(model, start=fb.Start(state, mend=True))
+    assert "mended" in [event["kind"] for event in found.events]
+    np.testing.assert_allclose(*(run.state.q.reshape(-1, 4, 3)[:, 0] for run in (found, fb.solve_static(model))), atol=1e-9)

@@ -442,7 +442,7 @@ def calls(folder: Path) -> dict[str, Call]:
             every=is_count, callback=is_function, tolerance=either(is_real, one_of(fb.StepControl)),
             output=either(PATH, one_of(fb.Output)), solver=either(is_text, one_of(fb.Solver)), progress=is_flag)),
         "Start": Call(fb.Start, {}, dict(state=one_of(State, fb.Checkpoint), time=is_real, mend=is_flag,
-                                         velocities=among("state", "scene"))),
+                                         velocities=among("start", "scene"))),
         "Method": Call(fb.Method, {}, dict(name=is_text, rho_inf=is_real)),
         "StepControl": Call(fb.StepControl, dict(tolerance=1e-6), dict(tolerance=is_real, min_step=is_real, max_step=is_real)),
         "Output": Call(fb.Output, {}, dict(file=PATH, overwrite=is_flag, snapshots=is_count, checkpoint=PATH,

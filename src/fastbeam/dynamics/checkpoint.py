@@ -113,7 +113,7 @@ class Checkpoint:
 
 @checked(path=FilePath())
 def load_checkpoint(path: str | PathLike[str]) -> Checkpoint:
-    """Read a checkpoint that `simulate(..., checkpoint=path)` or `Checkpoint.save` wrote.
+    """Read a checkpoint that `simulate(..., output=Output(checkpoint=path))` or `Checkpoint.save` wrote.
 
     Raises
     ------

@@ -18,7 +18,7 @@ TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
 BEGIN = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
 
 
-@checked(state=BEGIN, time=TIME, mend=Flag(), velocities=Word(("state", "scene")))
+@checked(state=BEGIN, time=TIME, mend=Flag(), velocities=Word(("start", "scene")))
 @dataclass(frozen=True, eq=False)
 class Start:
     """Begin of a run: a state, its time, and what is done where the scene does not allow it.
@@ -33,7 +33,7 @@ class Start:
         Accept a state that joints, supports and sliders do not quite allow: parts up to a hundredth of the size of the scene
         apart are moved, those that meet at different velocities do so in an inelastic impact. Momenta stay, `Result.balance` has
         the energy.
-    velocities : {'state', 'scene'}
+    velocities : {'start', 'scene'}
         Take the velocities of the state, or those that the scene gives its parts, in the shape of the state: of an equilibrium,
         which has none.
     """
@@ -41,7 +41,7 @@ class Start:
     state: State | Checkpoint | None = None
     time: float | None = None
     mend: bool = False
-    velocities: str = "state"
+    velocities: str = "start"
 
 
 @checked(name=Word(), rho_inf=Number())
@@ -158,15 +158,15 @@ def shape_of_start(analysis: str, model: Model, start: Any) -> tuple[State | Non
     SceneError
         The start has a time or velocities, is a checkpoint, or no state that the scene allows.
     """
-    if start is None or start.state is None:
+    if start is None:
         return None, []
     if isinstance(start.state, Checkpoint):
         raise SceneError(f"{analysis}, start: must be a State (result.state, model.state()), got a Checkpoint; of a checkpoint: "
                          "checkpoint.state")
-    if start.time is not None or start.velocities != "state":
+    if start.time is not None or start.velocities != "start":
         raise SceneError(f"{analysis}, start: an equilibrium takes no time and no velocities from Start; at_time= is the time of "
                          "loads and supports")
-    return check_start(model, start.state, 1.0, start.mend, at_rest=True)
+    return (None, []) if start.state is None else check_start(model, start.state, 1.0, start.mend, at_rest=True)
 
 
 def groups(method: Any, tolerance: Any, start: Any, output: Any, solver: Any) -> tuple[Method, StepControl | None, Start, Output,
