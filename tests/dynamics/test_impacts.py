@@ -9,7 +9,8 @@ from restarts import assert_goes_on
 
 import fastbeam as fb
 import fastbeam.dynamics.time_loop
-from fastbeam.dynamics.impacts import Impacts, strike
+from fastbeam.dynamics.impacts import Impacts
+from fastbeam.dynamics.velocity_jumps import strike
 from fastbeam.dynamics.velocity_jumps import jump
 from fastbeam.kernels.contact.slider_forces import DRIVE_WORK, HISTORY, STOP_LOSS
 from fastbeam.model.mapping import contact

@@ -11,7 +11,7 @@ from restarts import assert_goes_on
 from scipy.integrate import solve_ivp
 
 import fastbeam as fb
-from fastbeam.dynamics.impacts import strike_joint
+from fastbeam.dynamics.velocity_jumps import strike_joint
 from fastbeam.kernels.joints.coordinates import WORK
 from fastbeam.kernels.joints.friction import AGAINST, STOP_LOSS
 

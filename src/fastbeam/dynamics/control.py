@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.dynamics.bounds import Ways
+from fastbeam.dynamics.bounds import Bounded, vanishing
 from fastbeam.dynamics.checkpoint import RESOLVED, Clock, check_times
 from fastbeam.dynamics.options import StepControl
 from fastbeam.interface.errors import ConvergenceError, SceneError
@@ -78,9 +78,9 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
     spent = used_up(stepper.model, stepper.state, h) if outcome.status == SINGULAR else ""
     if spent:
         return spent, "End the run before, give more rope, or brake the drum (tension=, inertia=)"
-    vanishing = Ways(stepper).runs_out(h)
-    if vanishing.size:
-        found = stepper.model.moving.at_end(int(vanishing[0]), stepper.state.q)
+    run_out = vanishing(stepper.model, stepper.state, h)
+    if run_out.size:
+        found = stepper.model.moving.at_end(int(run_out[0]), stepper.state.q)
         return f"in this step {found['text'].replace('came', 'comes')}", "Use steps that are shorter than its way there"
     names, contact = stepper.model.constraint_names, stepper.contact
     if outcome.status == SLIDER_END and 0 <= outcome.slider < stepper.model.n_sliders:
@@ -112,17 +112,17 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
     """Shorten a step in which sliders leave their beams, or they or joints pass rigid stops, so that it ends where the first of
     them meets its end. The step size is free, so the invariants stay exact. Returns (size of the step, its outcome, the number of
     that slider or, behind all of these, coordinate of a joint); size 0 where it stands at the end already. tolerance: way that
-    may be left, as a share of the length; failed: the whole step has not converged, as contacts meet in it (`Ways.runs_out`)."""
+    may be left, as a share of the length; failed: the whole step has not converged, as contacts meet in it (`vanishing`)."""
     start = stepper.save()
-    ways = Ways(stepper)
-    limits, lengths = ways.limits(stepper.state), ways.scales
-    (low_end, high_end), slack = limits.T, ways.slack(limits)
+    bounded = Bounded(stepper.model)
+    limits, lengths = bounded.limits(stepper.state), bounded.scales
+    (low_end, high_end), slack = limits.T, bounded.slack(limits)
     leaving: dict[int, float] = {}
 
     def way_left() -> float:
         """Return the way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave,
         negative beyond the end."""
-        s = ways.tried()
+        s = bounded.tried(stepper)
         for k in np.flatnonzero(~((s >= low_end - slack) & (s <= high_end + slack))):
             leaving.setdefault(int(k), 0.0 if s[k] < low_end[k] else 1.0)
         return way(s)[0]
@@ -131,13 +131,13 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
         return min((float((high_end[k] - s[k] if end else s[k] - low_end[k]) / lengths[k]), k) for k, end in leaving.items())
 
     if failed:
-        leaving.update(dict.fromkeys(ways.runs_out(h).tolist(), 0.0))
-    high, f_high = 1.0, -way(ways.at(stepper.state))[0] if failed else way_left()
+        leaving.update(dict.fromkeys(vanishing(stepper.model, stepper.state, h).tolist(), 0.0))
+    high, f_high = 1.0, -way(bounded.at(stepper.state))[0] if failed else way_left()
     low, reached = 0.0, start
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.recorded)))
     halved, before = True, (np.inf, -np.inf)
     for _ in range(60):
-        f_low = way(ways.at(reached[0]))[0]
+        f_low = way(bounded.at(reached[0]))[0]
         if f_low <= tolerance or high - low < 1e-13:
             break
         # secant, with bisection as a guard and where a secant has led next to nowhere, as where the slider starts from rest; aim
@@ -153,7 +153,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
         else:
             high, f_high = x, way_left() if outcome.status == SLIDER_END else -f_low
     stepper.load(reached)
-    return *best, way(ways.at(reached[0]))[1]
+    return *best, way(bounded.at(reached[0]))[1]
 
 
 def run_to_condition(stepper: Stepper, t: float, h: float, parts: int, least: float,

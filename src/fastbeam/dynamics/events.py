@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from fastbeam.dynamics.bounds import Ways
 from fastbeam.dynamics.checkpoint import Clock
 from fastbeam.dynamics.control import (
     END_TOLERANCE,
@@ -211,29 +210,28 @@ class Encounters:
         watched = self.locking.is_present and self.locking.watch(self.stepper.state, t)
         way = TRANSFER_TOLERANCE if self.model.spans else END_TOLERANCE
         failed = outcome.status not in (OK, SLIDER_END)
-        last, final, slider = run_to_end_of_beam(self.stepper, t, h, way, failed)
+        last, final, k = run_to_end_of_beam(self.stepper, t, h, way, failed)
         if watched and last > 0.0 and self.locking.reached(self.stepper.state, t + last)[0] >= 0.0:
             self.stepper.load(start)
             return (yield from self.to_condition(t, replace(outcome, steps=0), last))
-        ways = Ways(self.stepper)
-        s, (low, high) = float(ways.at(self.stepper.state)[slider]), ways.limits(self.stepper.state)[slider]
+        bounded = self.impacts.bounded
+        s, (low, high) = float(bounded.at(self.stepper.state)[k]), bounded.limits(self.stepper.state)[k]
         end = "end" if abs(s - high) <= abs(s - low) else "start"
-        is_impact = self.impacts.is_rigid(self.stepper.state, slider, end == "end")
-        slides = slider < self.model.n_sliders
-        of_joint = slider >= self.impacts.first
-        found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact) if slides else []
-        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(ways.scales[slider])
+        is_impact = self.impacts.is_rigid(self.stepper.state, k, end == "end")
+        kind = bounded.kind_of(k)[0]
+        found = self.locking.at_end(self.stepper.state, k, end == "end", is_impact) if k < self.model.n_sliders else []
+        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(bounded.scales[k])
         if self.model.moving is not None and not arrives and not is_impact:
             # in steps that are long against an element that vanishes no motion is right
             self.stepper.load(start)
             raise failure(self.stepper, replace(outcome, status=NOT_CONVERGED, steps=0), t, self.steps, h)
-        if of_joint and arrives and 0.0 < last < SAME_TIME * self.step:
+        if kind.meet_together and arrives and 0.0 < last < SAME_TIME * self.step:
             # joints that meet their stops one after the other at almost the same time: velocities of such a step are round-off
             self.stepper.load(start)
             last, final = 0.0, replace(final, steps=0)
         if (is_impact or found) and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
             # if a slightly longer step takes another branch of friction, this one ends before the stop
-            strikes = (slider, end) if arrives and not found else None
+            strikes = (k, end) if arrives and not found else None
             if arrives and found and found[0].action == TRANSFER:
                 passed = Corners(self.stepper, self.locking, self.control).passed(start, t, (last, h), found[0], self.steps)
                 if passed is not None:
@@ -255,23 +253,20 @@ class Encounters:
         if is_impact or found:
             raise failure(self.stepper, replace(final, status=NOT_CONVERGED, steps=0), t, self.steps, h)
         if self.model.moving is not None:
-            found = self.model.moving.at_end(slider, self.stepper.state.q)
+            found = self.model.moving.at_end(k, self.stepper.state.q)
         else:
-            name = self.model.names["sliders"][slider]
+            name = self.model.names["sliders"][k]
             found = {"slider": name, "end": end, "s": s, "text": f"slider {name!r} reached the {end} of its {self.model.track}"}
         self.event({"kind": "slider_end", "time": t, **found, "text": f"{found['text']} at t = {t:.6g} s; the run ends here"})
         return False
 
-    def impact(self, slider: int, t: float, end: str, last: float) -> None:
-        """Apply the impact of a slider, or behind these a coordinate of a joint, on a rigid stop: go on with the velocities
-        behind it."""
-        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step, last))
-        if slider >= self.impacts.first:
-            kind, name = self.model.motions.holds.named(slider - self.impacts.first)
-        else:
-            kind, name = "slider", self.model.names["sliders"][slider]
+    def impact(self, k: int, t: float, end: str, last: float) -> None:
+        """Apply the impact of a coordinate with bounds on a rigid stop: go on with the velocities behind it."""
+        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), k, end == "end", t, self.step, last))
+        of, i = self.impacts.bounded.kind_of(k)
+        kind, name = of.named(i)
         if kind == "slider" and self.control is None:
-            self.watch.blow(slider if self.model.moving is None else self.model.moving.names.index(name), name, t, self.step)
+            self.watch.blow(k if self.model.moving is None else self.model.moving.names.index(name), name, t, self.step)
         if self.impacts.number <= MOST_NAMED:
             self.event({"kind": "impact", "time": t, kind: name, "end": end,
                         "text": f"{kind} {name!r} met its stop at the {end} at t = {t:.6g} s"})

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.dynamics.blocks import Blocks
-from fastbeam.dynamics.bounds import Ways
+from fastbeam.dynamics.bounds import vanishing
 from fastbeam.dynamics.callback import Callback
 from fastbeam.dynamics.checkpoint import SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from fastbeam.dynamics.contact_force import AT_END, AT_ROWS, ContactForces
@@ -466,7 +466,8 @@ class _Run(Encounters):
             if not whole:
                 reached = reached if outcome.status == OK else t
                 clock.leave_grid(reached)
-            vanishes = outcome.status not in (OK, SLIDER_END, CONDITION) and Ways(self.stepper).runs_out(size).size > 0
+            failed = outcome.status not in (OK, SLIDER_END, CONDITION)
+            vanishes = failed and vanishing(self.model, self.stepper.state, size).size > 0
             if outcome.status in (SLIDER_END, CONDITION) or vanishes:
                 self.progress.update(reached - t)
                 clock.size = h

@@ -18,6 +18,7 @@ from fastbeam.kernels.contact.slider_forces import (
     POSITION,
     SIGN,
     STICKS,
+    STOP_LOSS,
 )
 from fastbeam.kernels.joints import friction as joint_friction
 from fastbeam.kernels.joints.coordinates import VALUE, WORK
@@ -121,6 +122,61 @@ def blow(model: Model, state: State, k: int, lead: Any, change: Callable[[State]
         begin, before = settled(model, start, k)
         after, loss = jump(model, begin, k, lead, change(begin))
     return begin, with_momenta(model, state, start, after), before + loss
+
+
+def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: float,
+                 together: dict[int, float] | None = None) -> State:
+    """Return the state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`. Where it does not
+    bounce it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
+    holds = model.motions.holds
+    start = of_momenta(model, state)
+    free, before = settled(model, start, -1 - i)
+    rows = GapRows(model)
+    row = rows.at(state.q, state.s).rates[rows.coordinates[i]]
+    rate = float((row @ free.v)[0])
+    bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
+    rest = {} if bounces else {**(together or {}), i: 1.0 if at_end else -1.0}
+    after, loss = jump(model, free, -1 - i, row[:int(bounces)], np.full(int(bounces), -(1.0 + restitution) * rate), rest)
+    own = holds.numbers(after.history)
+    own[i, joint_friction.STOP_LOSS] += before + loss
+    if bounces:
+        own[i, joint_friction.SIGN], own[i, joint_friction.STICKS] = -np.sign(rate), 0.0
+    return with_momenta(model, state, start, after)
+
+
+def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
+    """Return the state after slider k has met a rigid stop.
+
+    The velocity of k along its beam is -restitution times the one before, see `jump`, or zero where that leads away from the stop
+    already. The energy that is lost goes to the history of the slider.
+
+    Parameters
+    ----------
+    model : Model
+        Model with tables in space.
+    state : State
+        State with sliding points on their curves.
+    k : int
+    at_end : bool
+        Whether the stop is the one towards the end of the beam.
+    restitution : float
+    """
+    side, gaps = 1.0 if at_end else -1.0, GapRows(model).at(state.q, state.s)
+
+    def change(begin: State) -> Array:
+        rate = gaps.along(k, begin.v)
+        return -(1.0 + restitution * (side * rate > 0.0)) * rate * gaps.tangents[k]
+
+    begin, after, loss = blow(model, state, k, np.eye(3), change)
+    rate = gaps.along(k, begin.v)
+    own = model.own(after.history, "slider_forces").reshape(-1, HISTORY)
+    own[k, STOP_LOSS] += loss
+    own[k, SIGN] = -np.sign(rate)
+    if rate != 0.0:
+        own[k, STICKS] = 0.0
+    if not restitution * side * rate > 0.0:
+        own[k, SIGN], own[k, AGAINST] = 0.0, side
+    return after
 
 
 def of_momenta(model: Model, state: State) -> State:
