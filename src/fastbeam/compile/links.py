@@ -96,29 +96,14 @@ class Ends:
 
 @dataclass(frozen=True)
 class Entry:
-    """Kind of link.
-
-    Attributes
-    ----------
-    noun : type
-    table : callable
-        Makes the table of all links of this kind from their `Ends`.
-    couples : bool
-        True if it adds to the blocks between its nodes.
-    law : Law or None
-        Constraint of a joint with multipliers; for joints with axes it depends on the joint.
-    needs_distance : bool
-        True if it makes no sense between points at the same place.
-    takes : callable, optional
-        Returns whether a link belongs to this kind; default: links of the class `noun`.
-    """
+    """Kind of link."""
 
     noun: type
-    table: Callable[[Ends], Any]
-    couples: bool = True
-    law: Law | None = None
-    needs_distance: bool = False
-    takes: Callable[[Any], bool] | None = None
+    table: Callable[[Ends], Any]  # makes the table of all links of this kind from their `Ends`
+    couples: bool = True  # true if it adds to the blocks between its nodes
+    law: Law | None = None  # constraint of a joint with multipliers; for joints with axes it depends on the joint
+    needs_distance: bool = False  # true if it makes no sense between points at the same place
+    takes: Callable[[Any], bool] | None = None  # returns whether a link belongs to this kind; default: links of the class `noun`
 
     def holds(self, part: Any) -> bool:
         """Return whether a link belongs to this kind."""

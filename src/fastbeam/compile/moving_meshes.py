@@ -58,21 +58,7 @@ IN_SPACE = "moving meshes run in space"
 
 @dataclass(frozen=True)
 class Moving(Feature):
-    """Moving meshes of a model.
-
-    Attributes
-    ----------
-    tables : tuple
-        The terms.
-    names : list of str
-        Names of the contacts.
-    places, contacts, points : int64 [S]
-        Nodes of their places, of the beams there, and of the sliding points.
-    moments, along : list of str
-        Joints that carry their moments, and that act along the beam, empty where there are none.
-    line : int64 [*]
-        The point where the line of places begins, if forces act along a beam.
-    """
+    """Moving meshes of a model."""
 
     key: ClassVar[str] = "moving"
     title: ClassVar[str] = "elements that move (MovingMesh)"
@@ -95,14 +81,16 @@ class Moving(Feature):
              lambda moving, asked: [asked.part.label] * moving.has(asked.model.numbers.first.get(asked.part))),
         without_adjoint("elements that move"))
 
-    tables: tuple[Any, ...]
-    names: list[str]
+    tables: tuple[Any, ...]  # the terms
+    names: list[str]  # names of the contacts
+    # places, contacts, points, int64 [S]: nodes of their places, of the beams there, and of the sliding points
     places: Array
     contacts: Array
     points: Array
+    # moments, along: joints that carry their moments, and that act along the beam, empty where there are none
     moments: list[str]
     along: list[str]
-    line: Array
+    line: Array  # int64 [*]: the point where the line of places begins, if forces act along a beam
 
     @property
     def history_size(self) -> int:

@@ -17,36 +17,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Numbered:
-    """Nodes of a scene and their connections.
+    """Nodes of a scene and their connections."""
 
-    Attributes
-    ----------
-    nodes : NodeList
-        Numbers, reference positions and triads of all nodes.
-    length : float
-        Size of the scene, m.
-    joints : Connections
-        Slave nodes, shared rows and spins, unknowns that supports fix.
-    links : Links
-        Springs and joints with multipliers.
-    dragged : int64 [*]
-        Nodes with drag or added mass.
-    always : int64 [N]
-        Unknowns of every node that supports without `until` and `since` fix.
-    late : int64 [N]
-        Unknowns that only supports with `since` fix, at the nodes whose rows they are.
-    supported : int64 [*]
-        Nodes of all supports; for a support at a body the node of the body.
-    """
-
-    nodes: NodeList
-    length: float
-    joints: Connections
-    links: Links
-    dragged: Array
-    always: Array
-    late: Array
-    supported: Array
+    nodes: NodeList  # numbers, reference positions and triads of all nodes
+    length: float  # size of the scene, m
+    joints: Connections  # slave nodes, shared rows and spins, unknowns that supports fix
+    links: Links  # springs and joints with multipliers
+    dragged: Array  # int64 [*]: nodes with drag or added mass
+    always: Array  # int64 [N]: unknowns of every node that supports without `until` and `since` fix
+    late: Array  # int64 [N]: unknowns that only supports with `since` fix, at the nodes whose rows they are
+    supported: Array  # int64 [*]: nodes of all supports; for a support at a body the node of the body
 
     @property
     def joints_at_start(self) -> Connections:

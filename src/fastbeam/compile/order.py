@@ -18,23 +18,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Ordered:
-    """Order of elimination and numbers of blocks.
-
-    Attributes
-    ----------
-    blocks : Blocks
-    store : int
-        Doubles that the elimination of inner nodes of elements keeps.
-    columns : bool
-        True if right-hand sides follow the factors there.
-    n_panel : int
-        Rows of all nodes except those of condensed beams.
-    """
+    """Order of elimination and numbers of blocks."""
 
     blocks: Blocks
-    store: int
-    columns: bool
-    n_panel: int
+    store: int  # doubles that the elimination of inner nodes of elements keeps
+    columns: bool  # true if right-hand sides follow the factors there
+    n_panel: int  # rows of all nodes except those of condensed beams
 
 
 def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int) -> Ordered:

@@ -22,27 +22,15 @@ SHARP = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Curve of a slider.
+    """Curve of a slider."""
 
-    Attributes
-    ----------
-    nodes : int [n]
-        Numbers of its nodes in the scene, along it.
-    basis : CurveBasis
-        Basis of the curve; elements of a closed path may have nodes before the first and behind the last: -1 is the last, n the
-        first.
-    period : float
-        Length of a closed path, m; 0 for a curve with ends.
-    node_s : float64 [n]
-        Arc lengths of its nodes along it, m.
-    joints, smooth : int
-        Places where beams of a path meet, and those of them where the curve has one tangent.
-    """
-
-    nodes: Array
+    nodes: Array  # int [n]: numbers of its nodes in the scene, along it
+    # basis of the curve; elements of a closed path may have nodes before the first and behind the last: -1 is the last, n the
+    # first
     basis: CurveBasis
-    node_s: Array
-    period: float = 0.0
+    node_s: Array  # float64 [n]: arc lengths of its nodes along it, m
+    period: float = 0.0  # length of a closed path, m; 0 for a curve with ends
+    # joints, smooth: places where beams of a path meet, and those of them where the curve has one tangent
     joints: int = 0
     smooth: int = 0
 

@@ -53,46 +53,20 @@ class Loads(NamedTuple):
 
 @dataclass(frozen=True)
 class Unpacked:
-    """Scene as arrays.
-
-    Attributes
-    ----------
-    numbered : Numbered
-    elements : list of Elements
-        Elements of every beam, then of every net.
-    bodies : int64 [B]
-        Nodes of rigid bodies and masses.
-    inertia : float64 [B, 4, 4]
-        Their inertia for (v, rates of the directors).
-    loads : Loads
-    gravity : float64 [3]
-        Gravity, m/s^2.
-    kept : list of KeptLink
-        Joints with multipliers.
-    state : State
-        State at t = 0, in space.
-    notes : tuple of (str, str)
-        Events of the initial velocities: kinds and texts.
-    prescribed : PrescribedMotions or None
-        Supports that move.
-    dragged : Dragged or None
-        Nodes with drag.
-    added : Added or None
-        Nodes with added mass.
-    """
+    """Scene as arrays."""
 
     numbered: Numbered
-    elements: list[Elements]
-    bodies: Array
-    inertia: Array
+    elements: list[Elements]  # elements of every beam, then of every net
+    bodies: Array  # int64 [B]: nodes of rigid bodies and masses
+    inertia: Array  # float64 [B, 4, 4]: their inertia for (v, rates of the directors)
     loads: Loads
-    gravity: Array
-    kept: list[KeptLink]
-    state: State
-    notes: tuple[tuple[str, str], ...]
-    prescribed: PrescribedMotions | None
-    dragged: Dragged | None
-    added: Added | None
+    gravity: Array  # float64 [3]: gravity, m/s^2
+    kept: list[KeptLink]  # joints with multipliers
+    state: State  # state at t = 0, in space
+    notes: tuple[tuple[str, str], ...]  # events of the initial velocities: kinds and texts
+    prescribed: PrescribedMotions | None  # supports that move
+    dragged: Dragged | None  # nodes with drag
+    added: Added | None  # nodes with added mass
 
     @property
     def nodes(self) -> NodeList:

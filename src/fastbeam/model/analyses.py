@@ -66,25 +66,13 @@ class Asked(NamedTuple):
 
 
 class Lack(NamedTuple):
-    """Limit of some analyses with a feature, and an alternative.
-
-    Attributes
-    ----------
-    analyses : tuple of Analysis
-    what : str
-        Name of the unsupported part of the feature in a table: 'friction'.
-    text : str
-        Text of a message; {who} is the call, {names} are the first parts concerned, {name} is the first of them.
-    instead : str
-        Alternative in the message, with the same words in braces.
-    names : callable
-        Returns the names of the parts concerned from the feature and an `Asked`; without any, the analysis is possible.
-    """
+    """Limit of some analyses with a feature, and an alternative."""
 
     analyses: tuple[Analysis, ...]
-    what: str
-    text: str
-    instead: str
+    what: str  # name of the unsupported part of the feature in a table: 'friction'
+    text: str  # text of a message; {who} is the call, {names} are the first parts concerned, {name} is the first of them
+    instead: str  # alternative in the message, with the same words in braces
+    # returns the names of the parts concerned from the feature and an `Asked`; without any, the analysis is possible
     names: Callable[[Any, Asked], Iterable[str]]
 
 

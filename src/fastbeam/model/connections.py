@@ -25,31 +25,22 @@ NO_PAIRS = np.zeros((0, 2), np.int64)
 
 @dataclass
 class Connections:
-    """Connections between nodes: slave nodes with their master nodes, shared rows and spins, fixed unknowns.
+    """Connections between nodes: slave nodes with their master nodes, shared rows and spins, fixed unknowns."""
 
-    Attributes
-    ----------
-    held : int [N]
-        Mask of fixed unknowns of every node.
-    spin_root, row_root : int [N]
-        The node whose spin a node shares; the node whose row, all six unknowns, it shares.
-    start : int [N + 1]
-        Range of the entries of every node; empty for a free node.
-    kind, target : int [M]
-    offset, rotation : [M, 3], [M, 3, 3]
-        Offset of an ARM in the triad of the target; d_i = sum_j R_ij d_j of the target of a TRIAD.
-    loops : int [L]
-        Ball joints, counted through `balls` and then `hinges`, that close loops of rigid parts and supports: with multipliers.
-    """
-
-    held: Array
+    held: Array  # int [N]: mask of fixed unknowns of every node
+    # spin_root, row_root, int [N]: the node whose spin a node shares; the node whose row, all six unknowns, it shares
     spin_root: Array
     row_root: Array
-    start: Array
+    start: Array  # int [N + 1]: range of the entries of every node; empty for a free node
+    # kind, target, int [M]
     kind: Array
     target: Array
+    # offset, rotation, [M, 3], [M, 3, 3]: offset of an ARM in the triad of the target; d_i = sum_j R_ij d_j of the target of a
+    # TRIAD
     offset: Array
     rotation: Array
+    # int [L]: ball joints, counted through `balls` and then `hinges`, that close loops of rigid parts and supports: with
+    # multipliers
     loops: Array
 
     @property

@@ -10,34 +10,18 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Holding:
-    """Supports of a scene, and joints that are eliminated.
-
-    Attributes
-    ----------
-    support_names : list of str
-    supports : int64 [R]
-        Nodes of the supports.
-    masks : int64 [R]
-        Unknowns of its node that each support fixes, one bit for each of the six.
-    turning : int64 [R', 2]
-        Further nodes whose rotation a support holds: (support, node).
-    joint_names : list of str
-        Joints that are eliminated.
-    joints : int64 [J, 2]
-        Nodes of sides a and b.
-    parent : int64 [N]
-        Parent of a node in its tree of connections, towards a support where there is one; -1 for other nodes.
-    determined : bool [N]
-        True if the connections around a node are a tree with one support at most, so that equilibrium determines their forces.
-    """
+    """Supports of a scene, and joints that are eliminated."""
 
     support_names: list[str]
-    supports: Array
-    masks: Array
-    turning: Array
-    joint_names: list[str]
-    joints: Array
+    supports: Array  # int64 [R]: nodes of the supports
+    masks: Array  # int64 [R]: unknowns of its node that each support fixes, one bit for each of the six
+    turning: Array  # int64 [R', 2]: further nodes whose rotation a support holds: (support, node)
+    joint_names: list[str]  # joints that are eliminated
+    joints: Array  # int64 [J, 2]: nodes of sides a and b
+    # int64 [N]: parent of a node in its tree of connections, towards a support where there is one; -1 for other nodes
     parent: Array
+    # bool [N]: true if the connections around a node are a tree with one support at most, so that equilibrium determines their
+    # forces
     determined: Array
 
 

@@ -20,25 +20,7 @@ Array = np.ndarray
 @dataclass(frozen=True)
 class Released(Feature):
     """Supports with `until` or `since`, R of them. Their history variables count the changes of each: supports with `since` take
-    hold first, those with `until` let go.
-
-    Attributes
-    ----------
-    names : tuple of str
-    until, since : tuple of float, callable or None
-    node, row : int64 [R]
-        Node and row of each.
-    mask : int64 [R]
-        Unknowns of the row that each fixes, bit by bit.
-    always : int64 [R]
-        Unknowns of the same row that supports without `until` and `since` fix, bit by bit.
-    motion : int64 [R]
-        Number among the supports that move, or -1.
-    reaction : int64 [R]
-        Number among the supports of `Holding`.
-    spin : int
-        Bits of the spins.
-    """
+    hold first, those with `until` let go."""
 
     key: ClassVar[str] = "released"
     title: ClassVar[str] = "supports that let go or take hold"
@@ -54,15 +36,17 @@ class Released(Feature):
         without_adjoint("supports that let go or take hold"))
 
     names: tuple[str, ...]
+    # until, since: tuple of float, callable or None
     until: tuple[Any, ...]
     since: tuple[Any, ...]
+    # node, row, int64 [R]: node and row of each
     node: Array
     row: Array
-    mask: Array
-    always: Array
-    motion: Array
-    reaction: Array
-    spin: int = 56
+    mask: Array  # int64 [R]: unknowns of the row that each fixes, bit by bit
+    always: Array  # int64 [R]: unknowns of the same row that supports without `until` and `since` fix, bit by bit
+    motion: Array  # int64 [R]: number among the supports that move, or -1
+    reaction: Array  # int64 [R]: number among the supports of `Holding`
+    spin: int = 56  # bits of the spins
 
     @property
     def history_size(self) -> int:

@@ -42,26 +42,17 @@ RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
 
 @dataclass
 class _Shape:
-    """Poly data: arrays that are constant and arrays that change in time.
-
-    Attributes
-    ----------
-    n_points : int
-    cells : dict
-        'Vertices', 'Lines', 'Polygons' -> corners of all cells one after the other, and where each begins.
-    constant, cell_data : dict of arrays [n_points, ...], [cells, ...]
-    moving : dict of functions
-        Name -> numbers of a point, and the values [n_points, ...] at snapshot k; 'Points' among them.
-    labels : dict of lists
-        Names of the parts of every kind.
-    """
+    """Poly data: arrays that are constant and arrays that change in time."""
 
     n_points: int
+    # 'Vertices', 'Lines', 'Polygons' -> corners of all cells one after the other, and where each begins
     cells: dict[str, tuple[Array, Array]]
+    # constant, cell_data, dict of arrays [n_points, ...], [cells, ...]
     constant: dict[str, Array]
     cell_data: dict[str, Array]
+    # name -> numbers of a point, and the values [n_points, ...] at snapshot k; 'Points' among them
     moving: dict[str, tuple[int, Callable[[int], Array]]]
-    labels: dict[str, list[str]]
+    labels: dict[str, list[str]]  # names of the parts of every kind
 
     def size(self, steps: int, item: int) -> int:
         """Return the bytes of all arrays."""

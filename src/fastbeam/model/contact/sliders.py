@@ -51,24 +51,7 @@ def _loads_along(beam: Any, asked: Asked) -> str:
 
 @dataclass(frozen=True)
 class SlidingContact(Feature):
-    """Sliders and sleeves.
-
-    Attributes
-    ----------
-    parts : list of Slider
-    curves : Curves or Paths
-        Curves of sliders: beams, paths or tracks of switches.
-    sliders : Sliders
-    sleeves : Sleeves or None
-        The sliders that are sleeves.
-    slider_lengths : float64 [S]
-        Lengths of the curves of sliders, m.
-    spans, corners : dict
-        For sliders on switches, begins and ends of their tracks, m; for (curve of the switch, track, True if left by its end,
-        next track), number of the curve over the corner, -1 without any, and True for a sharp corner.
-    curve_s : tuple of float64 [n]
-        Arc lengths of the nodes of every curve, m.
-    """
+    """Sliders and sleeves."""
 
     key: ClassVar[str] = "sliding"
     title: ClassVar[str] = "sliders"
@@ -85,13 +68,15 @@ class SlidingContact(Feature):
                   _loads_along))
 
     parts: list[Slider]
-    curves: Curves | Paths
+    curves: Curves | Paths  # curves of sliders: beams, paths or tracks of switches
     sliders: Sliders
-    sleeves: Sleeves | None
-    slider_lengths: Array
+    sleeves: Sleeves | None  # the sliders that are sleeves
+    slider_lengths: Array  # float64 [S]: lengths of the curves of sliders, m
+    # spans, corners: for sliders on switches, begins and ends of their tracks, m; for (curve of the switch, track, True if left
+    # by its end, next track), number of the curve over the corner, -1 without any, and True for a sharp corner
     spans: dict[int, Array]
     corners: dict[tuple[int, int, bool, int], tuple[int, bool]]
-    curve_s: tuple[Array, ...]
+    curve_s: tuple[Array, ...]  # tuple of float64 [n]: arc lengths of the nodes of every curve, m
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
         """Return the terms of sliders and sleeves, and of friction against twist in sleeves."""

@@ -20,21 +20,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Added(Feature):
-    """Nodes with added mass.
-
-    Attributes
-    ----------
-    labels : tuple of str
-        Labels of the added masses.
-    node, part : int64 [A]
-        Nodes, and number of the added mass of each.
-    normal, along : float64 [A]
-        Masses of whole nodes, kg: across d1, and the excess of that along d1.
-    table : AddedMass or None
-        The term.
-    in_space : bool
-        False for the tables of a plane.
-    """
+    """Nodes with added mass."""
 
     key: ClassVar[str] = "added"
     title: ClassVar[str] = "added mass"
@@ -53,13 +39,15 @@ class Added(Feature):
              lambda added, asked: added.labels),
         without_adjoint("added mass"))
 
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # labels of the added masses
+    # node, part, int64 [A]: nodes, and number of the added mass of each
     node: Array
     part: Array
+    # normal, along, float64 [A]: masses of whole nodes, kg: across d1, and the excess of that along d1
     normal: Array
     along: Array
-    table: AddedMass | None = None
-    in_space: bool = True
+    table: AddedMass | None = None  # the term
+    in_space: bool = True  # false for the tables of a plane
 
     @property
     def history_size(self) -> int:

@@ -34,16 +34,7 @@ def _air_moves(what: str, text: str, instead: str, moves: Callable[[Dragged], Ar
 
 @dataclass(frozen=True)
 class Damped(Feature):
-    """Beams and nets with damping.
-
-    Attributes
-    ----------
-    labels : tuple of str
-    strains : tuple of str
-        Strain sets of the beams and nets.
-    part : int64 [N]
-        Number of the beam or net of every node, -1: none.
-    """
+    """Beams and nets with damping."""
 
     key: ClassVar[str] = "damped"
     title: ClassVar[str] = "damping of sections"
@@ -55,8 +46,8 @@ class Damped(Feature):
              "leave rho_inf out, or the damping of sections", lambda damped, asked: damped.labels))
 
     labels: tuple[str, ...]
-    strains: tuple[str, ...]
-    part: Array
+    strains: tuple[str, ...]  # strain sets of the beams and nets
+    part: Array  # int64 [N]: number of the beam or net of every node, -1: none
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -101,29 +92,7 @@ def damped_of(scene: Scene, nodes: NodeList) -> Damped | None:
 
 @dataclass(frozen=True)
 class Dragged(Feature):
-    """Nodes with drag.
-
-    Attributes
-    ----------
-    labels : tuple of str
-        Labels of the drags.
-    node, part : int64 [D]
-        Nodes, and number of the drag of each.
-    coefficient : float64 [D, 3]
-        Normal, tangential and linear coefficients of whole nodes.
-    slender : int64 [D]
-        1 where drag depends on d1.
-    air : float64 [D, 3]
-        Velocity of the air, m/s.
-    times : tuple of callable or None
-        Factor of the air velocity of every drag as a function of time.
-    wind : Wind or NoWind
-        Velocities of the air by user functions.
-    table : Drag or None
-        The term.
-    called_laws : dict of type -> failed_laws.Lawful
-        Laws of wind.
-    """
+    """Nodes with drag."""
 
     key: ClassVar[str] = "dragged"
     title: ClassVar[str] = "drag"
@@ -147,16 +116,17 @@ class Dragged(Feature):
         without_adjoint("air that changes in time",
                         lambda dragged, asked: ["air that changes in time"] * (dragged.timed or dragged.windy)))
 
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # labels of the drags
+    # node, part, int64 [D]: nodes, and number of the drag of each
     node: Array
     part: Array
-    coefficient: Array
-    slender: Array
-    air: Array
-    times: tuple[Any, ...] = ()
-    wind: Wind | NoWind = NoWind()
-    table: Drag | None = None
-    called_laws: Mapping[type, Any] = field(default_factory=dict)
+    coefficient: Array  # float64 [D, 3]: normal, tangential and linear coefficients of whole nodes
+    slender: Array  # int64 [D]: 1 where drag depends on d1
+    air: Array  # float64 [D, 3]: velocity of the air, m/s
+    times: tuple[Any, ...] = ()  # factor of the air velocity of every drag as a function of time
+    wind: Wind | NoWind = NoWind()  # velocities of the air by user functions
+    table: Drag | None = None  # the term
+    called_laws: Mapping[type, Any] = field(default_factory=dict)  # laws of wind
 
     @property
     def losses(self) -> tuple[str, ...]:

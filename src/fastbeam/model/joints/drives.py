@@ -80,36 +80,20 @@ class JointsOfRun(NamedTuple):
 
 @dataclass(frozen=True)
 class Holds:
-    """Prescribed coordinates, friction, stops and drives, for the C coordinates that the joints of a scene leave free.
+    """Prescribed coordinates, friction, stops and drives, for the C coordinates that the joints of a scene leave free."""
 
-    Attributes
-    ----------
-    parts : list of scene.joint_freedoms.Freedom
-        All coordinates.
-    given, rubs, stopped, driven : int64 [*]
-        Coordinates that are prescribed, that have friction or rigid stops (R of them), elastic stops, and drives.
-    rows : int64 [*]
-        Coordinates in the tables of this model.
-    first : int
-        Number of the first constraint of these coordinates among all constraints.
-    place : int
-        Offset of the history variables of friction.
-    length : float
-        Size of the scene, m.
-    laws : dict
-        Addresses of compiled force laws of drives, by coordinate.
-    """
-
-    parts: list[Any]
+    parts: list[Any]  # all coordinates
+    # given, rubs, stopped, driven, int64 [*]: coordinates that are prescribed, that have friction or rigid stops (R of them),
+    # elastic stops, and drives
     given: Array
     rubs: Array
     stopped: Array
     driven: Array
-    rows: Array
-    first: int
-    place: int
-    length: float
-    laws: dict[int, int]
+    rows: Array  # int64 [*]: coordinates in the tables of this model
+    first: int  # number of the first constraint of these coordinates among all constraints
+    place: int  # offset of the history variables of friction
+    length: float  # size of the scene, m
+    laws: dict[int, int]  # addresses of compiled force laws of drives, by coordinate
 
     @property
     def is_angle(self) -> Array:

@@ -37,34 +37,7 @@ HOLD_IT = "hold the joint where it is to be by angle= or distance=, or run until
 
 @dataclass(frozen=True)
 class Motions(Feature):
-    """All free coordinates of the joints of a scene, C of them.
-
-    Attributes
-    ----------
-    table : JointMotion
-        Table of the coordinates `rows`.
-    rows : int64 [*]
-        Coordinates in the table: all, in the model of a plane those that are left there.
-    names : list of str
-        The joint of every coordinate.
-    labels : list of str
-        For messages.
-    what : list of str
-        'angle', 'distance', 'swing', 'twist' or 'cosine' of every coordinate.
-    motors : list
-        Force or torque of every coordinate: a number, a function of time, or None.
-    turn : float64 [C, 2, 3, 3]
-        R with D_i = sum_k R_ik d_k of both nodes.
-    node : int64 [C, 2]
-    spring : float64 [C, 2]
-        Stiffness and rest value.
-    every : JointMotion
-        Table of all coordinates in space.
-    laws : list of Coordinate
-    damped : bool
-    holds : Holds
-        Prescribed values, friction, stops and drives.
-    """
+    """All free coordinates of the joints of a scene, C of them."""
 
     key: ClassVar[str] = "motions"
     title: ClassVar[str] = "springs, dampers, motors, drives, friction and stops of joints"
@@ -100,19 +73,19 @@ class Motions(Feature):
         without_adjoint("friction, rigid stops", lambda motions, asked: [
             f"friction or rigid stops of {motions.labels[k]}" for k in motions.holds.rubs]))
 
-    table: JointMotion
-    rows: Array
-    names: list[str]
-    labels: list[str]
-    what: list[str]
-    motors: list[Any]
-    turn: Array
-    node: Array
-    spring: Array
-    every: JointMotion
+    table: JointMotion  # table of the coordinates `rows`
+    rows: Array  # int64 [*]: coordinates in the table: all, in the model of a plane those that are left there
+    names: list[str]  # the joint of every coordinate
+    labels: list[str]  # for messages
+    what: list[str]  # 'angle', 'distance', 'swing', 'twist' or 'cosine' of every coordinate
+    motors: list[Any]  # force or torque of every coordinate: a number, a function of time, or None
+    turn: Array  # float64 [C, 2, 3, 3]: R with D_i = sum_k R_ik d_k of both nodes
+    node: Array  # int64 [C, 2]
+    spring: Array  # float64 [C, 2]: stiffness and rest value
+    every: JointMotion  # table of all coordinates in space
     laws: list[Coordinate]
     damped: bool
-    holds: Holds
+    holds: Holds  # prescribed values, friction, stops and drives
 
     @property
     def history_size(self) -> int:
