@@ -245,10 +245,7 @@ def load_sweep(path: str | PathLike[str]) -> Sweep:
 def list_cases(cases: Any) -> list[dict[str, Any]]:
     """List all cases as dicts; combinations of the values of a mapping.
 
-    Raises
-    ------
-    SceneError
-        They are neither mappings nor lists of values.
+    Raises SceneError: they are neither mappings nor lists of values.
     """
     if isinstance(cases, Mapping):
         lists = {name: list(values) if _is_list(values) else None for name, values in cases.items()}
@@ -372,13 +369,7 @@ class Job:
 
 
 def split(found: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Split measured values into numbers and texts, and arrays.
-
-    Raises
-    ------
-    SceneError
-        It is something else.
-    """
+    """Split measured values into numbers and texts, and arrays. Raises SceneError: it is something else."""
     values: dict[str, Any] = {}
     arrays: dict[str, np.ndarray] = {}
     for name, x in (found if isinstance(found, Mapping) else {"value": found}).items():

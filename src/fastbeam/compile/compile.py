@@ -140,14 +140,7 @@ def _out_of_plane(scene: Scene, reason: str) -> SceneError:
 
 
 class Variant:
-    """Model of a scene with other options, compiled on first use.
-
-    Parameters
-    ----------
-    scene : Scene
-    options
-        Options of `compile_scene`.
-    """
+    """Model of a scene with other options, compiled on first use; options: options of `compile_scene`."""
 
     def __init__(self, scene: Scene, **options: Any) -> None:
         self.scene, self._options = scene, options

@@ -126,24 +126,12 @@ class PointSleeve(Sleeve):
 class Cut:
     """Scene whose beams have element ends at contacts.
 
-    Parameters
-    ----------
-    scene : Scene
-    s : float64 [S]
-        Arc lengths of the contacts, m.
-    before : Cut, optional
-        Mesh that is kept where possible, with contacts moved.
-
-    Attributes
-    ----------
-    scene : Scene
-        The new scene; every sleeve holds the section at one point.
-    same_mesh : bool
-        True if nodes and elements are those of `before`.
-    slots : dict
-        Element ends of the beams with contacts, by the beams of the given scene.
-    model : Model or None
-        Model of the new scene, once it is compiled.
+    s: float64 [S], arc lengths of the contacts, m.
+    before: mesh that is kept where possible, with contacts moved.
+    scene: the new scene; every sleeve holds the section at one point.
+    same_mesh: true if nodes and elements are those of `before`.
+    slots: element ends of the beams with contacts, by the beams of the given scene.
+    model: Model of the new scene, once it is compiled.
     """
 
     def __init__(self, scene: Scene, s: Array, before: Cut | None = None) -> None:

@@ -224,11 +224,7 @@ class Lines(NamedTuple):
 class Passes:
     """Events of springs and line forces whose ends pass each other between consecutive equilibria.
 
-    Parameters
-    ----------
-    lines : Lines or None
-    event : callable
-        Takes an event {'kind', 'time', 'text'}.
+    event: takes an event {'kind', 'time', 'text'}.
     """
 
     def __init__(self, lines: Lines | None, event: Callable[[dict[str, Any]], None]) -> None:
@@ -254,10 +250,7 @@ class Passes:
 def _tested(entry: Entry, table: Any) -> Any:
     """Check the table of a kind from outside, which kernels use unchecked.
 
-    Raises
-    ------
-    TypeError
-        The table is no named tuple of arrays, or has no `assemble`.
+    Raises TypeError: the table is no named tuple of arrays, or has no `assemble`.
     """
     who = f"the table of {entry.noun.__name__}"
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):
@@ -275,19 +268,9 @@ def _tested(entry: Entry, table: Any) -> Any:
 class Links:
     """All links of a scene.
 
-    Parameters
-    ----------
-    scene : Scene
-    nodes : NodeList
-    joints : Connections
-        Connections; ball joints of its `loops` have multipliers.
-    hinges : int [*, 2]
-        Ball joints of nets.
-
-    Raises
-    ------
-    SceneError
-        A link that makes no sense where its ends are, as a distance joint between points at the same place.
+    joints: connections; ball joints of its `loops` have multipliers.
+    hinges: int [*, 2], ball joints of nets.
+    Raises SceneError: a link that makes no sense where its ends are, as a distance joint between points at the same place.
     """
 
     def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:

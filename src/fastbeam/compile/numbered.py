@@ -42,10 +42,7 @@ class Numbered:
 def number(scene: Scene) -> Numbered:
     """Number the nodes of a scene.
 
-    Raises
-    ------
-    SceneError
-        Joints cannot be eliminated, or are impossible at the places of their ends.
+    Raises SceneError: joints cannot be eliminated, or are impossible at the places of their ends.
     """
     nodes = NodeList(scene)
     place_points(scene, nodes)

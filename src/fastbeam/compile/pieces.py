@@ -24,14 +24,8 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     """Count the pieces that joints, links, nets and sliders connect, and find the nodes of every place where a free end of a beam
     touches another node without a joint, and free ends that almost touch one: both nodes, and their distance, m.
 
-    Parameters
-    ----------
-    scene : Scene
-    nodes : NodeList
-    held : int [N]
-        Masks of fixed unknowns: ends that stand on supports side by side are not meant to be joined.
-    length : float
-        Size of the scene, m.
+    held: int [N], masks of fixed unknowns: ends that stand on supports side by side are not meant to be joined.
+    length: size of the scene, m.
     """
     n = len(nodes)
     joints = [np.array([(nodes.number(j.a), nodes.number(j.b)) for j in [*scene.rigid, *scene.balls]], np.int64).reshape(-1, 2),

@@ -22,12 +22,7 @@ def softness_of(kept: Sequence[KeptLink], connections: Connections, rank: Array)
     loops. Nodes that share a spin are one rigid part; all supports are one part, the ground; joints connect parts,
     eliminated joints included.
 
-    Parameters
-    ----------
-    kept
-    connections
-    rank : int [N]
-        Rank of nodes as in `NodeList`; POINT_MASS: without a triad.
+    rank: int [N], rank of nodes as in `NodeList`; POINT_MASS: without a triad.
     """
     out = np.ones(len(kept))
     if not kept:

@@ -50,10 +50,7 @@ class Track:
 def track_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
     """Return the curve of a slider, made once for all sliders on it.
 
-    Raises
-    ------
-    SceneError
-        Beams of a path meet where nothing holds them together.
+    Raises SceneError: beams of a path meet where nothing holds them together.
     """
     key = (slider.beam, slider.curve, getattr(slider, "length", 0.0))
     if key not in nodes.tracks:

@@ -97,18 +97,11 @@ class Sums(NamedTuple):
 class Backward:
     """The adjoint of a run in steps of one size.
 
-    Parameters
-    ----------
-    model : Model
-        Without elimination; in a plane where its own tables are to be used.
-    flat : bool
-        Whether tables of the plane are used.
-    t, h, n
-        Start, step and number of steps of the run.
-    wanted : sequence of Weights
-        Weights of the number that is differentiated.
-    observed : sequence of (nodes, shares)
-        Points on which forces may act.
+    model: without elimination; in a plane where its own tables are to be used.
+    flat: whether tables of the plane are used.
+    t, h, n: start, step and number of steps of the run.
+    wanted: weights of the number that is differentiated.
+    observed: sequence of (nodes, shares), points on which forces may act.
     """
 
     def __init__(self, model: Model, flat: bool, t: float, h: float, n: int, wanted: Sequence[Weights],
@@ -268,10 +261,7 @@ class Backward:
     def _one(self, terms: tuple[Any, ...], steps: Steps, found: Found, k: int, first: int) -> None:
         """Take one step backward around a solver outside.
 
-        Raises
-        ------
-        ArithmeticError
-            Its tangent is singular; the argument is the number of the step.
+        Raises ArithmeticError: its tangent is singular; the argument is the number of the step.
         """
         def half(is_solved: bool) -> None:
             kernels.half_step_back(terms, self.system, self.sections, self.adjoint, steps, self.wanted, found, self.h, k, first,

@@ -124,21 +124,10 @@ def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = 
 def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None, part: Any = None) -> None:
     """Check that an analysis supports all features of a model.
 
-    Parameters
-    ----------
-    analysis : Analysis
-    model : Model
-    who : str, optional
-        Name of the analysis in messages; default: as the user writes it.
-    held : bool [S], optional
-        Sliders that are locked, whose forces along their beams do not count.
-    part : optional
-        Part of the scene, for an analysis of one part.
-
-    Raises
-    ------
-    SceneError
-        Names the parts concerned and the alternative.
+    who: name of the analysis in messages; default: as the user writes it.
+    held: bool [S], sliders that are locked, whose forces along their beams do not count.
+    part: part of the scene, for an analysis of one part.
+    Raises SceneError: names the parts concerned and the alternative.
     """
     name = analysis.value if who is None else who
     refuse(list(lacking(analysis, model, name, held, part)), name)
@@ -147,10 +136,7 @@ def require(analysis: Analysis, model: Any, who: str | None = None, held: Array 
 def refuse(found: list[tuple[Lack, list[str]]], name: str) -> None:
     """Raise an error for the first limit, if there is any; found: as from `told`; name: of the call.
 
-    Raises
-    ------
-    SceneError
-        The first limit, with the names of all limits of the same text.
+    Raises SceneError: the first limit, with the names of all limits of the same text.
     """
     if found:
         lack = found[0][0]

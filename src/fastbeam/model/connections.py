@@ -95,26 +95,16 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
             hinges: Array = NO_PAIRS) -> Connections:
     """Resolve all connections.
 
-    Parameters
-    ----------
-    phi, directors : [N, 3], [N, 3, 3]
-        Reference positions and triads.
-    rigid, balls : list of (node, node, name)
-    held : int [N]
-        Masks of supports: 63 clamped, 7 pinned, some of its bits where single axes are held, 56 the inert triad of a point mass.
-    rank : int [N]
-        Rank of a node in a rigid set, whose root is the lowest; 9 for nodes without rotation.
-    labels : sequence of str
-        Names of the nodes for messages.
-    tolerance : float
-        Length below which an offset counts as zero.
-    welds, hinges : int [*, 2]
-        Pairs of coincident beam ends joined rigidly, by ball joints. A welded end shares the row of its root where that is free.
-
-    Raises
-    ------
-    SceneError
-        A support or joint that this elimination cannot express; the message says what to do instead.
+    phi, directors: [N, 3], [N, 3, 3], reference positions and triads.
+    rigid, balls: list of (node, node, name).
+    held: int [N], masks of supports: 63 clamped, 7 pinned, some of its bits where single axes are held, 56 the inert triad of a
+        point mass.
+    rank: int [N], rank of a node in a rigid set, whose root is the lowest; 9 for nodes without rotation.
+    labels: names of the nodes for messages.
+    tolerance: length below which an offset counts as zero.
+    welds, hinges: int [*, 2], pairs of coincident beam ends joined rigidly, by ball joints. A welded end shares the row of its
+        root where that is free.
+    Raises SceneError: a support or joint that this elimination cannot express; the message says what to do instead.
     """
     n = len(phi)
     fixed = np.concatenate((_pairs(rigid), welds))
@@ -167,10 +157,7 @@ class _Trees(NamedTuple):
 def _held_roots(held: Array, touched: Array, root_of: Array, offset: Array, labels: Sequence[str]) -> Array:
     """Pass pins of nodes on to their roots: masks of supports, int [n].
 
-    Raises
-    ------
-    SceneError
-        A pin at a distance from a root that may turn.
+    Raises SceneError: a pin at a distance from a root that may turn.
     """
     out, root = held.copy(), root_of[touched]
     pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
@@ -187,12 +174,7 @@ def _joint_name(balls: list[tuple[int, int, str]], ball: Array, labels: Sequence
 
 
 def _check_held_joints(trees: _Trees, ball: Array, out: Connections, name: Callable[[int], str], labels: Sequence[str]) -> None:
-    """Refuse ball joints that close loops between sides which nothing can move.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse ball joints that close loops between sides which nothing can move. Raises SceneError."""
     a, b = ball[out.loops].T
     fixed = _fixed_axes(trees, a, out.held) & _fixed_axes(trees, b, out.held)
     for k in np.flatnonzero(fixed).tolist():
@@ -288,10 +270,7 @@ def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array,
 def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callable[[int], str]) -> Array:
     """Find ball joints between rigid sets, or supports of them, that joints before them connect already, int [L].
 
-    Raises
-    ------
-    SceneError
-        A joint between parts that are joined at the same point already.
+    Raises SceneError: a joint between parts that are joined at the same point already.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components

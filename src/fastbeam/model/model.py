@@ -273,13 +273,7 @@ class Model(WithFeatures):
 
     @checked(node=Count(0))
     def node_label(self, node: int) -> str:
-        """Return beam and node, body or mass of a global node number.
-
-        Raises
-        ------
-        SceneError
-            There is no such node.
-        """
+        """Return beam and node, body or mass of a global node number. Raises SceneError: there is no such node."""
         if node >= self.n_nodes:
             raise SceneError(f"model of {self.scene_name!r}: node {node} does not exist, they run from 0 to {self.n_nodes - 1}")
         return self.labels[node]
@@ -379,12 +373,6 @@ class Model(WithFeatures):
 
 
 def check_model(who: str, model: Any) -> None:
-    """Check that a model is compiled.
-
-    Raises
-    ------
-    SceneError
-        Names the function that was called.
-    """
+    """Check that a model is compiled. Raises SceneError: names the function that was called."""
     if not isinstance(model, Model):
         raise SceneError(f"{who}: needs a model, got {shown(model)}; compile it first: model = fb.compile_scene(scene)")

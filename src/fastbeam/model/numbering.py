@@ -154,10 +154,7 @@ class NodeList:
     def start(self, part: Any) -> int:
         """Return the global number of the first node of a beam, a beam of a net, a net, body or mass.
 
-        Raises
-        ------
-        KeyError
-            The part is not in the scene.
+        Raises KeyError: the part is not in the scene.
         """
         if isinstance(part, NetBeam):
             return self.first[part.net] + int(part.net.node_start[part.index])

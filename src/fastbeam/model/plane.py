@@ -125,12 +125,7 @@ def to_space(z: Array, axes: Array) -> Array:
 
 
 def check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
-    """Check that coordinates [12 N] and their rates lie in a plane; length: size of the scene, m.
-
-    Raises
-    ------
-    NotPlanar
-    """
+    """Check that coordinates [12 N] and their rates lie in a plane; length: size of the scene, m. Raises NotPlanar."""
     n = plane.axes[2]
     q, v = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)
     size = length + float(np.max(np.abs(q[:, 0]), initial=0.0))

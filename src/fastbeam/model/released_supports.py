@@ -111,10 +111,7 @@ class Released(Feature):
 class OwnSupports:
     """Tables of a run that change when supports let go or take hold: copies of those of its model.
 
-    Parameters
-    ----------
-    core : Model
-        Model with such supports.
+    core: Model with such supports.
     """
 
     def __init__(self, core: Any) -> None:
@@ -161,10 +158,7 @@ class StandingSupports:
 def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupports | StandingSupports]:
     """Return the model of a run with its own tables where supports change; in statics they stay as at the start.
 
-    Raises
-    ------
-    SceneError
-        In statics a support of the state has let go or taken hold.
+    Raises SceneError: in statics a support of the state has let go or taken hold.
     """
     if core.released is None:
         return core, StandingSupports()

@@ -70,10 +70,7 @@ class Misfit:
 def own_state(model: Model, state: State) -> State:
     """Return a checked copy of a state that fits the model; compiled code reads it without bounds.
 
-    Raises
-    ------
-    SceneError
-        The start is not a State, or is one of another model.
+    Raises SceneError: the start is not a State, or is one of another model.
     """
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
@@ -106,26 +103,14 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
                 goes_on: bool = False) -> tuple[State, list[Any]]:
     """Return the state to start from, bit for bit the same where it agrees with the model, and (kind, text) of its events.
 
-    Parameters
-    ----------
-    model : Model
-    state : State
-    step : float
-        Step size of the run, s: round-off of a velocity is that of a position over it.
-    mend : bool, optional
-        Replace a state with small errors by a near one that agrees with the model; None: the caller has no such option.
-    at_rest : bool
-        Ignore the velocities.
-    t : float, optional
-        Time at which the run begins, s: supports that move are checked, too.
-    goes_on : bool
-        True for a state of a run of this model: its velocities satisfy constraints to second order in the step, and are accepted
-        however coarse the step was.
-
-    Raises
-    ------
-    SceneError
-        The state is not one of the model, or violates connections, supports or sliders; says which and by how much.
+    step: step size of the run, s: round-off of a velocity is that of a position over it.
+    mend: replace a state with small errors by a near one that agrees with the model; None: the caller has no such option.
+    at_rest: ignore the velocities.
+    t: time at which the run begins, s: supports that move are checked, too.
+    goes_on: true for a state of a run of this model: its velocities satisfy constraints to second order in the step, and are
+        accepted however coarse the step was.
+    Raises SceneError: the state is not one of the model, or violates connections, supports or sliders; says which and by how
+        much.
     """
     state = own_state(model, state)
     if at_rest:
@@ -510,14 +495,9 @@ def nearest_velocities(model: Model, state: State, leads: Any, goals: Array, sup
     """Find the velocities and spins [6 N] nearest to `given` that slave nodes, supports, sliders and joints allow: rigid motions
     of the parts change first.
 
-    Parameters
-    ----------
-    leads : sparse [m, 12 N]
-        Rates of gaps of sliders, joints and sleeves by those of the coordinates.
-    goals : float64 [*]
-        Values of these rates; 0 for rates behind the last.
-    supports : float64 [6 N]
-        Velocities and spins of nodes that supports fix.
+    leads: sparse [m, 12 N], rates of gaps of sliders, joints and sleeves by those of the coordinates.
+    goals: float64 [*], values of these rates; 0 for rates behind the last.
+    supports: float64 [6 N], velocities and spins of nodes that supports fix.
     """
     q = state.q.reshape(-1, 4, 3)
     to_rates = velocity_map(q)

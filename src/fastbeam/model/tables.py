@@ -150,14 +150,9 @@ def node_lengths(nodes: Array, mass_phi: Array, n: int) -> Array:
 def group_tables(elements: Elements, lane: Array, size: tuple[int, ...], stiffness: Array, inertia: Array) -> Array:
     """Pack the constants of groups of 8 elements, except their reference strains, as in kernels/layout.py: [groups, doubles].
 
-    Parameters
-    ----------
-    lane : int [8 groups]
-        Elements of the lanes.
-    size : tuple
-        `dimensions.SPACE` or `PLANE`.
-    stiffness, inertia : float64 [groups, 36, 8], [groups, 3, 8]
-        In a plane [groups, 9, 8], [groups, 2, 8].
+    lane: int [8 groups], elements of the lanes.
+    size: `dimensions.SPACE` or `PLANE`.
+    stiffness, inertia: float64 [groups, 36, 8], [groups, 3, 8], in a plane [groups, 9, 8], [groups, 2, 8].
     """
     nn, nq = elements.shape
     groups = lane.size // 8
@@ -377,14 +372,10 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
                        first: int) -> Substructures | None:
     """Build the tables of the condensed beams, for 6 unknowns a node.
 
-    Parameters
-    ----------
-    rows, blocks : int [B, 2], [B, 4]
-        Rows and blocks of their ends, beams with sliders last: start and end; start-start, start-end, end-start, end-end.
-    n_blocks, n_end : int
-        Blocks of the tangent; rows that ends may have.
-    first : int
-        First row of their interior nodes.
+    rows, blocks: int [B, 2], [B, 4], rows and blocks of their ends, beams with sliders last: start and end; start-start,
+        start-end, end-start, end-end.
+    n_blocks, n_end: blocks of the tangent; rows that ends may have.
+    first: first row of their interior nodes.
     """
     if not len(rows):
         return None

@@ -82,10 +82,7 @@ class ResultHeader:
 class ResultBuffer:
     """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
 
-    Parameters
-    ----------
-    header : ResultHeader
-        Fixes the names and shapes of all series.
+    header: fixes the names and shapes of all series.
     """
 
     def __init__(self, header: ResultHeader) -> None:

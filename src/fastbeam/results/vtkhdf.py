@@ -207,10 +207,7 @@ def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Ca
     """Return functions of snapshot k: forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3],
     linear between the arc lengths that are given; NaN on beams without section forces.
 
-    Raises
-    ------
-    SceneError
-        `sections` is no dict of section forces, names a beam that is not there, or belongs to other shapes.
+    Raises SceneError: `sections` is no dict of section forces, names a beam that is not there, or belongs to other shapes.
     """
     need = "to_vtk: sections must be a dict of names of beams and what section_forces(model, result, beam) returns"
     if not isinstance(sections, Mapping):

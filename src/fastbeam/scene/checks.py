@@ -176,13 +176,7 @@ def tried(function: Callable[[Any], Any], at: Any, where: str) -> Any:
 
 
 def called(who: str, what: str, function: Callable[[float], Any], t: float) -> Any:
-    """Call a user function at t.
-
-    Raises
-    ------
-    SceneError
-        The function raised an error.
-    """
+    """Call a user function at t. Raises SceneError: the function raised an error."""
     try:
         return tried(function, t, f"at {t:.6g}")
     except Refusal as refusal:

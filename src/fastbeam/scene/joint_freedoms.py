@@ -142,12 +142,7 @@ class Freedom:
         return rate_at_start(self.speed if self.place is None else self.place, what, self.label, FADES)
 
     def check(self) -> None:
-        """Check the arguments for contradictions.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Check the arguments for contradictions. Raises SceneError."""
         who, (place, motor, unit) = self.label, self.words
         if self.place is not None and self.speed is not None:
             raise SceneError(f"{who}: {place}= and speed= both say how it moves; give one of them")

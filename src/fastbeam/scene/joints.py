@@ -15,9 +15,7 @@ from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 def _check_pin(who: str, coefficient: float, length: float | None, radius: float | None) -> None:
     """Check that friction by the load has the sizes of the pressed surfaces; radius: of a pin, None for a guide.
 
-    Raises
-    ------
-    SceneError
+    Raises SceneError.
     """
     if coefficient > 0.0 and radius == 0.0:
         raise SceneError(f"{who}: coefficient= is friction on the surface of a pin; give its radius= too, m > 0")

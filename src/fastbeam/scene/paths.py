@@ -215,13 +215,7 @@ class Path:
 
 
 def check_path(path: Path, tolerance: float) -> None:
-    """Check that the ends of neighbours meet; tolerance in m.
-
-    Raises
-    ------
-    SceneError
-        Two do not; names them and their distance.
-    """
+    """Check that the ends of neighbours meet; tolerance in m. Raises SceneError: two do not; names them and their distance."""
     joints = path.joints()
     for k, (one, other) in enumerate(joints):
         here, there = (node.owner.reference([node.owner.node_s[node.index]])[0][0] for node in (one, other))

@@ -40,17 +40,7 @@ def extent_of(points: Array) -> float:
 
 
 class Placing:
-    """Search for the positions of masses in a scene with its present parts.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Attributes
-    ----------
-    count : int
-        Number of parts that the scene had.
-    """
+    """Search for the positions of masses in a scene with its present parts; count: number of parts that the scene had."""
 
     def __init__(self, scene: Scene) -> None:
         self._masses, self.count = scene.masses, len(scene.parts)
@@ -64,13 +54,7 @@ class Placing:
                     self._table.setdefault(node.owner, []).append(link)
 
     def position(self, node: NodeRef) -> Array:
-        """Return the position (3,) m at t = 0 of a node.
-
-        Raises
-        ------
-        SceneError
-            Nothing places the mass.
-        """
+        """Return the position (3,) m at t = 0 of a node. Raises SceneError: nothing places the mass."""
         owner = node.owner
         if isinstance(owner, Beam):
             return owner.reference(owner.node_s[node.index])[0][0]
@@ -145,9 +129,7 @@ class Placing:
     def check(self, tolerance: float) -> None:
         """Check that every mass has a position, and that all links that place it agree to within a tolerance, m.
 
-        Raises
-        ------
-        SceneError
+        Raises SceneError.
         """
         once = self._placed_once()
         for mass in self._masses:

@@ -25,15 +25,7 @@ SHORTEST = 5e-4
 class Mesh:
     """Beam with the sliders that its elements move with, in the order of their places.
 
-    Parameters
-    ----------
-    beam : Beam
-    sliders : list of Slider
-
-    Raises
-    ------
-    SceneError
-        The curvature of the beam changes along it.
+    Raises SceneError: the curvature of the beam changes along it.
     """
 
     def __init__(self, beam: Beam, sliders: list[Slider]) -> None:

@@ -94,14 +94,7 @@ def _without_adjoint(what: str, has: Callable[[Slider], bool]) -> Lack:
 class SliderForces(Feature):
     """Forces along the beam on all S sliders of a scene; at least one slider has some.
 
-    Parameters
-    ----------
-    sliders : list of Slider
-
-    Raises
-    ------
-    SceneError
-        A function of a drive cannot be compiled.
+    Raises SceneError: a function of a drive cannot be compiled.
     """
 
     key, title, order = "slider_forces", "friction, drives, stops, locks, releases of sliders", 10
@@ -304,10 +297,7 @@ class SliderForces(Feature):
         """Direction in which every slider may lift off, in the triads of the nodes of its curve, float64 [n, 3] each; n = 0 for
         sliders that may not.
 
-        Raises
-        ------
-        SceneError
-            On a path the direction is along one of the beams, or returns as another one around a closed path.
+        Raises SceneError: on a path the direction is along one of the beams, or returns as another one around a closed path.
         """
         return [np.zeros((0, 3)) if slider.one_sided is None else sides_of(slider) for slider in self.sliders]
 
@@ -401,10 +391,7 @@ class SliderForces(Feature):
     def check_start(self, t: float, s: Array, history: Array) -> None:
         """Check that sliders stand at their prescribed positions at the time t at which a run starts.
 
-        Raises
-        ------
-        SceneError
-            A slider would jump.
+        Raises SceneError: a slider would jump.
         """
         for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
             slider, place = self.sliders[k], self.place_given(k, t, history[k])
@@ -465,21 +452,12 @@ class SliderForces(Feature):
                edges: Array, share: float | None = None) -> AtRow:
         """Evaluate the forces along the beam at time t.
 
-        Parameters
-        ----------
-        t : float
-        s, rate : float64 [S]
-            Places, m, and velocities ds/dt, m/s.
-        history : float64 [S, 11]
-            History variables of the state.
-        tangent, force : float64 [S, 3]
-            Derivatives of the curves by s; contact forces, N.
-        push : float64 [S]
-            Force of the moments of sleeves along the beam, N.
-        edges : float64 [S]
-            Force of these moments on the edges of bores, N.
-        share : float, optional
-            The load factor of an equilibrium.
+        s, rate: float64 [S], places, m, and velocities ds/dt, m/s.
+        history: float64 [S, 11], history variables of the state.
+        tangent, force: float64 [S, 3], derivatives of the curves by s; contact forces, N.
+        push: float64 [S], force of the moments of sleeves along the beam, N.
+        edges: float64 [S], force of these moments on the edges of bores, N.
+        share: the load factor of an equilibrium.
         """
         table, sign = self.tables, history[:, SIGN]
         along = np.sum(force * tangent, axis=1)
@@ -527,10 +505,7 @@ class SliderForces(Feature):
     def slope_at_rest(self, k: int, t: float, s: float, share: float, offset: float, by_rate: bool) -> float:
         """Return the derivative of the force `at_rest` by s, N/m, or by ds/dt, N s/m.
 
-        Raises
-        ------
-        SceneError
-            A law has a kink or jumps there.
+        Raises SceneError: a law has a kink or jumps there.
         """
         slider = self.sliders[k]
         # on a switch, laws take s and controllers the arc length travelled
@@ -545,10 +520,7 @@ class SliderForces(Feature):
 def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
     """Build the forces along the beam of all sliders; None where no slider has any.
 
-    Raises
-    ------
-    SceneError
-        A prescribed position does not begin where its slider stands.
+    Raises SceneError: a prescribed position does not begin where its slider stands.
     """
     if all(x.slides_freely for x in sliders):
         return None
@@ -568,10 +540,7 @@ def sides_of(slider: Slider) -> Array:
     """Return the direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to
     beam of a path it stays the same in space, in the reference shape.
 
-    Raises
-    ------
-    SceneError
-        On a path the direction is along one of the beams, or returns as another one around a closed path.
+    Raises SceneError: on a path the direction is along one of the beams, or returns as another one around a closed path.
     """
     if not isinstance(slider.beam, Path):
         side = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side

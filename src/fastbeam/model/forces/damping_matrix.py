@@ -27,18 +27,10 @@ RATE = 1e-6
 def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
     """Assemble the damping matrix for the rates of all coordinates at a state of rest, sparse [12 N, 12 N].
 
-    Parameters
-    ----------
-    model : Model
-        Model in space.
-    q : float64 [N, 4, 3]
-    t, factor : float
-        Time, s, of the laws, and load factor of those that grow with it.
-
-    Raises
-    ------
-    SceneError
-        Drag in moving air, under which nothing is at rest.
+    model: Model in space.
+    q: float64 [N, 4, 3].
+    t, factor: time, s, of the laws, and load factor of those that grow with it.
+    Raises SceneError: drag in moving air, under which nothing is at rest.
     """
     damped = () if model.damped is None else model.damped.strains
     links = _of_joints(model, q) + _of_springs(model, q) + _of_bushings(model, q) + _of_laws(model, q, t, factor)

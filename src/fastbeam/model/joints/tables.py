@@ -17,14 +17,9 @@ Pairs = tuple[tuple[int, int], ...]
 class Frame:
     """Directions that both nodes of a joint carry, and coordinates of the nodes at t = 0.
 
-    Attributes
-    ----------
-    turn : float64 [2, 3, 3]
-        R with D_i = sum_k R_ik d_k of both nodes.
-    reference : float64 [2, 4, 3]
-        Coordinates at t = 0.
-    axes : float64 [2, 3, 3]
-        The directions of both at t = 0.
+    turn: float64 [2, 3, 3], R with D_i = sum_k R_ik d_k of both nodes.
+    reference: float64 [2, 4, 3], coordinates at t = 0.
+    axes: float64 [2, 3, 3], the directions of both at t = 0.
     """
 
     def __init__(self, turn: Array, reference: Array) -> None:
@@ -35,14 +30,9 @@ class Frame:
 class Conditions:
     """Constraints of a joint by products, theory.md (4.13): D_i . D_j of directions of a and b, or r . D_i with r = x_b - x_a.
 
-    Parameters
-    ----------
-    pairs : tuple of (i, j)
-        j = -1 for r . D_i.
-    turn : float64 [2, 3, 3]
-        R with D_i = sum_k R_ik d_k of both nodes.
-    x : float64 [2, 4, 3]
-        Reference coordinates.
+    pairs: tuple of (i, j), j = -1 for r . D_i.
+    turn: float64 [2, 3, 3], R with D_i = sum_k R_ik d_k of both nodes.
+    x: float64 [2, 4, 3], reference coordinates.
     """
 
     is_vector, holds, rate = False, True, 0.0
@@ -76,10 +66,7 @@ class Conditions:
     def left_in_plane(self, normal: Array) -> Array:
         """Return the numbers of the conditions that do not hold by themselves in the plane with this normal.
 
-        Raises
-        ------
-        NotPlanar
-            A direction lies neither in the plane nor along its normal.
+        Raises NotPlanar: a direction lies neither in the plane nor along its normal.
         """
         keep = []
         first, second = np.abs(self.axes @ normal).tolist()
@@ -145,10 +132,7 @@ def joint_conditions(ends: Any) -> JointConditions:
 def left_in_plane(name: str, law: Any, normal: Array) -> Any:
     """Return the conditions of a law that are left in the plane with this normal.
 
-    Raises
-    ------
-    NotPlanar
-        A direction of it is oblique to the plane.
+    Raises NotPlanar: a direction of it is oblique to the plane.
     """
     try:
         return law.is_left_in_plane(normal) if isinstance(law, Coordinate) else law.left_in_plane(normal)
@@ -160,10 +144,7 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
     """Return the joints with the conditions that are left in a plane, and the numbers of the remaining multipliers among all
     scalar ones.
 
-    Raises
-    ------
-    NotPlanar
-        The axis of a joint is oblique to the plane.
+    Raises NotPlanar: the axis of a joint is oblique to the plane.
     """
     out, singles, at = [], [np.zeros(0, np.int64)], 0
     for link in kept:

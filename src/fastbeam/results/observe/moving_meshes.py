@@ -15,14 +15,7 @@ Array = np.ndarray
 
 
 class MeshRows:
-    """Rows of the contacts of a model with moving meshes.
-
-    Parameters
-    ----------
-    model : Model
-    slider, energy : bool
-        Whether rows have sliders, and energies.
-    """
+    """Rows of the contacts of a model with moving meshes; slider, energy: whether rows have sliders, and energies."""
 
     def __init__(self, model: Model, slider: bool, energy: bool) -> None:
         self.moving, self.slider = model.moving, slider and model.moving is not None

@@ -47,19 +47,10 @@ POINTS = Names("must map names to nodes, as in points={'tip': beam.end}")
 class Observer:
     """Rows of the chosen series.
 
-    Parameters
-    ----------
-    model : Model
-    kinds : sequence of KINDS
-    points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds
-        Positions to record, and what `PointRows` has where it is asked for.
-    lost : float64 [2], optional
-        Energies that filters of strains have dissipated and store, J, as the stepper keeps them.
-
-    Raises
-    ------
-    SceneError
-        An unknown kind, or a point that is not in the scene.
+    points: mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds, positions to record, and
+        what `PointRows` has where it is asked for.
+    lost: float64 [2], energies that filters of strains have dissipated and store, J, as the stepper keeps them.
+    Raises SceneError: an unknown kind, or a point that is not in the scene.
     """
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointRows | None,

@@ -44,20 +44,9 @@ PLANE = Word(("auto", *PLANES))
 class Shapes:
     """Lines and dots of the shapes of a result.
 
-    Parameters
-    ----------
-    result : Result
-        With snapshots.
-
-    Raises
-    ------
-    SceneError
-        It has none.
-
-    Attributes
-    ----------
-    paths : dict
-        Times [k] and positions [k, 3] of the point of every slider.
+    result: with snapshots.
+    paths: times [k] and positions [k, 3] of the point of every slider.
+    Raises SceneError: it has none.
     """
 
     def __init__(self, result: Result) -> None:

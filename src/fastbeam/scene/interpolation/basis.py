@@ -45,10 +45,7 @@ class CurveBasis:
 
         An element owns its left end; the last one also its right end.
 
-        Raises
-        ------
-        SceneError
-            If an s lies outside the beam.
+        Raises SceneError: if an s lies outside the beam.
         """
         s = np.atleast_1d(np.asarray(s, dtype=float))
         length = self.element_ends[-1]
@@ -123,10 +120,7 @@ class Basis:
 
         A banded collocation solve for bspline, the identity for lagrange.
 
-        Raises
-        ------
-        SceneError
-            If there is not one row of values per node.
+        Raises SceneError: if there is not one row of values per node.
         """
         values = np.asarray(values, dtype=float)
         if values.ndim == 0 or values.shape[0] != self.n_nodes:
@@ -152,10 +146,7 @@ class Basis:
         slope is the p-th power of the other element's length: equal on uniform meshes, and for odd p the leading errors of the
         slopes cancel. The corrections vanish at all nodes. A bspline is its own 'c1' curve, and so is a single element.
 
-        Raises
-        ------
-        SceneError
-            If kind is unknown.
+        Raises SceneError: if kind is unknown.
         """
         if kind not in ("own", "c1"):
             raise SceneError(f"curve '{kind}' does not exist: choose 'own' or 'c1'")
@@ -181,10 +172,7 @@ class Basis:
     def position_matrix(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return the position basis and its d/ds (1/m) at the arc lengths s [m] in m, two dense arrays [m, n_nodes].
 
-        Raises
-        ------
-        SceneError
-            If an s lies outside the beam.
+        Raises SceneError: if an s lies outside the beam.
         """
         first, values, values_s = self.curve("own").evaluate(s)
         columns = first[:, None] + np.arange(self.degree + 1)
