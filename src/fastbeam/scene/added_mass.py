@@ -8,7 +8,7 @@ from fastbeam.interface.arguments import Name, Number, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.beams import Beam
 from fastbeam.scene.bodies import PointMass, RigidBody
-from fastbeam.scene.checks import noun
+from fastbeam.scene.checks import Named, noun
 from fastbeam.scene.drag import InAir
 from fastbeam.scene.nets import Net
 
@@ -17,7 +17,7 @@ NOT_NEGATIVE = Number(least=0.0)
 
 @checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE)
 @noun
-class AddedMass:
+class AddedMass(Named):
     """Mass of fluid that a part carries along (theory.md (4.34)): 1/2 v . (m_n I + (m_t - m_n) d1 d1) v in the kinetic energy.
 
     It turns with the section: across d1 it is `normal`, along d1 `tangential`. It has no weight. On beams and nets both are
@@ -52,11 +52,6 @@ class AddedMass:
         if isinstance(self.on, PointMass) and self.normal != self.tangential:
             raise SceneError(f"{self.label}: {self.on.label} has no direction; give tangential={self.normal:g}, equal to normal, "
                              "or use a RigidBody")
-
-    @property
-    def label(self) -> str:
-        """`added mass 'name'`."""
-        return f"{self.kind} {self.name!r}"
 
     @property
     def is_slender(self) -> bool:

@@ -58,12 +58,12 @@ class AxisJoint(Link):
             if isinstance(side, Ground):
                 checks.fill(self, **{name: GROUND.point(_place(other))})
         super().__post_init__()
+        self._clean()
+        for freedom in self.freedoms:
+            freedom.check()
 
-    @property
-    def label(self) -> str:
-        """Name of the joint for messages; automatic names already say the kind."""
-        name = str(self.name)
-        return name if name.startswith(f"{self.kind} of ") else checks.label(self.kind, name)
+    def _clean(self) -> None:
+        """Clean the directions of the joint."""
 
     @property
     def across(self) -> Array | None:
@@ -78,11 +78,6 @@ class AxisJoint(Link):
     def _acting(self) -> dict[str, tuple[Any, ...]]:
         """Return the arguments of `freedoms_of` for the coordinates."""
         return {}
-
-    def _check_freedoms(self) -> None:
-        """Check every coordinate for contradictions."""
-        for freedom in self.freedoms:
-            freedom.check()
 
 
 def _place(node: NodeRef) -> Array:
@@ -104,8 +99,7 @@ class OneAxisJoint(AxisJoint):
     _: KW_ONLY
     axis: ArrayField
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _clean(self) -> None:
         checks.fill(self, axis=checks.direction(self.label, "axis", self.axis))
 
     @property

@@ -27,7 +27,7 @@ from fastbeam.interface.arguments import (
 )
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import Array, ArrayField, Takes, noun
+from fastbeam.scene.checks import Array, ArrayField, Named, Takes, noun
 from fastbeam.scene.curves import Arc, Curve, FittedCurve, Helix, StraightLine, spline_through
 from fastbeam.scene.sections import Section
 
@@ -193,7 +193,7 @@ def nearest_on(line: Any, point: Any) -> tuple[float, float]:
 
 @checked(name=Name(), curve=CurveOf(), **COMMON)
 @noun
-class Beam:
+class Beam(Named):
     """One beam: a reference curve with triads, a section and an interpolation. The reference is free of stress, unless it is
     given a prestrain or a prestress.
 
@@ -362,11 +362,6 @@ class Beam:
         return cls(name, spline_through(checks.label("beam", name), points, d2=d2), **common)
 
     # --- geometry -----------------------------------------------------------------------------------------------------
-    @property
-    def label(self) -> str:
-        """`beam 'name'`."""
-        return f"beam {self.name!r}"
-
     @property
     def length(self) -> float:
         """Reference length, m."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, Union, dataclass_transform
 
 import numpy as np
 
@@ -117,6 +117,18 @@ def fill(obj: Any, **values: Any) -> None:
 def label(kind: str, name: str) -> str:
     """Return `kind 'name'`."""
     return f"{kind} {name!r}"
+
+
+class Named:
+    """Part of a scene with a name that the user gave."""
+
+    kind: ClassVar[str]
+    name: Any
+
+    @property
+    def label(self) -> str:
+        """`kind 'name'`, for messages."""
+        return label(self.kind, self.name)
 
 
 def number(who: str, what: str, value: Any, **bounds: Any) -> float:

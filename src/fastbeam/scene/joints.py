@@ -98,7 +98,6 @@ class RevoluteJoint(OneAxisJoint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check_freedoms()
         _check_pin(self.label, self.coefficient, self.length, self.radius)
 
     def _acting(self) -> dict[str, tuple[Any, ...]]:
@@ -162,7 +161,6 @@ class PrismaticJoint(OneAxisJoint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check_freedoms()
         _check_pin(self.label, self.coefficient, self.length, None)
 
     def _acting(self) -> dict[str, tuple[Any, ...]]:

@@ -13,7 +13,7 @@ from fastbeam.interface.arguments import Flag, Name, Number, Refusal, Vector, ch
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef, nearest_on
-from fastbeam.scene.checks import Array, Takes, noun
+from fastbeam.scene.checks import Array, Named, Takes, noun
 from fastbeam.scene.nets import Net
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class BeamsInOrder:
 
 @checked(name=Name(), beams=BeamsInOrder(), closed=Flag())
 @noun
-class Path:
+class Path(Named):
     """Beams end to end as one curve: sliders run from beam to beam and, where it is closed, around (theory.md 5.7).
 
     The ends of neighbours have to meet, and something has to hold them together: a rigid connection, a ball joint, a common node
@@ -125,11 +125,6 @@ class Path:
                                  + ("" if self.closed else ", closed=True leads back to the first"))
             known.add(beam)
         checks.fill(self, beams=beams, directions=directions)
-
-    @property
-    def label(self) -> str:
-        """`path 'name'`."""
-        return f"{self.kind} {self.name!r}"
 
     @cached_property
     def starts(self) -> Array:
