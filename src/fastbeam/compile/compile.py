@@ -223,8 +223,9 @@ def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Block
     model = replace(model, links=links.tables(blocks, row_of, len(scene.sliders), ties, model.place_for(LoadAccount),
                                               model.losses_for(LinkForces)))
     if dragged is not None:
-        dragged = dragged.with_table(row_of, blocks.diagonal(dragged.node), model.losses_for(Dragged))
-        model = model.with_features(replace(dragged, called_laws=_laws_of_wind(scene, nodes, dragged) if dragged.windy else {}))
+        blown = dragged.with_table(row_of, blocks.diagonal(dragged.node), model.losses_for(Dragged))
+        laws = Lawful(scene.drags, blown.part, lambda k: nodes.labels[blown.node[k]], asked_of)
+        model = model.with_features(replace(blown, called_laws={Wind: laws} if blown.windy else {}))
     if released is not None and released.losses:
         model = replace(model, **waiting(model))
     if scene.knots:
@@ -342,11 +343,6 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Loads
         idle = np.logical_and.reduceat(own, net.node_start[:-1]) & isotropic
         out[ends[idle, 0]] = 8 << np.argmax(np.abs(net.triads[idle, 0]), axis=1)
     return out
-
-
-def _laws_of_wind(scene: Scene, nodes: NodeList, dragged: Dragged) -> dict[type, Lawful]:
-    """Return the laws that the rows of the table of drag call."""
-    return {Wind: Lawful(scene.drags, dragged.part, lambda k: nodes.labels[dragged.node[k]], asked_of)}
 
 
 def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> SlidingContact | None:

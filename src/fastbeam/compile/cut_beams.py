@@ -48,11 +48,6 @@ class Place(NamedTuple):
     sign: int
 
 
-def replace_slot(slot: Slot, way: float) -> Slot:
-    """Return a copy of an element end that is moved by `way`."""
-    return slot._replace(at=slot.at + way)
-
-
 def place_of(slider: Any, s: float) -> Place:
     """Return the place of a slider at arc length s of its curve."""
     if not isinstance(slider.beam, Path):
@@ -214,7 +209,8 @@ class Cut:
         """Return a copy with contact k moved by a small `way`; it shares nodes and beams with this mesh."""
         out = copy(self)
         i = self.places[k].beam
-        here = [replace_slot(slot, self.places[k].sign * way) if k in slot.contacts else slot for slot in self.slots[i]]
+        way *= self.places[k].sign
+        here = [slot._replace(at=slot.at + way) if k in slot.contacts else slot for slot in self.slots[i]]
         out.slots = {**self.slots, i: here}
         return out
 

@@ -115,10 +115,6 @@ def _springs(ends: Ends) -> Springs:
     return Springs(ends.node, ends.row, ends.block, np.array([x.stiffness for x in ends.parts]), length)
 
 
-def _distances(ends: Ends) -> DistanceJoints:
-    return DistanceJoints(ends.node, ends.row, ends.block, ends.distance, ends.first, ends.ties)
-
-
 class Group(NamedTuple):
     """All links of one kind: entry, scene parts (None for links without a part), nodes [L, 2]; for joints with multipliers the
     law of each and a word for messages."""
@@ -138,7 +134,8 @@ REGISTRY = [
     Entry(ForceElement, force_elements),
     Entry(LineForce, line_forces),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
-    Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
+    Entry(DistanceJoint, lambda x: DistanceJoints(x.node, x.row, x.block, x.distance, x.first, x.ties), law=Distance(),
+          needs_distance=True),
     Entry(AxisJoint, joint_conditions),
 ]
 
@@ -275,7 +272,7 @@ class Links:
 
     def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
         balls = [*scene.balls, *[None] * len(hinges)]
-        pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
+        pairs = np.concatenate((nodes.ends(scene.balls), hinges))
         self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
         self.loaded, self.ropes = Loaded(scene, nodes), Ropes(scene, nodes)
         self.meshes = scene.moving
@@ -287,17 +284,17 @@ class Links:
                                  f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
         with_axes = [x for x in scene.links if isinstance(x, AxisJoint)]
         # joints with axes, their nodes and directions
-        ends = _nodes_of(with_axes, nodes)
+        ends = nodes.ends(with_axes)
         self.with_axes = list(zip(with_axes, ends.tolist(), frames_of(with_axes, ends, nodes.phi, nodes.directors)))
         for entry in REGISTRY:
             parts: list[Any] = [x for x in scene.links if entry.holds(x)]
-            node = _nodes_of(parts, nodes)
+            node = nodes.ends(parts)
             laws, words = [entry.law] * len(parts), [""] * len(parts)
             if entry.noun is BallJoint:
                 # points of joints with axes are joined in the same way
                 pinned = [x for x in with_axes if x.is_pinned]
                 parts = [*(balls[j] for j in joints.loops), *pinned]
-                node = np.concatenate((pairs[joints.loops], _nodes_of(pinned, nodes)))
+                node = np.concatenate((pairs[joints.loops], nodes.ends(pinned)))
                 laws, words = [entry.law] * len(parts), [""] * len(parts)
             elif entry.noun is AxisJoint:
                 sets = [(x, at, *found) for x, at, frame in self.with_axes for found in conditions_of(x, frame)]
@@ -349,7 +346,9 @@ class Links:
         nodes = self.nodes
         out = []
         for group in self.groups:
-            out += [KeptLink((label_of(part) if part else _label_of(nodes, a, b)) + word, (a, b), law)
+            # joints of nets have no name
+            out += [KeptLink((label_of(part) if part else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}") + word,
+                             (a, b), law)
                     for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
                     if law is not None]
         return out + self.driven
@@ -444,13 +443,3 @@ def _check_distances(parts: list[Any], node: Array, phi: Array) -> None:
     for part, (a, b) in zip(parts, node.tolist()):
         if not np.linalg.norm(phi[b] - phi[a]) > round_off:
             raise SceneError(f"{label_of(part)}: {part.a} and {part.b} lie at the same place; use BallJoint, or move one of them")
-
-
-def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
-    """Return the nodes at both ends, int64 [L, 2]."""
-    return np.array([(nodes.number(x.a), nodes.number(x.b)) for x in links], np.int64).reshape(-1, 2)
-
-
-def _label_of(nodes: NodeList, a: int, b: int) -> str:
-    """Return the label of a joint of a net, which has no name, for messages."""
-    return f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}"

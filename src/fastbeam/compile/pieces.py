@@ -28,7 +28,7 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     length: size of the scene, m.
     """
     n = len(nodes)
-    joints = [np.array([(nodes.number(j.a), nodes.number(j.b)) for j in [*scene.rigid, *scene.balls]], np.int64).reshape(-1, 2),
+    joints = [nodes.ends([*scene.rigid, *scene.balls]),
               np.array(nodes.arm_owner, np.int64).reshape(-1, 2),
               *(nodes.start(net) + pairs for net in scene.nets for pairs in net.pairs())]
     ends = [np.array([(nodes.start(b), nodes.start(b) + b.n_nodes - 1) for b in scene.beams], np.int64).reshape(-1, 2),
@@ -44,7 +44,7 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     # the node of a place on a moving mesh belongs to its beam
     contacts = np.concatenate((contacts, *(np.array([(nodes.start(place), nodes.start(mesh.beam))], np.int64)
                                            for mesh in scene.moving for place in mesh.places)))
-    linked = np.array([(nodes.number(x.a), nodes.number(x.b)) for x in scene.links], np.int64).reshape(-1, 2)
+    linked = nodes.ends(scene.links)
     for winch in scene.winches:
         points = [nodes.start(x) for x in (winch.coil, *winch.points)]
         rope = [nodes.number(winch.drum), *points, nodes.number(winch.load)]

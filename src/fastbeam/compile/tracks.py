@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -260,13 +260,9 @@ class _Together:
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
         n = len(nodes)
-
-        def pairs(joints: Any) -> Array:
-            return np.array([(nodes.number(j.a), nodes.number(j.b)) for j in joints], np.int64).reshape(-1, 2)
-
         found = [nodes.start(net) + of for net in scene.nets for of in net.pairs()]
-        rigid = np.concatenate((pairs(scene.rigid), np.array(nodes.arm_owner, np.int64).reshape(-1, 2), *found[::2]))
-        self.balls = np.concatenate((pairs(scene.balls), *found[1::2]))
+        rigid = np.concatenate((nodes.ends(scene.rigid), np.array(nodes.arm_owner, np.int64).reshape(-1, 2), *found[::2]))
+        self.balls = np.concatenate((nodes.ends(scene.balls), *found[1::2]))
         graph = coo_matrix((np.ones(len(rigid), np.int8), (rigid[:, 0], rigid[:, 1])), shape=(n, n))
         self.set = connected_components(graph, directed=False)[1]
         self.still = np.zeros(n, bool)

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -164,6 +164,10 @@ class NodeList:
         """Return the global numbers of all nodes of a part."""
         first = self.start(part)
         return slice(first, first + getattr(part, "n_nodes", 1))
+
+    def ends(self, links: Iterable[Any]) -> Array:
+        """Return the global numbers of the nodes a and b of joints and links, int64 [L, 2]."""
+        return np.array([(self.number(x.a), self.number(x.b)) for x in links], np.int64).reshape(-1, 2)
 
     def number(self, node: NodeRef) -> int:
         """Return the global number of a node of the scene."""

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -68,16 +68,12 @@ class Placing:
         if owner not in known:
             found = self._reached(owner, None)
             if found is None:
-                self._no_place(owner)
+                raise SceneError(f"{owner.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
+                                 "RigidConnection")
             way, position = found
             # all masses on the way have the same position
             known.update(dict.fromkeys(way, position))
         return known[owner]
-
-    @staticmethod
-    def _no_place(mass: PointMass) -> NoReturn:
-        raise SceneError(f"{mass.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
-                         "RigidConnection")
 
     def _placements(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Array]]:
         """Yield (slider or joint, the position at which it places a mass without position); joints may lead through other
@@ -95,15 +91,11 @@ class Placing:
         or None)."""
         for link in self._table.get(mass, []):
             if isinstance(link, Slider):
-                yield link, partial(self._slider_position, link), None
+                yield link, partial(getattr, link, "place"), None
                 continue
             other = link.b if link.a.owner is mass else link.a
             unplaced = isinstance(other.owner, PointMass) and other.owner.position is None
             yield link, partial(self.position, other), other.owner if unplaced else None
-
-    @staticmethod
-    def _slider_position(slider: Slider) -> Array:
-        return slider.place
 
     def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
         """Return the masses that lead from one without position to the first that something else places, not through another, and

@@ -117,7 +117,7 @@ class SliderForces(Feature):
                      "Coulomb friction, a prescribed motion, rigid stops, a lock, a switch, or may leave its beam",
                      lambda forces: forces.is_rough),
         _not_at_rest((Analysis.LENGTHS, Analysis.TRAVEL), "friction, a drive, stops, a lock or may leave its beam",
-                     lambda forces: forces.acts_on),
+                     lambda forces: np.array([not x.slides_freely for x in forces.sliders])),
         Lack((Analysis.TIMELESS, Analysis.TIMELESS_SHAPES), "drives by functions of time", "{who}: drives have time functions",
              "say with at_time=... where to evaluate them, at one time",
              lambda forces, asked: ["drives"] * forces.has_functions(~asked.held)),
@@ -167,11 +167,6 @@ class SliderForces(Feature):
     @property
     def _drives(self) -> list[Drive | None]:
         return [slider.drive for slider in self.sliders]
-
-    @property
-    def acts_on(self) -> Array:
-        """True for sliders with friction, a drive, stops, a lock, a release, one-sided contact or a switch, bool [S]."""
-        return np.array([not x.slides_freely for x in self.sliders])
 
     @property
     def lets_go_of(self) -> Array:
@@ -234,17 +229,12 @@ class SliderForces(Feature):
         return np.array([x.lock is not None and x.lock[0].from_start for x in self.sliders])
 
     @property
-    def off_at_start(self) -> Array:
-        """True for sliders whose points are away from their beams at the start, bool [S]."""
-        return np.array([x.starts_off for x in self.sliders])
-
-    @property
     def initial_history(self) -> Array:
         """History variables of the sliders at the start, float64 [11 S]."""
         out = np.zeros((len(self.sliders), HISTORY))
         locked = self.locked_at_start
         out[locked, HELD], out[locked, TURNS] = LOCKED, 1.0
-        out[self.off_at_start, HELD] = OFF
+        out[[x.starts_off for x in self.sliders], HELD] = OFF
         return out.reshape(-1)
 
     @property

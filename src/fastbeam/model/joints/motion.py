@@ -44,7 +44,8 @@ class Motions(Feature):
     order: ClassVar[int] = 80
     lacks: ClassVar[tuple[Lack, ...]] = (
         unknown_to_methods("springs, dampers, motors, drives, friction and stops of joints",
-                           lambda motions, asked: [motions.title] * motions.has_forces),
+                           lambda motions, asked: [motions.title] * bool(
+                               motions.acts or motions.driven or motions.holds.held.size or motions.holds.stopped.size)),
         dissipating("friction, rigid stops", lambda motions, asked: motions.holds.kinks, kinked=True),
         dissipating("drives with a limit, where something dissipates", lambda motions, asked: (
             motions.holds.heeding or ["drives with a limit"])
@@ -101,11 +102,6 @@ class Motions(Feature):
     def pushed(self) -> list[int]:
         """Coordinates with motors, then those with drives."""
         return [k for k, motor in enumerate(self.motors) if motor is not None] + self.holds.driven.tolist()
-
-    @property
-    def has_forces(self) -> bool:
-        """True if any force or prescribed value acts on the coordinates."""
-        return bool(self.acts or self.driven or self.holds.held.size or self.holds.stopped.size)
 
     @property
     def timed(self) -> bool:

@@ -43,10 +43,6 @@ class Conditions:
         self.axes = np.einsum("sik,skc->sic", turn, x[:, 1:])
         self.value = np.array([(x[1, 0] - x[0, 0]) @ self.axes[0, i] if j < 0 else 0.0 for i, j in pairs])
 
-    def restricted(self, keep: Array) -> Conditions:
-        """Return a subset of the conditions; keep: their numbers."""
-        return Conditions(tuple(self.pairs[k] for k in keep), self.turn, self.reference)
-
     def forces(self, dim: int) -> int:
         """Return the number of conditions, one multiplier each."""
         return len(self.pairs)
@@ -164,7 +160,8 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
         singles.append(at + keep)
         at += len(link.law.pairs)
         if keep.size:
-            out.append(link._replace(law=link.law.restricted(keep)))
+            law = link.law
+            out.append(link._replace(law=Conditions(tuple(law.pairs[k] for k in keep), law.turn, law.reference)))
     return out, np.concatenate(singles)
 
 

@@ -80,10 +80,6 @@ class MeshRows:
         row["stop_force"] = row["stop_force"] + self._of(np.where(self._rests, rubs, 0.0))
         row["force_along"] = row["friction_force"] + row["drive_force"] + row["stop_force"]
 
-    def in_stops(self, energies: Array) -> float:
-        """Return the energy that stops of contacts store, J, from energies [C] of coordinates."""
-        return float(np.sum(energies[self.along]))
-
     def _of(self, x: Array) -> Array:
         """Return values of contacts from values of all coordinates."""
         out = np.zeros(len(self.moving.names))

@@ -174,7 +174,8 @@ class FreeBodies:
         # elements of splines may have the same nodes: which of these it is, in their order along the beam, as in tables
         by_nodes = {}
         for (first, e), nodes in wanted.items():
-            same = np.all(self._basis(first).element_nodes[:e] == nodes - first, axis=1)
+            basis: Basis = next(x.beam.basis for x in self.sections if x.first == first)
+            same = np.all(basis.element_nodes[:e] == nodes - first, axis=1)
             by_nodes[(*sorted(nodes.tolist()), int(np.sum(same)))] = first, e
         firsts = np.array([nodes[0] for nodes in by_nodes])
         seen: dict[tuple[int, ...], int] = {}
@@ -192,10 +193,6 @@ class FreeBodies:
         if not groups:
             return None
         return term._replace(tables=tables._replace(meta=np.ascontiguousarray(tables.meta[np.unique(groups)]), rows=out))
-
-    def _basis(self, first: int) -> Basis:
-        """Return the basis of the beam whose nodes begin there."""
-        return next(x.beam.basis for x in self.sections if x.first == first)
 
     def _gather(self) -> None:
         """Find the rows of every pair of a cut and a node, and its shares of loads."""
