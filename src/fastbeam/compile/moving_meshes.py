@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -60,11 +60,8 @@ IN_SPACE = "moving meshes run in space"
 class Moving(Feature):
     """Moving meshes of a model."""
 
-    key: ClassVar[str] = "moving"
-    title: ClassVar[str] = "elements that move (MovingMesh)"
-    order: ClassVar[int] = 100
-    is_told_first: ClassVar[bool] = True
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order, is_told_first = "moving", "elements that move (MovingMesh)", 100, True
+    lacks = (
         Lack((Analysis.PLANAR,), "elements that move", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
         Lack((Analysis.COMPARED,), "elements that move", "moving mesh with slider {name!r}: {who} knows no elements that move",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +22,8 @@ class Released(Feature):
     """Supports with `until` or `since`, R of them. Their history variables count the changes of each: supports with `since` take
     hold first, those with `until` let go."""
 
-    key: ClassVar[str] = "released"
-    title: ClassVar[str] = "supports that let go or take hold"
-    order: ClassVar[int] = 70
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "released", "supports that let go or take hold", 70
+    lacks = (
         unknown_to_methods("supports that let go or take hold"),
         Lack((Analysis.ORDER_4,), "supports that let go or take hold",
              "order=4: where a support lets go or takes hold, velocities are of second order, and so is what follows",

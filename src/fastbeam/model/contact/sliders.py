@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -53,10 +53,8 @@ def _loads_along(beam: Any, asked: Asked) -> str:
 class SlidingContact(Feature):
     """Sliders and sleeves."""
 
-    key: ClassVar[str] = "sliding"
-    title: ClassVar[str] = "sliders"
-    order: ClassVar[int] = 5
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "sliding", "sliders", 5
+    lacks = (
         Lack((Analysis.EXACT,), "crossings, switches", "{who}: {name}, which only contacts='mesh' knows", "leave contacts= out",
              lambda contact, asked: contact.branching),
         _on_beams("make it a Beam of its own, or leave contacts= out", "beams of nets",

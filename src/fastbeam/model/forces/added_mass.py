@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +22,8 @@ Array = np.ndarray
 class Added(Feature):
     """Nodes with added mass."""
 
-    key: ClassVar[str] = "added"
-    title: ClassVar[str] = "added mass"
-    order: ClassVar[int] = 110
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "added", "added mass", 110
+    lacks = (
         unknown_to_methods("added mass"),
         Lack((Analysis.ORDER_4,), "different masses along and across",
              "order=4: {name}: where the mass along d1 is not that across it, velocities are of second order, and so is what "

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -36,10 +36,8 @@ def _air_moves(what: str, text: str, instead: str, moves: Callable[[Dragged], Ar
 class Damped(Feature):
     """Beams and nets with damping."""
 
-    key: ClassVar[str] = "damped"
-    title: ClassVar[str] = "damping of sections"
-    order: ClassVar[int] = 30
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "damped", "damping of sections", 30
+    lacks = (
         unknown_to_methods("damping", lambda damped, asked: damped.losses),
         dissipating("damping", lambda damped, asked: damped.losses),
         Lack((Analysis.FILTERED,), "damping", "rho_inf: {name} has damping of its own, which grows with the frequency",
@@ -94,10 +92,8 @@ def damped_of(scene: Scene, nodes: NodeList) -> Damped | None:
 class Dragged(Feature):
     """Nodes with drag."""
 
-    key: ClassVar[str] = "dragged"
-    title: ClassVar[str] = "drag"
-    order: ClassVar[int] = 50
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "dragged", "drag", 50
+    lacks = (
         Lack((Analysis.PLANAR,), "wind=", "wind= of a drag may lead out of a plane", "use planar='auto'",
              lambda dragged, asked: dragged.labels[:dragged.windy]),
         unknown_to_methods("drag", lambda dragged, asked: dragged.labels),

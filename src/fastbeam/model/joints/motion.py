@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -39,10 +39,8 @@ HOLD_IT = "hold the joint where it is to be by angle= or distance=, or run until
 class Motions(Feature):
     """All free coordinates of the joints of a scene, C of them."""
 
-    key: ClassVar[str] = "motions"
-    title: ClassVar[str] = "springs, dampers, motors, drives, friction and stops of joints"
-    order: ClassVar[int] = 80
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "motions", "springs, dampers, motors, drives, friction and stops of joints", 80
+    lacks = (
         unknown_to_methods("springs, dampers, motors, drives, friction and stops of joints",
                            lambda motions, asked: [motions.title] * bool(
                                motions.acts or motions.driven or motions.holds.held.size or motions.holds.stopped.size)),
