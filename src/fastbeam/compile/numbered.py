@@ -10,7 +10,6 @@ from fastbeam.compile.links import Links
 from fastbeam.model.connections import NO_PAIRS, Connections, connect
 from fastbeam.model.numbering import NodeList
 from fastbeam.scene import RigidBody, Scene
-from fastbeam.scene.added_mass import added_masses
 
 Array = np.ndarray
 
@@ -49,7 +48,7 @@ def number(scene: Scene) -> Numbered:
     length = max([nodes.extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
     joints, hinges, always, late, supported = _connections(scene, nodes, length)
     every = np.arange(len(nodes))
-    dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *added_masses(scene)))])
+    dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *scene.added_masses))])
     return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always, late, supported)
 
 

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from fastbeam.interface.arguments import Name, Number, checked
 from fastbeam.interface.errors import SceneError
@@ -57,8 +57,3 @@ class AddedMass(Named):
     def is_slender(self) -> bool:
         """True if coefficients are per length."""
         return isinstance(self.on, (Beam, Net))
-
-
-def added_masses(scene: Any) -> list[AddedMass]:
-    """Return all added mass of a scene."""
-    return [part for part in scene.parts if isinstance(part, AddedMass)]

@@ -150,6 +150,14 @@ class NodeRef:
         return not self.offset.any()
 
     @property
+    def place(self) -> Array:
+        """Position (3,) m at t = 0 of a node of a beam, or of a point of a body or mass with a position."""
+        owner: Any = self.owner
+        if isinstance(owner, Beam):
+            return owner.reference(owner.node_s[self.index])[0][0]
+        return owner.position + self.offset @ owner.directors if hasattr(owner, "directors") else owner.position
+
+    @property
     def label(self) -> str:
         """Text for messages and automatic names, without the arc length."""
         if isinstance(self.owner, Beam):

@@ -213,7 +213,7 @@ def check_path(path: Path, tolerance: float) -> None:
     """Check that the ends of neighbours meet; tolerance in m. Raises SceneError: two do not; names them and their distance."""
     joints = path.joints()
     for k, (one, other) in enumerate(joints):
-        here, there = (node.owner.reference([node.owner.node_s[node.index]])[0][0] for node in (one, other))
+        here, there = one.place, other.place
         gap = float(np.linalg.norm(here - there))
         if gap <= tolerance:
             continue

@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.bodies import BallJoint, PointMass, RigidBody, RigidConnection
+from fastbeam.scene.bodies import BallJoint, PointMass, RigidConnection
 from fastbeam.scene.checks import Array
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.relations import held_nodes, who
@@ -56,14 +56,10 @@ class Placing:
     def position(self, node: NodeRef) -> Array:
         """Return the position (3,) m at t = 0 of a node. Raises SceneError: nothing places the mass."""
         owner = node.owner
-        if isinstance(owner, Beam):
-            return owner.reference(owner.node_s[node.index])[0][0]
-        if isinstance(owner, RigidBody):
-            return owner.position + node.offset @ owner.directors
         if isinstance(owner, Ground):
             return node.offset
-        if owner.position is not None:
-            return owner.position
+        if isinstance(owner, Beam) or owner.position is not None:
+            return node.place
         known = self._known
         if owner not in known:
             found = self._reached(owner, None)

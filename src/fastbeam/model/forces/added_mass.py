@@ -13,7 +13,6 @@ from fastbeam.model.feature import Feature, OfRun, Stand
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.tables import Elements, node_lengths
 from fastbeam.scene import Scene
-from fastbeam.scene.added_mass import added_masses
 
 Array = np.ndarray
 
@@ -109,7 +108,7 @@ class Added(Feature):
 
 def added_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Added | None:
     """Build the feature of added mass; None without any. elements: of every beam, then of every net."""
-    given = added_masses(scene)
+    given = scene.added_masses
     if not given:
         return None
     length = np.zeros(len(nodes))
