@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
-
 from fastbeam.interface.arguments import Name, Vector, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
