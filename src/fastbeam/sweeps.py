@@ -280,7 +280,6 @@ def _check_count(n: int) -> None:
 
 
 def _as_json(value: Any) -> Any:
-    """Convert a value of a case for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} {shown(value)}")

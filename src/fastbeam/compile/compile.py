@@ -58,7 +58,7 @@ from fastbeam.model.moving_supports import released_of
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.supports import waiting
 from fastbeam.model.tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
-from fastbeam.scene import Beam, Bushing, ForceElement, Path, RigidBody, Scene, Sleeve, Switch
+from fastbeam.scene import Beam, Bushing, ForceElement, Path, Scene, Sleeve, Switch
 from fastbeam.scene.crossings import Knot
 from fastbeam.scene.winch import Coil, RopePoint
 
@@ -367,15 +367,9 @@ def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> S
 
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
     """Collect the supports, and the joints that are eliminated."""
-    names, supports, masks, turning = [], [], [], []
-    for support in [*scene.pins, *scene.clamps]:
-        masks.append(support.mask)
-        owner = support.at.owner
-        names.append(str(support.name))
-        supports.append(nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at))
-    names += [str(motion.name) for motion in scene.prescribed]
-    supports += [nodes.number(motion.at) for motion in scene.prescribed]
-    masks += [motion.mask for motion in scene.prescribed]
+    still, turning = [*scene.pins, *scene.clamps], []
+    names, masks = ([getattr(x, of) for x in (*still, *scene.prescribed)] for of in ("name", "mask"))
+    supports = nodes.held(still).tolist() + [nodes.number(motion.at) for motion in scene.prescribed]
     for net in scene.nets:
         at, node = nodes.start(net) + net.end_node.reshape(-1), net.edges.reshape(-1)
         for kind, held in (("pin", net.pins), ("clamp", net.clamps)):

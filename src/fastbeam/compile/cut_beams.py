@@ -65,7 +65,6 @@ def _kept(scene: Scene, beam: Beam) -> Array:
 
 
 def _nodes(part: Any) -> Iterator[NodeRef]:
-    """Yield the nodes that a part refers to."""
     for field in fields(part) if is_dataclass(part) and not isinstance(part, Beam) else ():
         value = getattr(part, field.name)
         for x in value if isinstance(value, (tuple, list)) else (value,):

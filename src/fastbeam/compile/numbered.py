@@ -9,7 +9,7 @@ from fastbeam.compile.initial import place_points
 from fastbeam.compile.links import Links
 from fastbeam.model.connections import NO_PAIRS, Connections, connect
 from fastbeam.model.numbering import NodeList
-from fastbeam.scene import RigidBody, Scene
+from fastbeam.scene import Scene
 
 Array = np.ndarray
 
@@ -68,8 +68,7 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
     held[nodes.ground] = 63
     always, begins = held.copy(), held.copy()
     supports = [*scene.pins, *scene.prescribed, *scene.clamps]
-    supported = np.array([nodes.start(x.at.owner) if isinstance(x.at.owner, RigidBody) else nodes.number(x.at) for x in supports],
-                         np.int64)
+    supported = nodes.held(supports)
     for support, node in zip(supports, supported.tolist()):
         held[node] |= support.mask
         always[node] |= support.mask if support.until is None and support.since is None else 0

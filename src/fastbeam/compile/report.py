@@ -98,7 +98,6 @@ def _loads(scene: Scene, model: Model) -> Iterator[Line]:
 
 
 def _sliders(scene: Scene, model: Model) -> Iterator[Line]:
-    """Tell sliders and paths."""
     if model.sliders is None:
         return
     c1 = sum(s.curve == "c1" and not getattr(s, "length", 0.0) for s in scene.sliders)
@@ -135,7 +134,6 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _paths(scene: Scene, model: Model) -> Iterator[Line]:
-    """Yield a line for every path."""
     known = set()
     for slider in scene.sliders:
         path = slider.beam

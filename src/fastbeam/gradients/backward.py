@@ -245,7 +245,6 @@ class Backward:
         self.solutions = empty((n, self.adjoint.x.size)), empty((n, border.y.size if isinstance(border, Border) else 0))
 
     def _keep(self, k: int) -> None:
-        """Keep the solution of step k."""
         if self.solutions is not None:
             self.solutions[0][k] = self.adjoint.x
             if self.solutions[1].size:

@@ -73,7 +73,6 @@ class Linearised:
         self.vectors = found.vectors
 
     def _linearised(self, model: Model, state: State, factors: Array, flat: bool) -> Linearisation:
-        """Linearise a scene about a state."""
         resting = resting_sliders("frequencies", model, state, self._stays, *self._at)
         found = Linearisation(model, state, ~self._stays, factors, flat, resting=resting)
         found.stepper.load_at(*self._at)

@@ -169,7 +169,6 @@ def _held_roots(held: Array, touched: Array, root_of: Array, offset: Array, labe
 
 
 def _joint_name(balls: list[tuple[int, int, str]], ball: Array, labels: Sequence[str], j: int) -> str:
-    """Name ball joint j for messages."""
     return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
 
 

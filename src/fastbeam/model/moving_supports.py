@@ -14,7 +14,7 @@ from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.released_supports import Released
-from fastbeam.scene import PrescribedMotion, RigidBody, Scene
+from fastbeam.scene import PrescribedMotion, Scene
 
 Array = np.ndarray
 # largest distance of position(0) from its node, as a share of the size of the scene
@@ -231,14 +231,10 @@ def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Arra
     if not some:
         return None
 
-    def number(support: Any) -> int:
-        owner = support.at.owner
-        return nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at)
-
     moving = list(scene.prescribed)
-    own = np.array([number(x) for _, x in some])
+    own = nodes.held(x for _, x in some)
     root = joints.row_root[own]
-    others = np.array([number(x) for x in every])
+    others = nodes.held(every)
     for (k, support), node, top in zip(some, own.tolist(), root.tolist()):
         leads = [nodes.labels[i] for i in joints.targets(top) if i != top]
         if leads:

@@ -169,6 +169,11 @@ class NodeList:
         """Return the global numbers of the nodes a and b of joints and links, int64 [L, 2]."""
         return np.array([(self.number(x.a), self.number(x.b)) for x in links], np.int64).reshape(-1, 2)
 
+    def held(self, supports: Iterable[Any]) -> Array:
+        """Return the global numbers of the nodes that supports hold, of a body its centre, int64 [S]."""
+        return np.array([self.start(x.at.owner) if isinstance(x.at.owner, RigidBody) else self.number(x.at) for x in supports],
+                        np.int64)
+
     def number(self, node: NodeRef) -> int:
         """Return the global number of a node of the scene."""
         if isinstance(node.owner, Beam):

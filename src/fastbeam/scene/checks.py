@@ -75,7 +75,6 @@ def _differing(part: Any, skipped: set[str]) -> list[str]:
 
 
 def _brief(value: Any) -> str:
-    """Shorten the value of a field."""
     if isinstance(value, np.ndarray) and value.ndim == 2 and value.shape[0] == value.shape[1]:
         if np.array_equal(value, np.diag(np.diag(value))):
             return f"diagonal {shown(np.diag(value))}"

@@ -135,7 +135,6 @@ class Slider:
         return self.beam.reference(self.at)[0][0]
 
     def _on_a_track(self, who: str, switch: Switch, at: float) -> float:
-        """Return the place on a switch."""
         begin, end = switch.spans[span_of(switch, at)]
         if not begin - 1e-9 * switch.length <= at <= end + 1e-9 * switch.length:
             tracks = ", ".join(f"{x.name!r} {a:.6g} to {b:.6g} m" for x, (a, b) in zip(switch.tracks, switch.spans))

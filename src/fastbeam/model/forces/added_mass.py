@@ -10,8 +10,9 @@ from fastbeam.kernels.forces.added_mass import AddedMass
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, Lack, unknown_to_methods, without_adjoint
 from fastbeam.model.feature import Feature, OfRun, Stand
+from fastbeam.model.forces.damping_and_drag import in_fluid
 from fastbeam.model.numbering import NodeList
-from fastbeam.model.tables import Elements, node_lengths
+from fastbeam.model.tables import Elements
 from fastbeam.scene import Scene
 
 Array = np.ndarray
@@ -111,14 +112,7 @@ def added_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Added |
     given = scene.added_masses
     if not given:
         return None
-    length = np.zeros(len(nodes))
-    for part in elements:
-        length += node_lengths(part.nodes, part.mass_phi, length.size)
-    node = [np.arange(len(nodes))[nodes.span(x.on)] for x in given]
-    part = np.repeat(np.arange(len(node)), [x.size for x in node])
-    every = np.concatenate(node)
-    slender = np.array([x.is_slender for x in given])[part]
-    size = np.where(slender, length[every], 1.0)
+    every, part, _, size = in_fluid(given, nodes, elements)
     normal, tangential = (np.array([getattr(x, of) for x in given])[part] for of in ("normal", "tangential"))
     return Added(tuple(f"{x.label} on {x.on.label}" for x in given), every, part, size * normal,
                  size * (tangential - normal))

@@ -197,19 +197,24 @@ class Dragged(Feature):
                                         self.slender, self.air.reshape(-1), first + self.part, self.wind))
 
 
+def in_fluid(parts: list[Any], nodes: NodeList, elements: list[Elements]) -> tuple[Array, Array, Array, Array]:
+    """Return the nodes of drags or added masses, the number of the part of each, whether its coefficients are per length, and the
+    length that they count with, or 1."""
+    length = sum((node_lengths(x.nodes, x.mass_phi, len(nodes)) for x in elements), np.zeros(len(nodes)))
+    node = [np.arange(len(nodes))[nodes.span(x.on)] for x in parts]
+    part = np.repeat(np.arange(len(node)), [x.size for x in node])
+    every = np.concatenate(node)
+    slender = np.array([x.is_slender for x in parts])[part]
+    return every, part, slender, np.where(slender, length[every], 1.0)
+
+
 def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragged | None:
     """Build the feature of drag; None without drag. elements: of every beam, then of every net."""
     if not scene.drags:
         return None
-    length = np.zeros(len(nodes))
-    for part in elements:
-        length += node_lengths(part.nodes, part.mass_phi, length.size)
-    node = [np.arange(len(nodes))[nodes.span(drag.on)] for drag in scene.drags]
-    part = np.repeat(np.arange(len(node)), [x.size for x in node])
-    every = np.concatenate(node)
-    slender = np.array([int(drag.is_slender) for drag in scene.drags])[part]
+    every, part, slender, size = in_fluid(scene.drags, nodes, elements)
     given = np.array([(drag.normal, drag.tangential, drag.linear) for drag in scene.drags])[part]
     return Dragged(tuple(f"{drag.label} on {drag.on.label}" for drag in scene.drags), every, part,
-                   np.where(slender == 1, length[every], 1.0)[:, None] * given, slender,
+                   size[:, None] * given, slender.astype(np.int64),
                    np.array([drag.air for drag in scene.drags], dtype=float)[part], tuple(drag.time for drag in scene.drags),
                    wind_of(scene.drags, part, nodes.phi[every]))

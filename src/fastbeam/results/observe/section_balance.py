@@ -233,7 +233,6 @@ class FreeBodies:
                 if isinstance(load, DistributedLoad) and load.beam is beam and not load.follower]
 
     def _loaded(self, piece: Piece) -> Piece:
-        """Return the piece with the loads along it."""
         section, beam, loads = piece.section, piece.section.beam, []
         start = float(beam.basis.element_ends[piece.element])
         for k, load in self._distributed(beam):

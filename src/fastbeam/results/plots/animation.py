@@ -268,7 +268,6 @@ def _writer(kind: str, fps: float) -> Any:
 
 
 def _canvas(figure: Any) -> Any:
-    """Return the figure, with a canvas that draws it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     FigureCanvasAgg(figure)
     return figure

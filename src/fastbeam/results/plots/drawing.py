@@ -141,7 +141,6 @@ def new_figure(size: tuple[float, float]) -> Figure:
 
 
 def _png_of(figure: Figure) -> bytes:
-    """Return a figure as PNG, for notebooks."""
     image = io.BytesIO()
     figure.savefig(image, format="png")
     return image.getvalue()
