@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fastbeam.model.connections import components
 from fastbeam.model.numbering import NodeList
 from fastbeam.scene import Scene
 
@@ -51,10 +52,10 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
         joints.append(np.stack((rope[:-1], rope[1:]), axis=1))
     # a link joins points at the same place; across a distance it does not
     distance = np.linalg.norm(nodes.phi[linked[:, 0]] - nodes.phi[linked[:, 1]], axis=1)
-    joined = _components(n, np.concatenate((*joints, linked[distance <= TOUCHING * length])))
-    count = int(_components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts, linked))).max()) + 1
+    joined = components(n, np.concatenate((*joints, linked[distance <= TOUCHING * length])))
+    count = int(components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts, linked))).max()) + 1
     # here links join across a distance, too
-    across = _components(n, np.concatenate((*joints, linked)))
+    across = components(n, np.concatenate((*joints, linked)))
     alone = np.bincount(joined, minlength=n)[joined] == 1
     alone[contacts[:, 0]] = False
     free = np.zeros(n, bool)
@@ -65,21 +66,6 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     reach[first_and_last] = NEARLY * lengths[:, None]
     own = np.concatenate(([0], np.cumsum(~goes_on[:-1])))
     return count, places, _nearly(scene, nodes, _Ends(across, free & alone, free, own, reach, held), places)
-
-
-def _components(n: int, edges: Array) -> Array:
-    """Return the number of the connected component of every node, int [n]. Every root takes the smallest neighbouring root until
-    none has a neighbour; SciPy's function would do the same, but its import takes a fifth of the time of a warm start."""
-    root = np.arange(n)
-    a, b = edges[:, 0], edges[:, 1]
-    while a.size:
-        np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
-        while not np.array_equal(root, up := root[root]):
-            root = up
-        a, b = root[a], root[b]
-        distinct = a != b
-        a, b = a[distinct], b[distinct]
-    return np.unique(root, return_inverse=True)[1]
 
 
 class _Ends(NamedTuple):
@@ -165,7 +151,7 @@ def _touching(scene: Scene, nodes: NodeList, joined: Array, free: Array, held: A
     pairs = pairs[(free[one] | free[other]) & (joined[one] != joined[other]) & ~((held[one] & 7 != 0) & (held[other] & 7 != 0))]
     pairs = _without_sliders(scene, nodes, pairs)
     places: dict[int, list[int]] = {}
-    of = _components(len(nodes), pairs)
+    of = components(len(nodes), pairs)
     for k in np.unique(pairs).tolist():
         places.setdefault(int(of[k]), []).append(k)
     return sorted(places.values())

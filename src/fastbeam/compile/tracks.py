@@ -8,6 +8,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.model.connections import components
 from fastbeam.model.numbering import NodeList
 from fastbeam.scene import Beam, Path, Scene, Slider, Switch
 from fastbeam.scene.interpolation.basis import CurveBasis, end_bumps
@@ -257,14 +258,11 @@ class _Together:
     """Nodes of a scene that stay together at one place."""
 
     def __init__(self, scene: Scene, nodes: NodeList) -> None:
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
         n = len(nodes)
         found = [nodes.start(net) + of for net in scene.nets for of in net.pairs()]
         rigid = np.concatenate((nodes.ends(scene.rigid), np.array(nodes.arm_owner, np.int64).reshape(-1, 2), *found[::2]))
         self.balls = np.concatenate((nodes.ends(scene.balls), *found[1::2]))
-        graph = coo_matrix((np.ones(len(rigid), np.int8), (rigid[:, 0], rigid[:, 1])), shape=(n, n))
-        self.set = connected_components(graph, directed=False)[1]
+        self.set = components(n, rigid)
         self.still = np.zeros(n, bool)
         whole = [x for x in (*scene.clamps, *scene.pins) if x.mask & 7 == 7]
         clamped = [nodes.number(x.at) if x.at.is_center else nodes.start(x.at.owner) for x in whole if x.holds_triad]

@@ -226,6 +226,35 @@ def _pairs(joints: list[tuple[int, int, str]]) -> Array:
     return np.array([joint[:2] for joint in joints], np.int64).reshape(-1, 2)
 
 
+def components(n: int, edges: Array) -> Array:
+    """Return the number of the connected component of every node, int [n]; edges: int [*, 2]. Every root takes the smallest
+    neighbouring root until none has a neighbour; SciPy's function would do the same, but its import takes a fifth of the time of
+    a warm start."""
+    root = np.arange(n)
+    a, b = edges[:, 0], edges[:, 1]
+    while a.size:
+        np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
+        while not np.array_equal(root, up := root[root]):
+            root = up
+        a, b = root[a], root[b]
+        distinct = a != b
+        a, b = a[distinct], b[distinct]
+    return np.unique(root, return_inverse=True)[1]
+
+
+def searched(edges: Array, top: Array, n: int) -> tuple[Array, Array]:
+    """Return n nodes, in order from the node `top` of each of their connected components on, and the node before each, int64 [n],
+    -1 for those of `top`."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import breadth_first_order
+    # an additional node connects all components, so that one search goes through all of them
+    whole = np.concatenate((edges, np.stack((np.full(top.size, n), top), axis=1)))
+    graph = coo_matrix((np.ones(len(whole), np.int8), (whole[:, 0], whole[:, 1])), shape=(n + 1, n + 1))
+    reached, before = breadth_first_order(graph.tocsr(), n, directed=False)
+    before = before[:n].astype(np.int64)
+    return reached[1:], np.where(before == n, -1, before)
+
+
 def held_axes(held: Array) -> Array:
     """Return which components of positions are fixed, bool [n, 3], from masks [n]."""
     return (held[:, None] >> np.arange(3)) & 1 != 0
@@ -249,10 +278,7 @@ def _freedom(held: Array) -> Array:
 
 def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array, labels: Sequence[str]) -> Array:
     """Return the root of the rigid set of every touched node, int [n]."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-    graph = coo_matrix((np.ones(len(fixed), np.int8), (fixed[:, 0], fixed[:, 1])), shape=(n, n))
-    group = connected_components(graph, directed=False)[1][touched]
+    group = components(n, fixed)[touched]
     rate = np.where(held[touched] == 63, 0, 1 + _freedom(held[touched]))
     order = np.lexsort((touched, rank[touched], rate))
     _, first, of, count = np.unique(group[order], return_index=True, return_inverse=True, return_counts=True)
@@ -271,8 +297,6 @@ def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callab
 
     Raises SceneError: a joint between parts that are joined at the same point already.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     if not len(ball):
         return np.zeros(0, np.int64)
     sides = root_of[ball]
@@ -282,10 +306,7 @@ def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callab
     standing = held[roots] & HOLD_POSITION != 0
     # every support is connected to the ground, an additional set
     ground = np.flatnonzero(standing)
-    graph = coo_matrix((np.ones(len(ball) + ground.size, np.int8), (np.concatenate((local[:, 0], ground)),
-                                                                    np.concatenate((local[:, 1], np.full(ground.size, m))))),
-                       shape=(m + 1, m + 1))
-    n_trees = connected_components(graph, directed=False)[0]
+    n_trees = components(m + 1, np.concatenate((local, np.stack((ground, np.full(ground.size, m)), axis=1)))).max() + 1
     if not np.any(local[:, 0] == local[:, 1]) and len(ball) + ground.size == m + 1 - n_trees:
         return np.zeros(0, np.int64)
     sets = _Sets(m + 1)
@@ -317,8 +338,6 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array,
                 rank: Array) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
     """Return the node from which the position of every root's set starts [n], and offsets in triads from there on for the roots
     that have any, for ball joints that close no loops; at most one set of a tree is supported."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import breadth_first_order, connected_components
     base = np.arange(root_of.size)
     arms: dict[int, list[tuple[int, Array]]] = {}
     if not len(ball):
@@ -327,22 +346,17 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array,
     roots, local = np.unique(sides, return_inverse=True)
     local = local.reshape(-1, 2)
     m = roots.size
-    graph = coo_matrix((np.ones(len(ball), np.int8), (local[:, 0], local[:, 1])), shape=(m, m))
-    n_trees, tree = connected_components(graph, directed=False)
+    tree = components(m, local)
     order = np.lexsort((roots, rank[roots], _freedom(held[roots])))
-    top = np.full(n_trees, -1)
+    top = np.full(tree.max() + 1, -1)
     top[tree[order[::-1]]] = order[::-1]
     base[roots] = roots[top[tree]]
-    # an additional node connects all trees, so that one search goes through all of them
-    graph = coo_matrix((np.ones(len(ball) + n_trees, np.int8), (np.concatenate((local[:, 0], np.full(n_trees, m))),
-                                                                np.concatenate((local[:, 1], top)))), shape=(m + 1, m + 1))
-    reached, parent = breadth_first_order(graph.tocsr(), m, directed=False)
+    reached, parent = searched(local, top, m)
     child = reached[parent[reached] >= 0]
-    child = child[parent[child] != m]
     # the joint between a child and its parent: the keys of both sides are distinct in a forest
     key = np.minimum(local[:, 0], local[:, 1]) * m + np.maximum(local[:, 0], local[:, 1])
     by_key = np.argsort(key)
-    above = parent[child].astype(np.int64)
+    above = parent[child]
     joint = by_key[np.searchsorted(key[by_key], np.minimum(child, above) * m + np.maximum(child, above))]
     side = (sides[joint, 1] == roots[child]).astype(np.int64)
     at_child, at_parent = ball[joint, side], ball[joint, 1 - side]

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fastbeam.model.connections import components, searched
+
 Array = np.ndarray
 
 
@@ -27,23 +29,13 @@ class Holding:
 
 def trees(n: int, pairs: Array, supports: Array) -> tuple[Array, Array]:
     """Return `parent` and `determined` of `Holding`, for n nodes, connected pairs [*, 2] and nodes of supports [*]."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import breadth_first_order, connected_components
-    parent, determined = np.full(n, -1), np.ones(n, bool)
     if not len(pairs):
-        return parent, determined
-    graph = coo_matrix((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    count, part = connected_components(graph, directed=False)
+        return np.full(n, -1), np.ones(n, bool)
+    part = components(n, pairs)
+    count = part.max() + 1
     holds = np.bincount(part[np.unique(supports)], minlength=count)
     edges, members = np.bincount(part[pairs[:, 0]], minlength=count), np.bincount(part, minlength=count)
-    determined = ((edges == members - 1) & (holds <= 1))[part]
     top = np.full(count, -1)
     top[part[::-1]] = np.arange(n)[::-1]
     top[part[supports]] = supports
-    # an additional node connects all trees, so that one search goes through all of them
-    whole = coo_matrix((np.ones(len(pairs) + count, np.int8), (np.concatenate((pairs[:, 0], np.full(count, n))),
-                                                               np.concatenate((pairs[:, 1], top)))), shape=(n + 1, n + 1))
-    _, above = breadth_first_order(whole.tocsr(), n, directed=False)
-    above = above[:n].astype(np.int64)
-    parent[:] = np.where(above == n, -1, above)
-    return parent, determined
+    return searched(pairs, top, n)[1], ((edges == members - 1) & (holds <= 1))[part]

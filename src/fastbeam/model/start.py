@@ -14,7 +14,7 @@ from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
 from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
-from fastbeam.model.connections import HOLD_TRIAD, held_axes
+from fastbeam.model.connections import HOLD_TRIAD, components, held_axes
 from fastbeam.model.gap_rows import GapRows
 from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
@@ -576,13 +576,10 @@ def _turned_back(inertia: Any, joined: Any, before: Array, q: Array, v: Array, c
     """Return the rates [12 N] of the rigid motions that restore the momenta of each piece of the scene, moved from `before` to q:
     those with rates v, where it has those of `carried`. joined: matrix on velocities and spins, sparse [m, 6 N], of what joins
     nodes to pieces besides the inertia of beams."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     rates = velocity_map(q)
     mass = (rates.T @ inertia @ rates).tocsr()
     every = (abs(mass) + abs(joined).T @ abs(joined)).tocoo()
-    _, number = connected_components(coo_matrix((every.data, (every.row // 6, every.col // 6)), shape=(len(q), len(q))),
-                                     directed=False)
+    number = components(len(q), np.stack((every.row, every.col), axis=1) // 6)
     rigid = rigid_motions(q[:, 0], number)
     own = (rigid.T @ mass @ rigid).tocsr()
     middle, number = middles(q[:, 0], number)

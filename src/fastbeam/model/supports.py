@@ -13,7 +13,7 @@ from fastbeam.kernels.beams.inner_nodes import ROWS
 from fastbeam.kernels.layout import LIST
 from fastbeam.kernels.linalg.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
 from fastbeam.model.analyses import Analysis, require
-from fastbeam.model.connections import held_axes
+from fastbeam.model.connections import components, held_axes
 from fastbeam.model.mapping import curve_at
 from fastbeam.model.model import Model
 from fastbeam.scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
@@ -98,11 +98,7 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
 
 def connected_parts(model: Model) -> list[Array]:
     """List the nodes of every connected part, int [*] each. Sliders and joints connect."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-    rows, columns = map(np.concatenate, zip(*_coupled_rows(model)))
-    n = model.n_nodes
-    _, part = connected_components(coo_matrix((np.ones(rows.size), (rows, columns)), shape=(n, n)), directed=False)
+    part = components(model.n_nodes, np.stack([np.concatenate(x) for x in zip(*_coupled_rows(model))], axis=1))
     part = np.unique(part[model.pattern.row_of], return_inverse=True)[1]
     return np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
 
