@@ -157,7 +157,7 @@ class SliderForces(Feature):
             t.gains[k] = gains_of(drive)
         elif t.drive[k] == LAW:
             t.law[k] = law_of(drive, f"slider {slider.name!r}")
-        t.given[k] = self._given(k, 0.0, 0.0)
+        t.given[k] = given_to(drive, f"slider {slider.name!r}", 0.0, 0.0)
 
     @property
     def timed(self) -> bool:
@@ -205,8 +205,7 @@ class SliderForces(Feature):
     def dissipates(self) -> bool:
         """True if friction, a damping drive, a force law or a rigid stop dissipates energy."""
         t = self.tables
-        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or np.any(t.law)
-                    or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
+        return self.has_kinks or bool(np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or np.any(t.law))
 
     @property
     def exchanges(self) -> bool:
@@ -319,7 +318,10 @@ class SliderForces(Feature):
 
     def speed_given(self, k: int, t: float) -> float:
         """Evaluate the velocity that a drive prescribes at time t, m/s."""
-        return self._value(k, "speed", t)
+        return value_at(self.sliders[k].drive, self._who(k), "speed", t)
+
+    def _who(self, k: int) -> str:
+        return f"slider {self.sliders[k].name!r}"
 
     # --- inputs of drives ---------------------------------------------------------------------------------------------
     def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
@@ -334,19 +336,8 @@ class SliderForces(Feature):
         out = np.zeros((len(starts), len(self.sliders), 2))
         for k, (drive, kind) in enumerate(zip(self._drives, self.tables.drive.tolist())):
             if kind != NO_DRIVE:
-                out[:, k] = given_over(drive, kind, f"slider {self.sliders[k].name!r}", starts, lengths)
+                out[:, k] = given_over(drive, kind, self._who(k), starts, lengths)
         return out, starts + 0.5 * lengths
-
-    def _given(self, k: int, t: float, h: float) -> tuple[float, float]:
-        """Return the inputs of a drive for a step from t to t + h; (0, 0) where it does not depend on time."""
-        drive = self.sliders[k].drive
-        assert drive is not None
-        return given_to(drive, f"slider {self.sliders[k].name!r}", t, h)
-
-    def _value(self, k: int, what: str, t: float) -> float:
-        drive = self.sliders[k].drive
-        assert drive is not None
-        return value_at(drive, f"slider {self.sliders[k].name!r}", what, t)
 
     # --- rigid stops --------------------------------------------------------------------------------------------------
     def limits(self, ends: Array, s: Array, history: Array) -> Array:
@@ -458,7 +449,7 @@ class SliderForces(Feature):
         beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
         stop = np.where(stiff > 0.0, stiff * beyond, 0.0)
         drive = np.zeros(len(s))
-        prescribed = np.isin(table.drive, (POSITION, INCREMENT))
+        prescribed = self.is_prescribed
         for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
             drive[k] = self._drive_at(k, t, s[k], rate[k], offset[k]) if share is None else self.at_rest(
                 k, t, s[k], share, offset[k])
@@ -481,15 +472,15 @@ class SliderForces(Feature):
     def _drive_at(self, k: int, t: float, s: float, rate: float, offset: float) -> float:
         # on a switch, laws take s and controllers the arc length travelled
         way = s + offset if self.tables.drive[k] == CONTROL else s
-        return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, way, rate)
+        return force_at(self.sliders[k].drive, self._who(k), t, way, rate)
 
     def at_rest(self, k: int, t: float, s: float, share: float, offset: float) -> float:
         """Evaluate the force, N, of a drive that does not prescribe the motion on a slider at rest at s, at time t and load
         factor `share`, in proportion to which it grows; offset: arc length travelled less s."""
-        kind, gains = self.tables.drive[k], self.tables.gains[k]
+        kind, gains, drive, who = self.tables.drive[k], self.tables.gains[k], self.sliders[k].drive, self._who(k)
         if kind == LAW:
-            return share * law_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, 0.0)
-        given = self._given(k, t, 0.0)[0]
+            return share * law_at(drive, who, t, s, 0.0)
+        given = given_to(drive, who, t, 0.0)[0]
         return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - offset - s), -gains[2], gains[2])))
 
     def slope_at_rest(self, k: int, t: float, s: float, share: float, offset: float, by_rate: bool) -> float:
@@ -504,7 +495,7 @@ class SliderForces(Feature):
 
     def place_given(self, k: int, t: float, own: Array) -> float:
         """Return the arc length that a drive prescribes for slider k at time t, m; own [11]: history of the slider."""
-        return self._value(k, "position", t) - float(own[OFFSET])
+        return value_at(self.sliders[k].drive, self._who(k), "position", t) - float(own[OFFSET])
 
 
 def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
