@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from fastbeam.scene import AddedMass, Beam, Drag, Path, PointMass, RigidBody, Scene, Slider
-from fastbeam.scene.added_mass import added_masses
 from fastbeam.scene.interpolation.basis import CurveBasis
 
 Array = np.ndarray
@@ -479,7 +478,7 @@ class Twin:
         f -= self.load_forces(q_mid, *self.dead_loads(factor))
         for drag in self.scene.drags:
             f[:, 0] += self.resistance(drag, dq[:, 0] / step.h, q_mid[:, 1])
-        for fluid in added_masses(self.scene):
+        for fluid in self.scene.added_masses:
             f -= self.load_forces(q_mid, *self.of_fluid(fluid, step, q_n1))
         contact = np.zeros((len(self.scene.sliders), 4))
         for k, slider in enumerate(self.scene.sliders):

@@ -42,13 +42,7 @@ def list_examples() -> str:
 
 
 def load_example(name: str) -> ModuleType:
-    """Import an example's script.
-
-    Raises
-    ------
-    KeyError
-        There is no such example.
-    """
+    """Import an example's script. Raises KeyError: there is no such example."""
     path = find_examples()[name]
     spec = importlib.util.spec_from_file_location(f"fastbeam_example_{name}", path)
     assert spec is not None and spec.loader is not None

@@ -248,10 +248,7 @@ def load_sweep(path: str | PathLike[str]) -> Sweep:
 def list_cases(cases: Any) -> list[dict[str, Any]]:
     """List all cases as dicts; combinations of the values of a mapping.
 
-    Raises
-    ------
-    SceneError
-        They are neither mappings nor lists of values.
+    Raises SceneError: they are neither mappings nor lists of values.
     """
     if isinstance(cases, Mapping):
         lists = {name: list(values) if _is_list(values) else None for name, values in cases.items()}
@@ -286,7 +283,6 @@ def _check_count(n: int) -> None:
 
 
 def _as_json(value: Any) -> Any:
-    """Convert a value of a case for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} {shown(value)}")
@@ -391,13 +387,7 @@ class Job:
 
 
 def split(found: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Split measured values into numbers and texts, and arrays.
-
-    Raises
-    ------
-    SceneError
-        It is something else.
-    """
+    """Split measured values into numbers and texts, and arrays. Raises SceneError: it is something else."""
     values: dict[str, Any] = {}
     arrays: dict[str, np.ndarray] = {}
     for name, x in (found if isinstance(found, Mapping) else {"value": found}).items():

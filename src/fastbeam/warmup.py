@@ -72,12 +72,8 @@ KINDS: dict[str, tuple[str, Callable[[], None]]] = {
 def warm_up(kinds: list[str], say: Callable[[str], None]) -> None:
     """Compile the kernels of the named kinds of scenes; what is compiled already costs nothing.
 
-    Parameters
-    ----------
-    kinds : list of str
-        Keys of `KINDS`.
-    say : callable
-        Called with a line before and after each.
+    kinds: keys of `KINDS`.
+    say: called with a line before and after each.
     """
     for k, name in enumerate(kinds, 1):
         text, run = KINDS[name]

@@ -39,10 +39,7 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     such a beam. The point of each of its sliders is a mass, or belongs to a body, without supports and other joints, that slides
     on this beam alone, and not on one side only; a sleeve has no friction against twist.
 
-    Parameters
-    ----------
-    linked : int [*]
-        Nodes that springs and joints with multipliers touch.
+    linked: int [*], nodes that springs and joints with multipliers touch.
     """
     sliders: dict[int, list[int]] = {}
     beams: dict[int, Any] = {}

@@ -58,7 +58,7 @@ from fastbeam.model.moving_supports import released_of
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.supports import waiting
 from fastbeam.model.tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
-from fastbeam.scene import Beam, Bushing, ForceElement, Path, RigidBody, Scene, Sleeve, Switch
+from fastbeam.scene import Beam, Bushing, ForceElement, Path, Scene, Sleeve, Switch
 from fastbeam.scene.crossings import Knot
 from fastbeam.scene.winch import Coil, RopePoint
 
@@ -140,14 +140,7 @@ def _out_of_plane(scene: Scene, reason: str) -> SceneError:
 
 
 class Variant:
-    """Model of a scene with other options, compiled on first use.
-
-    Parameters
-    ----------
-    scene : Scene
-    options
-        Options of `compile_scene`.
-    """
+    """Model of a scene with other options, compiled on first use; options: options of `compile_scene`."""
 
     def __init__(self, scene: Scene, **options: Any) -> None:
         self.scene, self._options = scene, options
@@ -230,8 +223,9 @@ def _with_features(model: Model, scene: Scene, unpacked: Unpacked, blocks: Block
     model = replace(model, links=links.tables(blocks, row_of, len(scene.sliders), ties, model.place_for(LoadAccount),
                                               model.losses_for(LinkForces)))
     if dragged is not None:
-        dragged = dragged.with_table(row_of, blocks.diagonal(dragged.node), model.losses_for(Dragged))
-        model = model.with_features(replace(dragged, called_laws=_laws_of_wind(scene, nodes, dragged) if dragged.windy else {}))
+        blown = dragged.with_table(row_of, blocks.diagonal(dragged.node), model.losses_for(Dragged))
+        laws = Lawful(scene.drags, blown.part, lambda k: nodes.labels[blown.node[k]], asked_of)
+        model = model.with_features(replace(blown, called_laws={Wind: laws} if blown.windy else {}))
     if released is not None and released.losses:
         model = replace(model, **waiting(model))
     if scene.knots:
@@ -351,11 +345,6 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Loads
     return out
 
 
-def _laws_of_wind(scene: Scene, nodes: NodeList, dragged: Dragged) -> dict[type, Lawful]:
-    """Return the laws that the rows of the table of drag call."""
-    return {Wind: Lawful(scene.drags, dragged.part, lambda k: nodes.labels[dragged.node[k]], asked_of)}
-
-
 def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> SlidingContact | None:
     """Build the feature of sliders and sleeves, behind so many joints with multipliers; None without any."""
     if not scene.sliders:
@@ -378,15 +367,9 @@ def _sliding(scene: Scene, nodes: NodeList, joints: Connections, kept: int) -> S
 
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
     """Collect the supports, and the joints that are eliminated."""
-    names, supports, masks, turning = [], [], [], []
-    for support in [*scene.pins, *scene.clamps]:
-        masks.append(support.mask)
-        owner = support.at.owner
-        names.append(str(support.name))
-        supports.append(nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at))
-    names += [str(motion.name) for motion in scene.prescribed]
-    supports += [nodes.number(motion.at) for motion in scene.prescribed]
-    masks += [motion.mask for motion in scene.prescribed]
+    still, turning = [*scene.pins, *scene.clamps], []
+    names, masks = ([getattr(x, of) for x in (*still, *scene.prescribed)] for of in ("name", "mask"))
+    supports = nodes.held(still).tolist() + [nodes.number(motion.at) for motion in scene.prescribed]
     for net in scene.nets:
         at, node = nodes.start(net) + net.end_node.reshape(-1), net.edges.reshape(-1)
         for kind, held in (("pin", net.pins), ("clamp", net.clamps)):

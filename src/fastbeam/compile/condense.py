@@ -17,20 +17,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Condensed:
-    """Elements in groups.
+    """Elements in groups."""
 
-    Attributes
-    ----------
-    packers : dict
-        Packers of both strain sets.
-    carriers : Carriers or None
-    ends : int64 [B, 2]
-        First and last node of all condensed beams, carriers last.
-    """
-
-    packers: dict[str, ElementPacker]
+    packers: dict[str, ElementPacker]  # packers of both strain sets
     carriers: Carriers | None
-    ends: Array
+    ends: Array  # int64 [B, 2]: first and last node of all condensed beams, carriers last
 
     @property
     def used(self) -> list[ElementPacker]:

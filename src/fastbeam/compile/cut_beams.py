@@ -48,11 +48,6 @@ class Place(NamedTuple):
     sign: int
 
 
-def replace_slot(slot: Slot, way: float) -> Slot:
-    """Return a copy of an element end that is moved by `way`."""
-    return slot._replace(at=slot.at + way)
-
-
 def place_of(slider: Any, s: float) -> Place:
     """Return the place of a slider at arc length s of its curve."""
     if not isinstance(slider.beam, Path):
@@ -70,7 +65,6 @@ def _kept(scene: Scene, beam: Beam) -> Array:
 
 
 def _nodes(part: Any) -> Iterator[NodeRef]:
-    """Yield the nodes that a part refers to."""
     for field in fields(part) if is_dataclass(part) and not isinstance(part, Beam) else ():
         value = getattr(part, field.name)
         for x in value if isinstance(value, (tuple, list)) else (value,):
@@ -126,24 +120,12 @@ class PointSleeve(Sleeve):
 class Cut:
     """Scene whose beams have element ends at contacts.
 
-    Parameters
-    ----------
-    scene : Scene
-    s : float64 [S]
-        Arc lengths of the contacts, m.
-    before : Cut, optional
-        Mesh that is kept where possible, with contacts moved.
-
-    Attributes
-    ----------
-    scene : Scene
-        The new scene; every sleeve holds the section at one point.
-    same_mesh : bool
-        True if nodes and elements are those of `before`.
-    slots : dict
-        Element ends of the beams with contacts, by the beams of the given scene.
-    model : Model or None
-        Model of the new scene, once it is compiled.
+    s: float64 [S], arc lengths of the contacts, m.
+    before: mesh that is kept where possible, with contacts moved.
+    scene: the new scene; every sleeve holds the section at one point.
+    same_mesh: true if nodes and elements are those of `before`.
+    slots: element ends of the beams with contacts, by the beams of the given scene.
+    model: Model of the new scene, once it is compiled.
     """
 
     def __init__(self, scene: Scene, s: Array, before: Cut | None = None) -> None:
@@ -226,7 +208,8 @@ class Cut:
         """Return a copy with contact k moved by a small `way`; it shares nodes and beams with this mesh."""
         out = copy(self)
         i = self.places[k].beam
-        here = [replace_slot(slot, self.places[k].sign * way) if k in slot.contacts else slot for slot in self.slots[i]]
+        way *= self.places[k].sign
+        here = [slot._replace(at=slot.at + way) if k in slot.contacts else slot for slot in self.slots[i]]
         out.slots = {**self.slots, i: here}
         return out
 

@@ -55,11 +55,8 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     """Return the rates of the coordinates at t = 0 [12 N], and kinds and texts of events. kept: joints with multipliers; at_rest:
     makes the model of the scene at rest, for projection of velocities.
 
-    Raises
-    ------
-    SceneError
-        Velocities that a connection, a support or a slider does not allow, unless the scene asks for their projection and there
-        is one.
+    Raises SceneError: velocities that a connection, a support or a slider does not allow, unless the scene asks for their
+        projection and there is one.
     """
     n = len(nodes)
     lines = _contact_lines(scene, nodes)
@@ -184,10 +181,7 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
     points by the round-off of typed positions. The first step would close a gap, and that impact would stay in the motion for
     ever.
 
-    Raises
-    ------
-    SceneError
-        A point lies further off its curve, or two sliders want it at different places.
+    Raises SceneError: a point lies further off its curve, or two sliders want it at different places.
     """
     lines = _contact_lines(scene, nodes)
     for slider, line in zip(scene.sliders, lines):

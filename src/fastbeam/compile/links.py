@@ -96,29 +96,14 @@ class Ends:
 
 @dataclass(frozen=True)
 class Entry:
-    """Kind of link.
-
-    Attributes
-    ----------
-    noun : type
-    table : callable
-        Makes the table of all links of this kind from their `Ends`.
-    couples : bool
-        True if it adds to the blocks between its nodes.
-    law : Law or None
-        Constraint of a joint with multipliers; for joints with axes it depends on the joint.
-    needs_distance : bool
-        True if it makes no sense between points at the same place.
-    takes : callable, optional
-        Returns whether a link belongs to this kind; default: links of the class `noun`.
-    """
+    """Kind of link."""
 
     noun: type
-    table: Callable[[Ends], Any]
-    couples: bool = True
-    law: Law | None = None
-    needs_distance: bool = False
-    takes: Callable[[Any], bool] | None = None
+    table: Callable[[Ends], Any]  # makes the table of all links of this kind from their `Ends`
+    couples: bool = True  # true if it adds to the blocks between its nodes
+    law: Law | None = None  # constraint of a joint with multipliers; for joints with axes it depends on the joint
+    needs_distance: bool = False  # true if it makes no sense between points at the same place
+    takes: Callable[[Any], bool] | None = None  # returns whether a link belongs to this kind; default: links of the class `noun`
 
     def holds(self, part: Any) -> bool:
         """Return whether a link belongs to this kind."""
@@ -128,10 +113,6 @@ class Entry:
 def _springs(ends: Ends) -> Springs:
     length = np.array([d if x.length is None else x.length for x, d in zip(ends.parts, ends.distance)])
     return Springs(ends.node, ends.row, ends.block, np.array([x.stiffness for x in ends.parts]), length)
-
-
-def _distances(ends: Ends) -> DistanceJoints:
-    return DistanceJoints(ends.node, ends.row, ends.block, ends.distance, ends.first, ends.ties)
 
 
 class Group(NamedTuple):
@@ -153,7 +134,8 @@ REGISTRY = [
     Entry(ForceElement, force_elements),
     Entry(LineForce, line_forces),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
-    Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
+    Entry(DistanceJoint, lambda x: DistanceJoints(x.node, x.row, x.block, x.distance, x.first, x.ties), law=Distance(),
+          needs_distance=True),
     Entry(AxisJoint, joint_conditions),
 ]
 
@@ -239,11 +221,7 @@ class Lines(NamedTuple):
 class Passes:
     """Events of springs and line forces whose ends pass each other between consecutive equilibria.
 
-    Parameters
-    ----------
-    lines : Lines or None
-    event : callable
-        Takes an event {'kind', 'time', 'text'}.
+    event: takes an event {'kind', 'time', 'text'}.
     """
 
     def __init__(self, lines: Lines | None, event: Callable[[dict[str, Any]], None]) -> None:
@@ -269,10 +247,7 @@ class Passes:
 def _tested(entry: Entry, table: Any) -> Any:
     """Check the table of a kind from outside, which kernels use unchecked.
 
-    Raises
-    ------
-    TypeError
-        The table is no named tuple of arrays, or has no `assemble`.
+    Raises TypeError: the table is no named tuple of arrays, or has no `assemble`.
     """
     who = f"the table of {entry.noun.__name__}"
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):
@@ -290,24 +265,14 @@ def _tested(entry: Entry, table: Any) -> Any:
 class Links:
     """All links of a scene.
 
-    Parameters
-    ----------
-    scene : Scene
-    nodes : NodeList
-    joints : Connections
-        Connections; ball joints of its `loops` have multipliers.
-    hinges : int [*, 2]
-        Ball joints of nets.
-
-    Raises
-    ------
-    SceneError
-        A link that makes no sense where its ends are, as a distance joint between points at the same place.
+    joints: connections; ball joints of its `loops` have multipliers.
+    hinges: int [*, 2], ball joints of nets.
+    Raises SceneError: a link that makes no sense where its ends are, as a distance joint between points at the same place.
     """
 
     def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
         balls = [*scene.balls, *[None] * len(hinges)]
-        pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
+        pairs = np.concatenate((nodes.ends(scene.balls), hinges))
         self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
         self.loaded, self.ropes = Loaded(scene, nodes), Ropes(scene, nodes)
         self.meshes = scene.moving
@@ -319,17 +284,17 @@ class Links:
                                  f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
         with_axes = [x for x in scene.links if isinstance(x, AxisJoint)]
         # joints with axes, their nodes and directions
-        ends = _nodes_of(with_axes, nodes)
+        ends = nodes.ends(with_axes)
         self.with_axes = list(zip(with_axes, ends.tolist(), frames_of(with_axes, ends, nodes.phi, nodes.directors)))
         for entry in REGISTRY:
             parts: list[Any] = [x for x in scene.links if entry.holds(x)]
-            node = _nodes_of(parts, nodes)
+            node = nodes.ends(parts)
             laws, words = [entry.law] * len(parts), [""] * len(parts)
             if entry.noun is BallJoint:
                 # points of joints with axes are joined in the same way
                 pinned = [x for x in with_axes if x.is_pinned]
                 parts = [*(balls[j] for j in joints.loops), *pinned]
-                node = np.concatenate((pairs[joints.loops], _nodes_of(pinned, nodes)))
+                node = np.concatenate((pairs[joints.loops], nodes.ends(pinned)))
                 laws, words = [entry.law] * len(parts), [""] * len(parts)
             elif entry.noun is AxisJoint:
                 sets = [(x, at, *found) for x, at, frame in self.with_axes for found in conditions_of(x, frame)]
@@ -381,7 +346,9 @@ class Links:
         nodes = self.nodes
         out = []
         for group in self.groups:
-            out += [KeptLink((label_of(part) if part else _label_of(nodes, a, b)) + word, (a, b), law)
+            # joints of nets have no name
+            out += [KeptLink((label_of(part) if part else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}") + word,
+                             (a, b), law)
                     for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
                     if law is not None]
         return out + self.driven
@@ -476,13 +443,3 @@ def _check_distances(parts: list[Any], node: Array, phi: Array) -> None:
     for part, (a, b) in zip(parts, node.tolist()):
         if not np.linalg.norm(phi[b] - phi[a]) > round_off:
             raise SceneError(f"{label_of(part)}: {part.a} and {part.b} lie at the same place; use BallJoint, or move one of them")
-
-
-def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
-    """Return the nodes at both ends, int64 [L, 2]."""
-    return np.array([(nodes.number(x.a), nodes.number(x.b)) for x in links], np.int64).reshape(-1, 2)
-
-
-def _label_of(nodes: NodeList, a: int, b: int) -> str:
-    """Return the label of a joint of a net, which has no name, for messages."""
-    return f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}"

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -58,27 +58,10 @@ IN_SPACE = "moving meshes run in space"
 
 @dataclass(frozen=True)
 class Moving(Feature):
-    """Moving meshes of a model.
+    """Moving meshes of a model."""
 
-    Attributes
-    ----------
-    tables : tuple
-        The terms.
-    names : list of str
-        Names of the contacts.
-    places, contacts, points : int64 [S]
-        Nodes of their places, of the beams there, and of the sliding points.
-    moments, along : list of str
-        Joints that carry their moments, and that act along the beam, empty where there are none.
-    line : int64 [*]
-        The point where the line of places begins, if forces act along a beam.
-    """
-
-    key: ClassVar[str] = "moving"
-    title: ClassVar[str] = "elements that move (MovingMesh)"
-    order: ClassVar[int] = 100
-    is_told_first: ClassVar[bool] = True
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order, is_told_first = "moving", "elements that move (MovingMesh)", 100, True
+    lacks = (
         Lack((Analysis.PLANAR,), "elements that move", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
         Lack((Analysis.COMPARED,), "elements that move", "moving mesh with slider {name!r}: {who} knows no elements that move",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
@@ -95,14 +78,16 @@ class Moving(Feature):
              lambda moving, asked: [asked.part.label] * moving.has(asked.model.numbers.first.get(asked.part))),
         without_adjoint("elements that move"))
 
-    tables: tuple[Any, ...]
-    names: list[str]
+    tables: tuple[Any, ...]  # the terms
+    names: list[str]  # names of the contacts
+    # places, contacts, points, int64 [S]: nodes of their places, of the beams there, and of the sliding points
     places: Array
     contacts: Array
     points: Array
+    # moments, along: joints that carry their moments, and that act along the beam, empty where there are none
     moments: list[str]
     along: list[str]
-    line: Array
+    line: Array  # int64 [*]: the point where the line of places begins, if forces act along a beam
 
     @property
     def history_size(self) -> int:
@@ -246,10 +231,7 @@ class Rewritten(NamedTuple):
 def rewrite(scene: Scene) -> Rewritten | None:
     """Return a scene in which contacts of moving meshes are joints; None without moving meshes.
 
-    Raises
-    ------
-    SceneError
-        Names a part that moving meshes do not know.
+    Raises SceneError: names a part that moving meshes do not know.
     """
     parts = [part for part in scene.parts if isinstance(part, MovingMesh)]
     if not parts:

@@ -9,44 +9,23 @@ from fastbeam.compile.initial import place_points
 from fastbeam.compile.links import Links
 from fastbeam.model.connections import NO_PAIRS, Connections, connect
 from fastbeam.model.numbering import NodeList
-from fastbeam.scene import RigidBody, Scene
-from fastbeam.scene.added_mass import added_masses
+from fastbeam.scene import Scene
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
 class Numbered:
-    """Nodes of a scene and their connections.
+    """Nodes of a scene and their connections."""
 
-    Attributes
-    ----------
-    nodes : NodeList
-        Numbers, reference positions and triads of all nodes.
-    length : float
-        Size of the scene, m.
-    joints : Connections
-        Slave nodes, shared rows and spins, unknowns that supports fix.
-    links : Links
-        Springs and joints with multipliers.
-    dragged : int64 [*]
-        Nodes with drag or added mass.
-    always : int64 [N]
-        Unknowns of every node that supports without `until` and `since` fix.
-    late : int64 [N]
-        Unknowns that only supports with `since` fix, at the nodes whose rows they are.
-    supported : int64 [*]
-        Nodes of all supports; for a support at a body the node of the body.
-    """
-
-    nodes: NodeList
-    length: float
-    joints: Connections
-    links: Links
-    dragged: Array
-    always: Array
-    late: Array
-    supported: Array
+    nodes: NodeList  # numbers, reference positions and triads of all nodes
+    length: float  # size of the scene, m
+    joints: Connections  # slave nodes, shared rows and spins, unknowns that supports fix
+    links: Links  # springs and joints with multipliers
+    dragged: Array  # int64 [*]: nodes with drag or added mass
+    always: Array  # int64 [N]: unknowns of every node that supports without `until` and `since` fix
+    late: Array  # int64 [N]: unknowns that only supports with `since` fix, at the nodes whose rows they are
+    supported: Array  # int64 [*]: nodes of all supports; for a support at a body the node of the body
 
     @property
     def joints_at_start(self) -> Connections:
@@ -62,17 +41,14 @@ class Numbered:
 def number(scene: Scene) -> Numbered:
     """Number the nodes of a scene.
 
-    Raises
-    ------
-    SceneError
-        Joints cannot be eliminated, or are impossible at the places of their ends.
+    Raises SceneError: joints cannot be eliminated, or are impossible at the places of their ends.
     """
     nodes = NodeList(scene)
     place_points(scene, nodes)
     length = max([nodes.extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
     joints, hinges, always, late, supported = _connections(scene, nodes, length)
     every = np.arange(len(nodes))
-    dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *added_masses(scene)))])
+    dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *scene.added_masses))])
     return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always, late, supported)
 
 
@@ -92,8 +68,7 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
     held[nodes.ground] = 63
     always, begins = held.copy(), held.copy()
     supports = [*scene.pins, *scene.prescribed, *scene.clamps]
-    supported = np.array([nodes.start(x.at.owner) if isinstance(x.at.owner, RigidBody) else nodes.number(x.at) for x in supports],
-                         np.int64)
+    supported = nodes.held(supports)
     for support, node in zip(supports, supported.tolist()):
         held[node] |= support.mask
         always[node] |= support.mask if support.until is None and support.since is None else 0

@@ -18,33 +18,19 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Ordered:
-    """Order of elimination and numbers of blocks.
-
-    Attributes
-    ----------
-    blocks : Blocks
-    store : int
-        Doubles that the elimination of inner nodes of elements keeps.
-    columns : bool
-        True if right-hand sides follow the factors there.
-    n_panel : int
-        Rows of all nodes except those of condensed beams.
-    """
+    """Order of elimination and numbers of blocks."""
 
     blocks: Blocks
-    store: int
-    columns: bool
-    n_panel: int
+    store: int  # doubles that the elimination of inner nodes of elements keeps
+    columns: bool  # true if right-hand sides follow the factors there
+    n_panel: int  # rows of all nodes except those of condensed beams
 
 
 def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int, kept: int) -> Ordered:
     """Choose the order of elimination; constraints: number of constraints with multipliers that are not condensed with beams;
     kept: number of joints among them.
 
-    Raises
-    ------
-    SceneError
-        solver='chain' where that would fill the matrix.
+    Raises SceneError: solver='chain' where that would fill the matrix.
     """
     joints, links, n = numbered.joints, numbered.links, len(numbered.nodes)
     used, carriers, ends = condensed.used, condensed.carriers, condensed.ends
@@ -118,23 +104,13 @@ def _levels(n: int, packers: list[ElementPacker]) -> Array:
 class Blocks:
     """Numbers of all blocks: those of the pattern, then one for every pair with a slave node, then one idle block.
 
-    Parameters
-    ----------
-    n : int
-        Number of nodes.
-    pairs : int64 [*]
-        Coupled nodes as i N + j, or -1.
-    joints : Connections
-    band : int
-        Largest number of rows between those that an element couples.
-    solver : str
-        Option of `compile_scene`.
-    level : int8 [N]
-        0 for the nodes that the solver sees, others as in `_levels`; 3 for points of joints.
-    own : bool [N]
-        Nodes to whose diagonal blocks other terms than those of `pairs` add.
-    kept : int
-        Number of joints with multipliers that a plan of the elimination would include.
+    n: number of nodes.
+    pairs: int64 [*], coupled nodes as i N + j, or -1.
+    band: largest number of rows between those that an element couples.
+    solver: option of `compile_scene`.
+    level: int8 [N], 0 for the nodes that the solver sees, others as in `_levels`; 3 for points of joints.
+    own: bool [N], nodes to whose diagonal blocks other terms than those of `pairs` add.
+    kept: number of joints with multipliers that a plan of the elimination would include.
     """
 
     def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array, own: Array,

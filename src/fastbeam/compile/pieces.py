@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fastbeam.model.connections import components
 from fastbeam.model.numbering import NodeList
 from fastbeam.scene import Scene
 
@@ -24,17 +25,11 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     """Count the pieces that joints, links, nets and sliders connect, and find the nodes of every place where a free end of a beam
     touches another node without a joint, and free ends that almost touch one: both nodes, and their distance, m.
 
-    Parameters
-    ----------
-    scene : Scene
-    nodes : NodeList
-    held : int [N]
-        Masks of fixed unknowns: ends that stand on supports side by side are not meant to be joined.
-    length : float
-        Size of the scene, m.
+    held: int [N], masks of fixed unknowns: ends that stand on supports side by side are not meant to be joined.
+    length: size of the scene, m.
     """
     n = len(nodes)
-    joints = [np.array([(nodes.number(j.a), nodes.number(j.b)) for j in [*scene.rigid, *scene.balls]], np.int64).reshape(-1, 2),
+    joints = [nodes.ends([*scene.rigid, *scene.balls]),
               np.array(nodes.arm_owner, np.int64).reshape(-1, 2),
               *(nodes.start(net) + pairs for net in scene.nets for pairs in net.pairs())]
     ends = [np.array([(nodes.start(b), nodes.start(b) + b.n_nodes - 1) for b in scene.beams], np.int64).reshape(-1, 2),
@@ -50,17 +45,17 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     # the node of a place on a moving mesh belongs to its beam
     contacts = np.concatenate((contacts, *(np.array([(nodes.start(place), nodes.start(mesh.beam))], np.int64)
                                            for mesh in scene.moving for place in mesh.places)))
-    linked = np.array([(nodes.number(x.a), nodes.number(x.b)) for x in scene.links], np.int64).reshape(-1, 2)
+    linked = nodes.ends(scene.links)
     for winch in scene.winches:
         points = [nodes.start(x) for x in (winch.coil, *winch.points)]
         rope = [nodes.number(winch.drum), *points, nodes.number(winch.load)]
         joints.append(np.stack((rope[:-1], rope[1:]), axis=1))
     # a link joins points at the same place; across a distance it does not
     distance = np.linalg.norm(nodes.phi[linked[:, 0]] - nodes.phi[linked[:, 1]], axis=1)
-    joined = _components(n, np.concatenate((*joints, linked[distance <= TOUCHING * length])))
-    count = int(_components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts, linked))).max()) + 1
+    joined = components(n, np.concatenate((*joints, linked[distance <= TOUCHING * length])))
+    count = int(components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts, linked))).max()) + 1
     # here links join across a distance, too
-    across = _components(n, np.concatenate((*joints, linked)))
+    across = components(n, np.concatenate((*joints, linked)))
     alone = np.bincount(joined, minlength=n)[joined] == 1
     alone[contacts[:, 0]] = False
     free = np.zeros(n, bool)
@@ -71,21 +66,6 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float
     reach[first_and_last] = NEARLY * lengths[:, None]
     own = np.concatenate(([0], np.cumsum(~goes_on[:-1])))
     return count, places, _nearly(scene, nodes, _Ends(across, free & alone, free, own, reach, held), places)
-
-
-def _components(n: int, edges: Array) -> Array:
-    """Return the number of the connected component of every node, int [n]. Every root takes the smallest neighbouring root until
-    none has a neighbour; SciPy's function would do the same, but its import takes a fifth of the time of a warm start."""
-    root = np.arange(n)
-    a, b = edges[:, 0], edges[:, 1]
-    while a.size:
-        np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
-        while not np.array_equal(root, up := root[root]):
-            root = up
-        a, b = root[a], root[b]
-        distinct = a != b
-        a, b = a[distinct], b[distinct]
-    return np.unique(root, return_inverse=True)[1]
 
 
 class _Ends(NamedTuple):
@@ -171,7 +151,7 @@ def _touching(scene: Scene, nodes: NodeList, joined: Array, free: Array, held: A
     pairs = pairs[(free[one] | free[other]) & (joined[one] != joined[other]) & ~((held[one] & 7 != 0) & (held[other] & 7 != 0))]
     pairs = _without_sliders(scene, nodes, pairs)
     places: dict[int, list[int]] = {}
-    of = _components(len(nodes), pairs)
+    of = components(len(nodes), pairs)
     for k in np.unique(pairs).tolist():
         places.setdefault(int(of[k]), []).append(k)
     return sorted(places.values())

@@ -244,7 +244,6 @@ def _angles(elements: Elements, some: Array, plane: Plane) -> tuple[Array, Array
 
 
 def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> None:
-    """Check that elements stay in the plane."""
     for begin in range(0, len(elements.nodes), CHUNK):
         some = np.arange(begin, min(begin + CHUNK, len(elements.nodes)))
         cos, sin = _angles(elements, some, plane)

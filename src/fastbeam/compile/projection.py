@@ -27,15 +27,9 @@ def project(model: Model, scene: Scene, v: Array, omega: Array, moving: tuple[Ar
     velocities change in the norm of the masses: a beam begins to bend only where no rigid motions agree, or where supports would
     stop a part with a given velocity. Velocities without inertia change as little as possible.
 
-    Parameters
-    ----------
-    model : Model
-        Model of the scene at rest.
-    scene : Scene
-    v, omega : float64 [N, 3]
-        Velocities and spins of the scene.
-    moving : tuple of float64 [N, 3]
-        Velocities and spins of supports.
+    model: Model of the scene at rest.
+    v, omega: float64 [N, 3], velocities and spins of the scene.
+    moving: tuple of float64 [N, 3], velocities and spins of supports.
     """
     from scipy import sparse
     rows = GapRows(model)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fastbeam.model.connections import HOLD_POSITION, HOLD_TRIAD, Connections
+from fastbeam.model.connections import HOLD_POSITION, HOLD_TRIAD, Connections, components
 from fastbeam.model.joints.constraints import KeptLink
 
 Array = np.ndarray
@@ -22,18 +22,11 @@ def softness_of(kept: Sequence[KeptLink], connections: Connections, rank: Array)
     loops. Nodes that share a spin are one rigid part; all supports are one part, the ground; joints connect parts,
     eliminated joints included.
 
-    Parameters
-    ----------
-    kept
-    connections
-    rank : int [N]
-        Rank of nodes as in `NodeList`; POINT_MASS: without a triad.
+    rank: int [N], rank of nodes as in `NodeList`; POINT_MASS: without a triad.
     """
     out = np.ones(len(kept))
     if not kept:
         return out
-    from scipy import sparse
-    from scipy.sparse.csgraph import breadth_first_order, connected_components
     root, owner = connections.spin_root, connections.owner
     n = root.size
     held = connections.held & np.where(rank == POINT_MASS, HOLD_POSITION, HOLD_POSITION | HOLD_TRIAD)
@@ -48,15 +41,18 @@ def softness_of(kept: Sequence[KeptLink], connections: Connections, rank: Array)
     # the conditions of one joint are one edge
     _, joint = np.unique([link.joint for link in kept], return_inverse=True)
     edges = np.concatenate((ties, np.unique(np.column_stack((ends, joint)), axis=0)[:, :2]))
-    graph = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n + 1, n + 1))
-    count, component = connected_components(graph, directed=False)
-    members, links = np.bincount(component, minlength=count), np.bincount(component[edges[:, 0]], minlength=count)
+    component = components(n + 1, edges)
+    members = np.bincount(component)
+    links = np.bincount(component[edges[:, 0]], minlength=members.size)
     of_joint = component[ends[:, 0]]
     out[(links == members - 1)[of_joint]] = 0.0
     for c in np.flatnonzero((links >= members) & (members > MANY_LINKS)):
         ours = of_joint == c
         if ours.any():
+            from scipy import sparse
+            from scipy.sparse.csgraph import breadth_first_order
             first = n if component[n] == c else int(ends[ours][0, 0])
+            graph = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n + 1, n + 1))
             order, before = breadth_first_order(graph, first, directed=False)
             far = np.zeros(n + 1)
             for i in order[1:].tolist():

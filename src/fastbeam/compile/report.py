@@ -98,7 +98,6 @@ def _loads(scene: Scene, model: Model) -> Iterator[Line]:
 
 
 def _sliders(scene: Scene, model: Model) -> Iterator[Line]:
-    """Tell sliders and paths."""
     if model.sliders is None:
         return
     c1 = sum(s.curve == "c1" and not getattr(s, "length", 0.0) for s in scene.sliders)
@@ -135,7 +134,6 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _paths(scene: Scene, model: Model) -> Iterator[Line]:
-    """Yield a line for every path."""
     known = set()
     for slider in scene.sliders:
         path = slider.beam
@@ -173,26 +171,15 @@ def _has_loads(scene: Scene) -> bool:
 
 
 def _left_out(scene: Scene, model: Model) -> list[str]:
-    out = []
-    if model.plane is None:
-        out.append(f"planar form ({model.not_planar})")
-    if not np.any(scene.gravity):
-        out.append("gravity (none)")
-    if not _has_loads(scene):
-        out.append("dead loads (none)")
-    if model.bodies is None:
-        out.append("bodies and masses (none)")
-    if model.ties is None:
-        out.append("connections (none)")
-    if model.held is None:
-        out.append("supports (none)")
-    if model.sliders is None and model.moving is None:
-        out.append("sliders (none)")
-    if model.green is None:
-        out.append("green_lagrange strains (no beam uses them)")
-    if model.simo is None:
-        out.append("simo_reissner strains (no beam uses them)")
-    if model.pattern.plan is not None:
-        out.append("sparse solver (chains only)")
-    out.append("energies (unless observed)")
-    return out
+    every = ((f"planar form ({model.not_planar})", model.plane is None),
+             ("gravity (none)", not np.any(scene.gravity)),
+             ("dead loads (none)", not _has_loads(scene)),
+             ("bodies and masses (none)", model.bodies is None),
+             ("connections (none)", model.ties is None),
+             ("supports (none)", model.held is None),
+             ("sliders (none)", model.sliders is None and model.moving is None),
+             ("green_lagrange strains (no beam uses them)", model.green is None),
+             ("simo_reissner strains (no beam uses them)", model.simo is None),
+             ("sparse solver (chains only)", model.pattern.plan is not None),
+             ("energies (unless observed)", True))
+    return [what for what, is_left_out in every if is_left_out]

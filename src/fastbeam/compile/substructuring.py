@@ -32,14 +32,9 @@ def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, linked:
     """Find the substructures of every beam or net that has any, by its name, and the carriers, None where they do not pay. Only
     elements and loads may touch the nodes between the ends of a substructure, and no slider runs on it.
 
-    Parameters
-    ----------
-    linked : int [*]
-        Nodes that springs and joints with multipliers touch.
-    condense : bool or 'auto'
-        'auto': where it pays.
-    carried : Found or None
-        Beams that may be carriers.
+    linked: int [*], nodes that springs and joints with multipliers touch.
+    condense: bool or 'auto', 'auto': where it pays.
+    carried: beams that may be carriers.
     """
     if not condense:
         return {}, None

@@ -2,12 +2,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.model.connections import components
 from fastbeam.model.numbering import NodeList
 from fastbeam.scene import Beam, Path, Scene, Slider, Switch
 from fastbeam.scene.interpolation.basis import CurveBasis, end_bumps
@@ -22,27 +23,15 @@ SHARP = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Curve of a slider.
+    """Curve of a slider."""
 
-    Attributes
-    ----------
-    nodes : int [n]
-        Numbers of its nodes in the scene, along it.
-    basis : CurveBasis
-        Basis of the curve; elements of a closed path may have nodes before the first and behind the last: -1 is the last, n the
-        first.
-    period : float
-        Length of a closed path, m; 0 for a curve with ends.
-    node_s : float64 [n]
-        Arc lengths of its nodes along it, m.
-    joints, smooth : int
-        Places where beams of a path meet, and those of them where the curve has one tangent.
-    """
-
-    nodes: Array
+    nodes: Array  # int [n]: numbers of its nodes in the scene, along it
+    # basis of the curve; elements of a closed path may have nodes before the first and behind the last: -1 is the last, n the
+    # first
     basis: CurveBasis
-    node_s: Array
-    period: float = 0.0
+    node_s: Array  # float64 [n]: arc lengths of its nodes along it, m
+    period: float = 0.0  # length of a closed path, m; 0 for a curve with ends
+    # joints, smooth: places where beams of a path meet, and those of them where the curve has one tangent
     joints: int = 0
     smooth: int = 0
 
@@ -62,10 +51,7 @@ class Track:
 def track_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
     """Return the curve of a slider, made once for all sliders on it.
 
-    Raises
-    ------
-    SceneError
-        Beams of a path meet where nothing holds them together.
+    Raises SceneError: beams of a path meet where nothing holds them together.
     """
     key = (slider.beam, slider.curve, getattr(slider, "length", 0.0))
     if key not in nodes.tracks:
@@ -272,18 +258,11 @@ class _Together:
     """Nodes of a scene that stay together at one place."""
 
     def __init__(self, scene: Scene, nodes: NodeList) -> None:
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import connected_components
         n = len(nodes)
-
-        def pairs(joints: Any) -> Array:
-            return np.array([(nodes.number(j.a), nodes.number(j.b)) for j in joints], np.int64).reshape(-1, 2)
-
         found = [nodes.start(net) + of for net in scene.nets for of in net.pairs()]
-        rigid = np.concatenate((pairs(scene.rigid), np.array(nodes.arm_owner, np.int64).reshape(-1, 2), *found[::2]))
-        self.balls = np.concatenate((pairs(scene.balls), *found[1::2]))
-        graph = coo_matrix((np.ones(len(rigid), np.int8), (rigid[:, 0], rigid[:, 1])), shape=(n, n))
-        self.set = connected_components(graph, directed=False)[1]
+        rigid = np.concatenate((nodes.ends(scene.rigid), np.array(nodes.arm_owner, np.int64).reshape(-1, 2), *found[::2]))
+        self.balls = np.concatenate((nodes.ends(scene.balls), *found[1::2]))
+        self.set = components(n, rigid)
         self.still = np.zeros(n, bool)
         whole = [x for x in (*scene.clamps, *scene.pins) if x.mask & 7 == 7]
         clamped = [nodes.number(x.at) if x.at.is_center else nodes.start(x.at.owner) for x in whole if x.holds_triad]

@@ -53,46 +53,20 @@ class Loads(NamedTuple):
 
 @dataclass(frozen=True)
 class Unpacked:
-    """Scene as arrays.
-
-    Attributes
-    ----------
-    numbered : Numbered
-    elements : list of Elements
-        Elements of every beam, then of every net.
-    bodies : int64 [B]
-        Nodes of rigid bodies and masses.
-    inertia : float64 [B, 4, 4]
-        Their inertia for (v, rates of the directors).
-    loads : Loads
-    gravity : float64 [3]
-        Gravity, m/s^2.
-    kept : list of KeptLink
-        Joints with multipliers.
-    state : State
-        State at t = 0, in space.
-    notes : tuple of (str, str)
-        Events of the initial velocities: kinds and texts.
-    prescribed : PrescribedMotions or None
-        Supports that move.
-    dragged : Dragged or None
-        Nodes with drag.
-    added : Added or None
-        Nodes with added mass.
-    """
+    """Scene as arrays."""
 
     numbered: Numbered
-    elements: list[Elements]
-    bodies: Array
-    inertia: Array
+    elements: list[Elements]  # elements of every beam, then of every net
+    bodies: Array  # int64 [B]: nodes of rigid bodies and masses
+    inertia: Array  # float64 [B, 4, 4]: their inertia for (v, rates of the directors)
     loads: Loads
-    gravity: Array
-    kept: list[KeptLink]
-    state: State
-    notes: tuple[tuple[str, str], ...]
-    prescribed: PrescribedMotions | None
-    dragged: Dragged | None
-    added: Added | None
+    gravity: Array  # float64 [3]: gravity, m/s^2
+    kept: list[KeptLink]  # joints with multipliers
+    state: State  # state at t = 0, in space
+    notes: tuple[tuple[str, str], ...]  # events of the initial velocities: kinds and texts
+    prescribed: PrescribedMotions | None  # supports that move
+    dragged: Dragged | None  # nodes with drag
+    added: Added | None  # nodes with added mass
 
     @property
     def nodes(self) -> NodeList:
@@ -109,10 +83,7 @@ def unpack(scene: Scene, numbered: Numbered, pack: Callable[[Scene, Unpacked], M
     """Return the arrays of a scene whose nodes have numbers; pack: makes a model of them, on which velocities are projected;
     known: the initial state, where that is not the one of the scene.
 
-    Raises
-    ------
-    SceneError
-        Initial velocities that a connection, a support or a slider does not allow.
+    Raises SceneError: initial velocities that a connection, a support or a slider does not allow.
     """
     nodes, joints, kept = numbered.nodes, numbered.joints, numbered.links.kept
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
@@ -278,10 +249,7 @@ def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
     """Return points that integrate the force (0) or moment (1) of a load, a function of s, over elements with these ends [E + 1]:
     pieces are halved until halves make no difference, so that jumps and kinks may lie anywhere.
 
-    Raises
-    ------
-    SceneError
-        The function jumps too often.
+    Raises SceneError: the function jumps too often.
     """
     # points at both ends, so that a jump near an end is found
     last = load.beam.degree + 2

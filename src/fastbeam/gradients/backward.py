@@ -35,33 +35,21 @@ CALL_TIME = 0.1
 
 
 class Stretch(NamedTuple):
-    """Steps of a run that follow each other, from row `first` on; in the plane of the scene where the run was.
-
-    Attributes
-    ----------
-    first : int
-    q, v : float64 [n + 1, 12 N], in a plane [n + 1, 4 N]
-    dphi, theta : float64 [n, 3 N], in a plane [n, 2 N] and [n, N]
-    s : float64 [n + 1, S]
-        Places of sliders.
-    force : float64 [n, F]
-        Forces of constraints.
-    sign, rest : int64, float64 [n, S]
-        Branches that Coulomb friction of sliders took; S = 0 where nothing acts along beams.
-    values : float64 [n + 1, C]
-        Coordinates of joints, counted over turns.
-    """
+    """Steps of a run that follow each other, from row `first` on; in the plane of the scene where the run was."""
 
     first: int
+    # q, v, float64 [n + 1, 12 N], in a plane [n + 1, 4 N]
     q: Array
     v: Array
+    # dphi, theta, float64 [n, 3 N], in a plane [n, 2 N] and [n, N]
     dphi: Array
     theta: Array
-    s: Array
-    force: Array
+    s: Array  # float64 [n + 1, S]: places of sliders
+    force: Array  # float64 [n, F]: forces of constraints
+    # sign, rest, int64, float64 [n, S]: branches that Coulomb friction of sliders took; S = 0 where nothing acts along beams
     sign: Array
     rest: Array
-    values: Array
+    values: Array  # float64 [n + 1, C]: coordinates of joints, counted over turns
 
     def in_space(self, plane: Any) -> Stretch:
         """Return the same steps with coordinates in space."""
@@ -85,53 +73,35 @@ class Weights(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Derivatives from a backward pass, in space.
+    """Derivatives from a backward pass, in space."""
 
-    Attributes
-    ----------
-    stiffness, viscosity, prestrain, inertia : float64 [beams, 6, 6], [beams, 6, 6], [beams, 6], [beams, 3]
-    bodies : float64 [B]
-    forces, moments, velocities, spins, positions, turns : float64 [N, 3]
-    gravity : float64 [3]
-    factors : float64 [n, K]
-        Derivatives by the mean factors of load vectors in every step.
-    pushes : float64 [n, P, 3]
-        Derivatives by forces on observed points in every step.
-    sliders : Sliders
-    """
-
+    # stiffness, viscosity, prestrain, inertia, float64 [beams, 6, 6], [beams, 6, 6], [beams, 6], [beams, 3]
     stiffness: Array
     viscosity: Array
     prestrain: Array
     inertia: Array
-    bodies: Array
+    bodies: Array  # float64 [B]
+    # forces, moments, velocities, spins, positions, turns, float64 [N, 3]
     forces: Array
     moments: Array
     velocities: Array
     spins: Array
     positions: Array
     turns: Array
-    gravity: Array
-    factors: Array
-    pushes: Array
+    gravity: Array  # float64 [3]
+    factors: Array  # float64 [n, K]: derivatives by the mean factors of load vectors in every step
+    pushes: Array  # float64 [n, P, 3]: derivatives by forces on observed points in every step
     sliders: Sliders
 
 
 class Backward:
     """The adjoint of a run in steps of one size.
 
-    Parameters
-    ----------
-    model : Model
-        Without elimination; in a plane where its own tables are to be used.
-    flat : bool
-        Whether tables of the plane are used.
-    t, h, n
-        Start, step and number of steps of the run.
-    wanted : sequence of Weights
-        Weights of the number that is differentiated.
-    observed : sequence of (nodes, shares)
-        Points on which forces may act.
+    model: without elimination; in a plane where its own tables are to be used.
+    flat: whether tables of the plane are used.
+    t, h, n: start, step and number of steps of the run.
+    wanted: weights of the number that is differentiated.
+    observed: sequence of (nodes, shares), points on which forces may act.
     """
 
     def __init__(self, model: Model, flat: bool, t: float, h: float, n: int, wanted: Sequence[Weights],
@@ -275,7 +245,6 @@ class Backward:
         self.solutions = empty((n, self.adjoint.x.size)), empty((n, border.y.size if isinstance(border, Border) else 0))
 
     def _keep(self, k: int) -> None:
-        """Keep the solution of step k."""
         if self.solutions is not None:
             self.solutions[0][k] = self.adjoint.x
             if self.solutions[1].size:
@@ -291,10 +260,7 @@ class Backward:
     def _one(self, terms: tuple[Any, ...], steps: Steps, found: Found, k: int, first: int) -> None:
         """Take one step backward around a solver outside.
 
-        Raises
-        ------
-        ArithmeticError
-            Its tangent is singular; the argument is the number of the step.
+        Raises ArithmeticError: its tangent is singular; the argument is the number of the step.
         """
         def half(is_solved: bool) -> None:
             kernels.half_step_back(terms, self.system, self.sections, self.adjoint, steps, self.wanted, found, self.h, k, first,

@@ -108,13 +108,7 @@ class _Critical:
         return self._whole
 
     def _solve(self, right: Array, last: float, transposed: bool) -> tuple[Array, float]:
-        """Solve the bordered equations, or the transposed ones.
-
-        Raises
-        ------
-        ConvergenceError
-            There is more than one null vector.
-        """
+        """Solve the bordered equations, or the transposed ones. Raises ConvergenceError: there is more than one null vector."""
         saddle, *factors = self._bordered()
         of_row, of_column = factors[::-1] if transposed else factors
         more = of_row.size - right.size
@@ -240,10 +234,7 @@ def _slopes(point: _Critical, family: Family, factors: Callable[..., Array], loa
 def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_factor: float) -> float:
     """Return the derivative of phi . K phi by the load factor along the path.
 
-    Raises
-    ------
-    SceneError
-        The tangent is not symmetric, or branches cross obliquely.
+    Raises SceneError: the tangent is not symmetric, or branches cross obliquely.
     """
     base = point.base
     if not point.is_symmetric:

@@ -326,10 +326,8 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     """Return the scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was
     called.
 
-    Raises
-    ------
-    SceneError
-        A value is no number, there is no such backend, or the scene has something whose derivatives by parameters are not known.
+    Raises SceneError: a value is no number, there is no such backend, or the scene has something whose derivatives by parameters
+        are not known.
     """
     given = numbers_of(who, values, scale)
     check_backend(backend)
@@ -419,13 +417,7 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
 
 
 def _at_rest(base: Response) -> Response:
-    """Improve the equilibrium by one step of Newton's method.
-
-    Raises
-    ------
-    SceneError
-        The state is no equilibrium.
-    """
+    """Improve the equilibrium by one step of Newton's method. Raises SceneError: the state is no equilibrium."""
     for last in (False, True):
         saddle, right = base.linearised()
         x = saddle.solve(right)

@@ -47,21 +47,10 @@ class FrequencySlopes(NamedTuple):
 class Linearised:
     """The lowest modes about an equilibrium.
 
-    Parameters
-    ----------
-    model, state, sliding, factors, flat
-        See `Linearisation`.
-    n : int
-    backend : str
-    at : (float, float)
-        Time, s, and load factor of drives of sliders and of moving air.
-
-    Raises
-    ------
-    SceneError
-        The stiffness is not symmetric.
-    ConvergenceError
-        No eigenvalues were found.
+    model, state, sliding, factors, flat: see `Linearisation`.
+    at: (float, float), time, s, and load factor of drives of sliders and of moving air.
+    Raises SceneError: the stiffness is not symmetric.
+    Raises ConvergenceError: no eigenvalues were found.
     """
 
     def __init__(self, model: Model, state: State, sliding: Array, factors: Array, flat: bool, n: int, backend: str,
@@ -84,7 +73,6 @@ class Linearised:
         self.vectors = found.vectors
 
     def _linearised(self, model: Model, state: State, factors: Array, flat: bool) -> Linearisation:
-        """Linearise a scene about a state."""
         resting = resting_sliders("frequencies", model, state, self._stays, *self._at)
         found = Linearisation(model, state, ~self._stays, factors, flat, resting=resting)
         found.stepper.load_at(*self._at)
@@ -102,14 +90,8 @@ def frequency_slopes(modes: Linearised, n: int, around: Mapping[str, Callable[[]
                      slope: Callable[[str, Array], Array]) -> FrequencySlopes:
     """Differentiate the n lowest frequencies.
 
-    Parameters
-    ----------
-    modes : Linearised
-    n : int
-    around : mapping
-        Maps names of parameters to functions that give models, equilibria and load factors around.
-    slope : callable
-        Derivative by a parameter of what was evaluated there.
+    around: maps names of parameters to functions that give models, equilibria and load factors around.
+    slope: derivative by a parameter of what was evaluated there.
     """
     values = np.real(modes.values)
     size = np.maximum(np.abs(values), 1e-300)

@@ -22,12 +22,8 @@ Array = np.ndarray
 class Linear:
     """Quantities that depend linearly on small changes of the unknowns: positions of points, arc lengths, contact forces.
 
-    Parameters
-    ----------
-    base : Response
-        The equilibrium.
-    named : mapping
-        Points by names.
+    base: the equilibrium.
+    named: points by names.
     """
 
     def __init__(self, base: Response, named: Mapping[str, Place]) -> None:
@@ -62,18 +58,9 @@ class Linear:
 class Objective:
     """A weighed sum of positions of points, arc lengths of sliders, contact forces and the strain energy.
 
-    Parameters
-    ----------
-    linear : Linear
-    points, sliders, contact_forces : mapping, optional
-        Weights by names: (3,), a number, (3,).
-    strain_energy : float
-        Weight.
-
-    Raises
-    ------
-    SceneError
-        There is no such point or slider, a weight is none, or there are none at all.
+    points, sliders, contact_forces: weights by names: (3,), a number, (3,).
+    strain_energy: weight.
+    Raises SceneError: there is no such point or slider, a weight is none, or there are none at all.
     """
 
     def __init__(self, linear: Linear, points: Mapping[str, ArrayLike] | None, sliders: Mapping[str, float] | None,

@@ -29,12 +29,7 @@ FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 
 
 def which_build(value: Any) -> Build:
-    """Check that an argument is a function.
-
-    Raises
-    ------
-    Refusal
-    """
+    """Check that an argument is a function. Raises Refusal."""
     if not callable(value) or isinstance(value, type):
         raise Refusal(f"must be a function of the parameters by their names that returns a scene, got {shown(value)}")
     return value
@@ -50,15 +45,9 @@ class Built(NamedTuple):
 class Family:
     """The scenes that a function builds.
 
-    Parameters
-    ----------
-    build : callable
-        Its keyword arguments are the parameters; it returns a scene, or a scene and a mapping of names to points.
-    values : dict of str to float
-    scale : dict of str to float
-        Sizes of parameters; default: those of their values.
-    who : str
-        The function that is called, for messages.
+    build: its keyword arguments are the parameters; it returns a scene, or a scene and a mapping of names to points.
+    scale: sizes of parameters; default: those of their values.
+    who: the function that is called, for messages.
     """
 
     def __init__(self, build: Build, values: Mapping[str, float], scale: Mapping[str, float], who: str = "sensitivity") -> None:
@@ -83,10 +72,7 @@ class Family:
     def called(self, changed: Mapping[str, float]) -> tuple[Scene, dict[str, Place]]:
         """Call build with changed values; return the scene and its points.
 
-        Raises
-        ------
-        SceneError
-            It failed, or returned something else.
+        Raises SceneError: it failed, or returned something else.
         """
         try:
             out = self._build(**{**self.values, **changed})
@@ -110,10 +96,7 @@ class Family:
         """Return six scenes in which parameter `name` is less and more, by `CHANGES` of its step, with tables in which nothing is
         eliminated.
 
-        Raises
-        ------
-        SceneError
-            They have other parts, nodes or supports than the scene at the values.
+        Raises SceneError: they have other parts, nodes or supports than the scene at the values.
         """
         key = name, flat
         if key not in self._around:
@@ -129,12 +112,7 @@ class Family:
         return Built(replace(model, uneliminated=_Itself(model)), points)
 
     def check_alike(self, name: str, is_alike: bool) -> None:
-        """Refuse a parameter around whose value the scene has other parts.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Refuse a parameter around whose value the scene has other parts. Raises SceneError."""
         if not is_alike:
             raise SceneError(f"{self._who}: parameter {name!r} changes what the scene is made of (parts, nodes, supports, joints "
                              "or points), so there is no derivative; let build return the same parts with the same elements for "
@@ -156,9 +134,7 @@ class Family:
         """Refuse a parameter where differences of order 4 and 6 of values in the six scenes disagree by more than noise; weights:
         of rows.
 
-        Raises
-        ------
-        SceneError
+        Raises SceneError.
         """
         six = np.asarray(six, dtype=float)
         fine, coarse = (weights * np.tensordot(w, six, 1) for w in (SIXTH, FOURTH))
@@ -186,25 +162,14 @@ def _parts(model: Model) -> list[tuple[Any, ...]]:
 
 
 def numbers_of(who: str, values: Mapping[str, Any], scale: Mapping[str, Any] | None) -> tuple[dict[str, float], dict[str, float]]:
-    """Return values and sizes of parameters.
-
-    Raises
-    ------
-    SceneError
-        One is no number.
-    """
+    """Return values and sizes of parameters. Raises SceneError: one is no number."""
     out, sizes = ({name: number(f"{who}, {kind}: parameter {name!r}", x) for name, x in given.items()}
                   for kind, given in (("values", values), ("scale", scale or {})))
     return out, sizes
 
 
 def check_values(values: Mapping[str, Any], who: str) -> None:
-    """Refuse numbers that are too large to be changed.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse numbers that are too large to be changed. Raises SceneError."""
     for name, value in values.items():
         if not abs(value) <= LARGEST:
             raise SceneError(f"{who}, values: parameter {name!r} must be a finite number, got {shown(value)}")

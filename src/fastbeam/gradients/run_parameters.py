@@ -29,19 +29,10 @@ NOISE = 1e-10
 class RunFamily:
     """Scenes around that of a run.
 
-    Parameters
-    ----------
-    model : Model
-        Model of the run.
-    names : sequence of str
-        Points that the number is made of.
-    build, values, scale
-        As in `sensitivity`.
-
-    Raises
-    ------
-    SceneError
-        build does not return the scene of the run.
+    model: Model of the run.
+    names: points that the number is made of.
+    build, values, scale: as in `sensitivity`.
+    Raises SceneError: build does not return the scene of the run.
     """
 
     def __init__(self, model: Model, names: Any, build: Build, values: Mapping[str, float],
@@ -63,17 +54,10 @@ class RunFamily:
     def by(self, name: str, run: Backward, part: Stretch, wanted: Mapping[tuple[str, bool], Array], at_reference: bool) -> float:
         """Return the derivative by a parameter of a number of a run.
 
-        Parameters
-        ----------
-        name : str
-        run : Backward
-            Backward pass that has been through all steps, and has kept their solutions.
-        part : Stretch
-            All steps, in space.
-        wanted : mapping of (str, bool) to float64 [n + 1, 3]
-            Weights of points, and of their velocities (True).
-        at_reference : bool
-            The run began with the velocities of the scene.
+        run: backward pass that has been through all steps, and has kept their solutions.
+        part: all steps, in space.
+        wanted: mapping of (str, bool) to float64 [n + 1, 3], weights of points, and of their velocities (True).
+        at_reference: the run began with the velocities of the scene.
         """
         assert run.solutions is not None
         rows = []
@@ -113,12 +97,8 @@ def along(run: Backward, own: Backward, part: Stretch) -> Stretch:
     """Return the motion of a run in another scene: nodes are displaced from its reference, and turned, as they were from their
     own, and supports that move do so as they do there.
 
-    Parameters
-    ----------
-    run, own : Backward
-        Backward passes of the run, and of the other scene.
-    part : Stretch
-        All steps, in space.
+    run, own: backward passes of the run, and of the other scene.
+    part: all steps, in space.
     """
     before, after = run.whole, own.whole
     one, other = (x.q0.reshape(-1, 4, 3) for x in (before, after))

@@ -145,18 +145,11 @@ def beam_numbers(model: Model) -> tuple[Array, dict[str, slice]]:
 def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gravity: Array) -> dict[str, SectionGradient]:
     """Return the gradients of an objective by the sections of all beams.
 
-    Parameters
-    ----------
-    model : Model
-        Model in space, without condensed beams.
-    q : float64 [N, 4, 3]
-        The equilibrium.
-    adjoint : float64 [N, 4, 3]
-        Rates of all coordinates along the adjoint solution.
-    energy : float
-        Weight of the strain energy in the objective.
-    gravity : float64 [3]
-        Gravity times its load factor, m/s^2.
+    model: Model in space, without condensed beams.
+    q: float64 [N, 4, 3], the equilibrium.
+    adjoint: float64 [N, 4, 3], rates of all coordinates along the adjoint solution.
+    energy: weight of the strain energy in the objective.
+    gravity: float64 [3], gravity times its load factor, m/s^2.
     """
     of, parts = beam_numbers(model)
     n = max((x.stop for x in parts.values()), default=0)

@@ -14,12 +14,7 @@ Array = np.ndarray
 
 
 class TransposedSolver:
-    """Solutions with the transposed matrix of a stepper by PARDISO, or SuperLU.
-
-    Parameters
-    ----------
-    stepper : Stepper
-    """
+    """Solutions with the transposed matrix of a stepper by PARDISO, or SuperLU."""
 
     def __init__(self, stepper: Stepper) -> None:
         self.stepper, self.structure = stepper, None

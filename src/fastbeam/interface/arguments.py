@@ -354,10 +354,8 @@ class Names:
 def checked(**kinds: Callable[[Any], Any]) -> Callable[[T], T]:
     """Check the arguments of a function, method, or constructor of a class by their names, before it runs.
 
-    Raises
-    ------
-    SceneError
-        The call raises it: an argument is not of its kind, is missing, is unknown, or came without a name where it needs one.
+    Raises SceneError: the call raises it: an argument is not of its kind, is missing, is unknown, or came without a name where it
+        needs one.
     """
     def decorate(target: Any) -> Any:
         if isinstance(target, type):
@@ -463,20 +461,11 @@ def take(kind: Callable[[Any], Any], subject: str, value: Any) -> Any:
 def number(name: str, value: Any) -> float:
     """Return a finite number as a float.
 
-    Raises
-    ------
-    SceneError
-        Texts, truth values, complex numbers, NaN, infinities, anything that is not one number.
+    Raises SceneError: texts, truth values, complex numbers, NaN, infinities, anything that is not one number.
     """
     return take(Number(), f"{name}:", value)
 
 
 def count(name: str, value: Any, least: int = 1) -> int:
-    """Return a whole number >= `least`.
-
-    Raises
-    ------
-    SceneError
-        Anything else, floats and truth values too.
-    """
+    """Return a whole number >= `least`. Raises SceneError: anything else, floats and truth values too."""
     return take(Count(least), f"{name}:", value)

@@ -33,10 +33,7 @@ MODULES = ("adjoint", "critical_slopes", "errors", "mode_shapes", "responses", "
 def gone(since: str) -> str:
     """Return the minor version that no longer knows an old name that `since` replaced: gone("0.2") is "0.4".
 
-    Raises
-    ------
-    ValueError
-        `since` is no version as "0.2".
+    Raises ValueError: `since` is no version as "0.2".
     """
     parts = since.split(".")
     if len(parts) != 2 or not all(part.isdecimal() for part in parts):
@@ -85,17 +82,9 @@ def deprecated(since: str, /, *, instead: str = "", **renamed: str) -> Callable[
     """Accept arguments of the decorated function or class, `old="new"`, by their old names, too; without any, the call itself is
     deprecated, and `instead` says what to write. It stands above `@checked`.
 
-    Parameters
-    ----------
-    since : str
-        The minor version that renames, as "0.2".
-
-    Raises
-    ------
-    ValueError
-        Neither `instead` nor a renamed argument, or both; `since` is no version.
-    TypeError
-        Of the decorated call: an argument is given by both names.
+    since: the minor version that renames, as "0.2".
+    Raises ValueError: neither `instead` nor a renamed argument, or both; `since` is no version.
+    Raises TypeError: of the decorated call: an argument is given by both names.
     """
     gone(since)
     if bool(instead) == bool(renamed):

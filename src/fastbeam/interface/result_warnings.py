@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from typing import Any, TypeVar
 
+from fastbeam.interface import notebook
 from fastbeam.interface.errors import ResultWarning
 
 T = TypeVar("T", bound=Callable[..., Any])
@@ -24,6 +25,23 @@ class Doubts:
 
     def _doubts(self) -> list[str]:
         return doubts(self.events)
+
+
+class Tabled(Doubts):
+    """Base of a result that its table shows, in texts and notebooks."""
+
+    _title = "{}"
+    info: dict[str, Any]
+
+    def table(self) -> str:
+        """Return a text: what is not to be trusted."""
+        return "\n".join(self._doubts())
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def _repr_html_(self) -> str:
+        return notebook.text(self._title.format(self.info["scene"]), self.table())
 
 
 def doubts(events: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -66,25 +66,13 @@ class Asked(NamedTuple):
 
 
 class Lack(NamedTuple):
-    """Limit of some analyses with a feature, and an alternative.
-
-    Attributes
-    ----------
-    analyses : tuple of Analysis
-    what : str
-        Name of the unsupported part of the feature in a table: 'friction'.
-    text : str
-        Text of a message; {who} is the call, {names} are the first parts concerned, {name} is the first of them.
-    instead : str
-        Alternative in the message, with the same words in braces.
-    names : callable
-        Returns the names of the parts concerned from the feature and an `Asked`; without any, the analysis is possible.
-    """
+    """Limit of some analyses with a feature, and an alternative."""
 
     analyses: tuple[Analysis, ...]
-    what: str
-    text: str
-    instead: str
+    what: str  # name of the unsupported part of the feature in a table: 'friction'
+    text: str  # text of a message; {who} is the call, {names} are the first parts concerned, {name} is the first of them
+    instead: str  # alternative in the message, with the same words in braces
+    # returns the names of the parts concerned from the feature and an `Asked`; without any, the analysis is possible
     names: Callable[[Any, Asked], Iterable[str]]
 
 
@@ -136,21 +124,10 @@ def lacking(analysis: Analysis, model: Any, who: str = "", held: Array | None = 
 def require(analysis: Analysis, model: Any, who: str | None = None, held: Array | None = None, part: Any = None) -> None:
     """Check that an analysis supports all features of a model.
 
-    Parameters
-    ----------
-    analysis : Analysis
-    model : Model
-    who : str, optional
-        Name of the analysis in messages; default: as the user writes it.
-    held : bool [S], optional
-        Sliders that are locked, whose forces along their beams do not count.
-    part : optional
-        Part of the scene, for an analysis of one part.
-
-    Raises
-    ------
-    SceneError
-        Names the parts concerned and the alternative.
+    who: name of the analysis in messages; default: as the user writes it.
+    held: bool [S], sliders that are locked, whose forces along their beams do not count.
+    part: part of the scene, for an analysis of one part.
+    Raises SceneError: names the parts concerned and the alternative.
     """
     name = analysis.value if who is None else who
     refuse(list(lacking(analysis, model, name, held, part)), name)
@@ -159,10 +136,7 @@ def require(analysis: Analysis, model: Any, who: str | None = None, held: Array 
 def refuse(found: list[tuple[Lack, list[str]]], name: str) -> None:
     """Raise an error for the first limit, if there is any; found: as from `told`; name: of the call.
 
-    Raises
-    ------
-    SceneError
-        The first limit, with the names of all limits of the same text.
+    Raises SceneError: the first limit, with the names of all limits of the same text.
     """
     if found:
         lack = found[0][0]

@@ -7,12 +7,7 @@ from fastbeam.scene import Controller
 
 
 class Controllers(Feature):
-    """Controllers, which are called at their own times.
-
-    Parameters
-    ----------
-    parts : tuple of Controller
-    """
+    """Controllers, which are called at their own times."""
 
     key, title, order = "control", "controllers", 200
     lacks = (Lack((Analysis.STEP_CONTROL,), "controllers", "{name}: step control does not know its times", "leave tolerance out",

@@ -39,48 +39,25 @@ class Stand(IntEnum):
 
 
 class OfRun(NamedTuple):
-    """Data from which features build the terms of a run.
+    """Data from which features build the terms of a run."""
 
-    Attributes
-    ----------
-    model : Model
-    static : bool
-        True for the terms of an equilibrium.
-    inner : Inner or None
-        Eliminated nodes with the work arrays of the run.
-    own : dict
-        Results of `Feature.work`, by the keys of features.
-    law_work : float64 or None
-        Work array of laws.
-    known : bool
-        True for multipliers of joint coordinates that are taken from the state, without equations for them.
-    """
-
-    model: Any
-    static: bool = False
-    inner: Any = None
-    own: Mapping[str, Any] = MappingProxyType({})
-    law_work: Any = None
-    known: bool = False
+    model: Any  # Model
+    static: bool = False  # true for the terms of an equilibrium
+    inner: Any = None  # eliminated nodes with the work arrays of the run
+    own: Mapping[str, Any] = MappingProxyType({})  # results of `Feature.work`, by the keys of features
+    law_work: Any = None  # work array of laws
+    known: bool = False  # true for multipliers of joint coordinates that are taken from the state, without equations for them
 
 
 @dataclass(frozen=True)
 class Span:
-    """n steps of size h, the first from time t + done h, of a run.
+    """n steps of size h, the first from time t + done h, of a run."""
 
-    Attributes
-    ----------
-    own, terms : dict, tuple
-        Results of `Feature.work`, as in `OfRun`, and the terms of the run.
-    plane : Plane or None
-    weights : float64 [m]
-        Substeps of a step as fractions of it.
-    """
-
+    # own, terms: results of `Feature.work`, as in `OfRun`, and the terms of the run
     own: Mapping[str, Any]
     terms: tuple[Any, ...]
-    plane: Any
-    weights: Array
+    plane: Any  # Plane or None
+    weights: Array  # float64 [m]: substeps of a step as fractions of it
     t: float
     h: float
     n: int
@@ -104,33 +81,16 @@ class Span:
 
 
 class Feature:
-    """Optional part of a scene: its tables, history variables, terms of a step, rows, and limits of analyses.
+    """Optional part of a scene: its tables, history variables, terms of a step, rows, and limits of analyses."""
 
-    Attributes
-    ----------
-    key : str
-        Name by which a model finds it.
-    title : str
-        Name in a table of features.
-    order : int
-        Rank of the feature: in the history, and in sums.
-    lacks : tuple of Lack
-        Limits of analyses of models with the feature.
-    opens : bool
-        True if its history variables stand before the energies.
-    is_told_first : bool
-        True if messages name it before the parts that belong to it: joints of moving meshes, friction of sleeves that twist.
-    called_laws : dict of type -> failed_laws.Lawful
-        User laws that its tables call, by the kinds of tables.
-    """
-
-    key: ClassVar[str]
-    title: ClassVar[str]
-    order: ClassVar[int]
-    lacks: ClassVar[tuple[Lack, ...]] = ()
-    opens: ClassVar[bool] = False
+    key: ClassVar[str]  # name by which a model finds it
+    title: ClassVar[str]  # name in a table of features
+    order: ClassVar[int]  # rank of the feature: in the history, and in sums
+    lacks: ClassVar[tuple[Lack, ...]] = ()  # limits of analyses of models with the feature
+    opens: ClassVar[bool] = False  # true if its history variables stand before the energies
+    # true if messages name it before the parts that belong to it: joints of moving meshes, friction of sleeves that twist
     is_told_first: ClassVar[bool] = False
-    called_laws: Mapping[type, Any] = MappingProxyType({})
+    called_laws: Mapping[type, Any] = MappingProxyType({})  # user laws that its tables call, by the kinds of tables
 
     @property
     def history_size(self) -> int:

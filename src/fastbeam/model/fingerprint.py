@@ -44,7 +44,6 @@ def fingerprint_of(model: Any) -> str:
 
 
 def _load_vectors(model: Any) -> list[np.ndarray]:
-    """Arrays of the load vectors."""
     loads, count = model.loads, len(model.load_times)
     first = loads.first.reshape(min(count, 1), 8 * (model.n_nodes + 1))
     return [first] if count < 2 else [first, loads.vector, loads.row, loads.value]

@@ -44,20 +44,11 @@ class Gaps(NamedTuple):
 class GapRows:
     """Evaluator of the gaps of all constraints of a model.
 
-    Parameters
-    ----------
-    model : Model
-        Model with tables in space.
-
-    Attributes
-    ----------
-    joints, coordinates, others : int64 [*]
-        Numbers of the gaps that joints always close, of the coordinates that friction and rigid stops may hold, and of all gaps
-        that are always closed besides those of sliders: `joints`, then `moments`.
-    given : bool [*]
-        True for those of `joints` that are coordinates prescribed as functions of time.
-    moments : list of int64 [2 or 3]
-        Numbers of the directions that every sleeve constrains.
+    model: Model with tables in space.
+    joints, coordinates, others: int64 [*], numbers of the gaps that joints always close, of the coordinates that friction and
+        rigid stops may hold, and of all gaps that are always closed besides those of sliders: `joints`, then `moments`.
+    given: bool [*], true for those of `joints` that are coordinates prescribed as functions of time.
+    moments: list of int64 [2 or 3], numbers of the directions that every sleeve constrains.
     """
 
     def __init__(self, model: Model) -> None:

@@ -129,10 +129,7 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
     velocities, sliders of the same name their place. Parts that the other does not have take those of this model's initial state,
     moved with the parts that they are joined to or slide on.
 
-    Raises
-    ------
-    SceneError
-        A part has other nodes than its namesake, or no part has a namesake.
+    Raises SceneError: a part has other nodes than its namesake, or no part has a namesake.
     """
     fresh = model.state()
     own, given = ([x.reshape(-1, 4, 3) for x in (y.q, y.v)] for y in (fresh, state))

@@ -176,12 +176,8 @@ def free_of_rows(model: Model) -> Array:
 class RowMap:
     """Maps from the unknowns of the rows of nodes in statics to positions, spins and coordinates.
 
-    Parameters
-    ----------
-    model : Model
-        Model in space.
-    axes : float64 [3, 3], optional
-        Axes of the plane where nodes have 3 unknowns: two in it and its normal, by rows.
+    model: Model in space.
+    axes: float64 [3, 3], axes of the plane where nodes have 3 unknowns: two in it and its normal, by rows.
     """
 
     def __init__(self, model: Model, axes: Array | None) -> None:

@@ -39,87 +39,48 @@ TRACK_SLACK = 4.0 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class Model(WithFeatures):
-    """Everything a run needs and nothing it changes; made by `compile_scene`, printed by `print(model)`.
-
-    Attributes
-    ----------
-    simo, green : ElementTables or None
-        Elements with strain set (2.2), (2.1).
-    inner, substructures, carriers, bodies, ties, held : tables or None
-        None where the scene has none; then no code is compiled for them.
-    links : tuple
-        Tables of springs and other links between two points, one of each kind.
-    kept : list of joints.constraints.KeptLink
-        Joints with multipliers, in the order of their constraints behind the sliders.
-    kept_softness : float64 [J]
-        Share of 1/a, theory.md (5.5), in the equations of each of these joints.
-    static_held : Held or None
-        Fixed unknowns in statics: includes one spin of every beam of a net that may spin about its axis.
-    pattern : Pattern
-        Order, blocks and elimination plan.
-    spinless : int8 [N]
-        1 where a triad does not turn.
-    spin_root : int64 [N]
-        The node whose spin a node shares.
-    loading : Loading
-        Loads and gravity, whose attributes are attributes of the model, too.
-    q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
-    length : float
-        Size of the scene, m.
-    softest : float
-        Smallest EI / (EA length^2) of all elements, EA the stiffest of extension and shear, EI the softest of torsion and
-        bending. Increments above this size, relative to the length, change axial forces by EA times their square, which bends a
-        beam more than the increments do.
-    numbers : numbering.NodeList
-        Finds the global number of a node of the scene.
-    dofs : tuple
-        Tuple with one entry for each unknown of a node: 6, in the tables of a planar scene 3.
-    plane : plane.Plane or None
-        Plane of a planar scene, and its tables with 3 unknowns a node.
-    remarks : Remarks
-        Remarks on the model, whose attributes are attributes of the model, too.
-    uneliminated : callable
-        Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
-    uncondensed : callable
-        Makes the model of the same scene in space, whose beams are not condensed.
-    features : tuple of Feature
-        Features of the scene, in the order of their history variables.
-    find_holding : callable that makes `holding` on its first use
-    """
+    """Everything a run needs and nothing it changes; made by `compile_scene`, printed by `print(model)`."""
 
     scene_name: str
     n_nodes: int
+    # simo, green: elements with strain set (2.2), (2.1)
     simo: ElementTables | None
     green: ElementTables | None
+    # inner, substructures, carriers, bodies, ties, held: None where the scene has none; then no code is compiled for them
     inner: Inner | None
     substructures: Substructures | None
     carriers: Carriers | None
     bodies: Bodies | PlanarBodies | None
-    links: tuple[Any, ...]
-    kept: list[KeptLink]
-    kept_softness: Array
+    links: tuple[Any, ...]  # tables of springs and other links between two points, one of each kind
+    kept: list[KeptLink]  # joints with multipliers, in the order of their constraints behind the sliders
+    kept_softness: Array  # float64 [J]: share of 1/a, theory.md (5.5), in the equations of each of these joints
     ties: Ties | PlanarTies | None
     held: Held | None
-    static_held: Held | None
-    pattern: Pattern
-    spinless: Array
-    spin_root: Array
+    static_held: Held | None  # fixed unknowns in statics: includes one spin of every beam of a net that may spin about its axis
+    pattern: Pattern  # order, blocks and elimination plan
+    spinless: Array  # int8 [N]: 1 where a triad does not turn
+    spin_root: Array  # int64 [N]: the node whose spin a node shares
+    # q0, v0, s0: initial state; q [12 N], v [12 N], s [S]
     q0: Array
     v0: Array
     s0: Array
-    length: float
+    length: float  # size of the scene, m
+    # smallest EI / (EA length^2) of all elements, EA the stiffest of extension and shear, EI the softest of torsion and bending.
+    # Increments above this size, relative to the length, change axial forces by EA times their square, which bends a beam more
+    # than the increments do
     softest: float
     n_blocks: int
     names: dict[str, list[Any]]
-    numbers: Any
-    loading: Loading
-    dofs: tuple[int, ...] = SPACE
-    plane: Any = None
+    numbers: Any  # finds the global number of a node of the scene
+    loading: Loading  # loads and gravity, whose attributes are attributes of the model, too
+    dofs: tuple[int, ...] = SPACE  # tuple with one entry for each unknown of a node: 6, in the tables of a planar scene 3
+    plane: Any = None  # Plane of a planar scene, and its tables with 3 unknowns a node
+    # makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`
     uneliminated: Callable[..., Model] | None = None
-    uncondensed: Callable[[], Model] | None = None
-    features: tuple[Feature, ...] = ()
-    remarks: Remarks = Remarks()
-    find_holding: Callable[[], Holding] | None = None
+    uncondensed: Callable[[], Model] | None = None  # makes the model of the same scene in space, whose beams are not condensed
+    features: tuple[Feature, ...] = ()  # features of the scene, in the order of their history variables
+    remarks: Remarks = Remarks()  # remarks on the model, whose attributes are attributes of the model, too
+    find_holding: Callable[[], Holding] | None = None  # callable that makes `holding` on its first use
 
     @property
     def labels(self) -> list[str]:
@@ -312,13 +273,7 @@ class Model(WithFeatures):
 
     @checked(node=Count(0))
     def node_label(self, node: int) -> str:
-        """Return beam and node, body or mass of a global node number.
-
-        Raises
-        ------
-        SceneError
-            There is no such node.
-        """
+        """Return beam and node, body or mass of a global node number. Raises SceneError: there is no such node."""
         if node >= self.n_nodes:
             raise SceneError(f"model of {self.scene_name!r}: node {node} does not exist, they run from 0 to {self.n_nodes - 1}")
         return self.labels[node]
@@ -418,12 +373,6 @@ class Model(WithFeatures):
 
 
 def check_model(who: str, model: Any) -> None:
-    """Check that a model is compiled.
-
-    Raises
-    ------
-    SceneError
-        Names the function that was called.
-    """
+    """Check that a model is compiled. Raises SceneError: names the function that was called."""
     if not isinstance(model, Model):
         raise SceneError(f"{who}: needs a model, got {shown(model)}; compile it first: model = fb.compile_scene(scene)")

@@ -14,7 +14,7 @@ from fastbeam.model.feature import Feature, OfRun, Span, Stand
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.released_supports import Released
-from fastbeam.scene import PrescribedMotion, RigidBody, Scene
+from fastbeam.scene import PrescribedMotion, Scene
 
 Array = np.ndarray
 # largest distance of position(0) from its node, as a share of the size of the scene
@@ -28,16 +28,7 @@ LOOKS = np.concatenate(([0.0], np.geomspace(1e-4, 1e3, 71)))
 class PrescribedMotions(Feature):
     """Prescribed motions of a scene, of which there is one at least.
 
-    Parameters
-    ----------
-    motions : list of PrescribedMotion
-    nodes : NodeList
-    joints : Connections
-
-    Raises
-    ------
-    SceneError
-        A node follows another, moves twice, or begins elsewhere.
+    Raises SceneError: a node follows another, moves twice, or begins elsewhere.
     """
 
     key, title, order = "prescribed", "supports that move", 60
@@ -110,10 +101,7 @@ class PrescribedMotions(Feature):
         tables: those of the run, where masks of supports that have let go are 0; plane: that of the scene, whose increments are
         [n, M, 3], or None.
 
-        Raises
-        ------
-        SceneError
-            A function fails, a step turns by half a turn, or a motion leaves the plane.
+        Raises SceneError: a function fails, a step turns by half a turn, or a motion leaves the plane.
         """
         axes = None if plane is None else plane.axes
         out = np.zeros((len(times) - 1, len(self.motions), 6))
@@ -185,10 +173,7 @@ class PrescribedMotions(Feature):
 def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
     """Return the rotations of a motion from each of these times to the next, [n, 3, 3].
 
-    Raises
-    ------
-    SceneError
-        A rotation is half a turn or more.
+    Raises SceneError: a rotation is half a turn or more.
     """
     turns, vectors = zip(*(motion.turning(t) for t in times))
     out = np.array([after @ before.T for before, after in zip(turns[:-1], turns[1:])])
@@ -211,10 +196,7 @@ def _axial(turn: Array) -> Array:
 def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: float) -> PrescribedMotions | None:
     """Build the feature of moving supports; None where no support moves.
 
-    Raises
-    ------
-    SceneError
-        A node follows another, moves twice, or begins elsewhere; a position does not begin at its node.
+    Raises SceneError: a node follows another, moves twice, or begins elsewhere; a position does not begin at its node.
     """
     if not scene.prescribed:
         return None
@@ -242,24 +224,17 @@ def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[A
 def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Array, always: Array) -> Released | None:
     """Build the feature of supports that let go or take hold, or None; always: unknowns that the other supports fix, int64 [N].
 
-    Raises
-    ------
-    SceneError
-        The node of such a support follows another, or two supports hold one rigid part.
+    Raises SceneError: the node of such a support follows another, or two supports hold one rigid part.
     """
     every = [*scene.pins, *scene.clamps, *scene.prescribed]
     some = [(k, x) for k, x in enumerate(every) if x.until is not None or x.since is not None]
     if not some:
         return None
 
-    def number(support: Any) -> int:
-        owner = support.at.owner
-        return nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at)
-
     moving = list(scene.prescribed)
-    own = np.array([number(x) for _, x in some])
+    own = nodes.held(x for _, x in some)
     root = joints.row_root[own]
-    others = np.array([number(x) for x in every])
+    others = nodes.held(every)
     for (k, support), node, top in zip(some, own.tolist(), root.tolist()):
         leads = [nodes.labels[i] for i in joints.targets(top) if i != top]
         if leads:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -154,10 +154,7 @@ class NodeList:
     def start(self, part: Any) -> int:
         """Return the global number of the first node of a beam, a beam of a net, a net, body or mass.
 
-        Raises
-        ------
-        KeyError
-            The part is not in the scene.
+        Raises KeyError: the part is not in the scene.
         """
         if isinstance(part, NetBeam):
             return self.first[part.net] + int(part.net.node_start[part.index])
@@ -167,6 +164,15 @@ class NodeList:
         """Return the global numbers of all nodes of a part."""
         first = self.start(part)
         return slice(first, first + getattr(part, "n_nodes", 1))
+
+    def ends(self, links: Iterable[Any]) -> Array:
+        """Return the global numbers of the nodes a and b of joints and links, int64 [L, 2]."""
+        return np.array([(self.number(x.a), self.number(x.b)) for x in links], np.int64).reshape(-1, 2)
+
+    def held(self, supports: Iterable[Any]) -> Array:
+        """Return the global numbers of the nodes that supports hold, of a body its centre, int64 [S]."""
+        return np.array([self.start(x.at.owner) if isinstance(x.at.owner, RigidBody) else self.number(x.at) for x in supports],
+                        np.int64)
 
     def number(self, node: NodeRef) -> int:
         """Return the global number of a node of the scene."""

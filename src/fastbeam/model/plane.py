@@ -21,39 +21,18 @@ class NotPlanar(Exception):
 
 @dataclass(frozen=True)
 class Plane:
-    """The plane of a scene and its tables.
+    """The plane of a scene and its tables."""
 
-    Attributes
-    ----------
-    axes : float64 [3, 3]
-        Two axes in the plane and its normal, by rows.
-    height : float
-        Height of all nodes along the normal, m.
-    factor : complex128 [N, 3]
-        Director i of a node is factor_i u in the plane: a + i b stands for a u + b J u.
-    normal : float64 [N, 3]
-        Constant component of the directors along the normal.
-    vectors : int
-        Number of constraint forces that are vectors; scalar multipliers follow.
-    singles : int64 [*]
-        Numbers of the scalar multipliers that act in the plane.
-    single : int
-        Number of all scalar multipliers in space.
-    moments : float64 [O, 3]
-        Three multipliers of every sleeve in space for a unit one in the plane. They come last.
-    model : Model
-        Model with 4 coordinates a node, x, y and u, and 3 unknowns.
-    """
-
-    axes: Array
-    height: float
-    factor: Array
-    normal: Array
-    vectors: int
-    singles: Array
-    single: int
+    axes: Array  # float64 [3, 3]: two axes in the plane and its normal, by rows
+    height: float  # height of all nodes along the normal, m
+    factor: Array  # complex128 [N, 3]: director i of a node is factor_i u in the plane: a + i b stands for a u + b J u
+    normal: Array  # float64 [N, 3]: constant component of the directors along the normal
+    vectors: int  # number of constraint forces that are vectors; scalar multipliers follow
+    singles: Array  # int64 [*]: numbers of the scalar multipliers that act in the plane
+    single: int  # number of all scalar multipliers in space
+    # float64 [O, 3]: three multipliers of every sleeve in space for a unit one in the plane. They come last
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    model: Any = None
+    model: Any = None  # Model with 4 coordinates a node, x, y and u, and 3 unknowns
 
     @property
     def label(self) -> str:
@@ -146,12 +125,7 @@ def to_space(z: Array, axes: Array) -> Array:
 
 
 def check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
-    """Check that coordinates [12 N] and their rates lie in a plane; length: size of the scene, m.
-
-    Raises
-    ------
-    NotPlanar
-    """
+    """Check that coordinates [12 N] and their rates lie in a plane; length: size of the scene, m. Raises NotPlanar."""
     n = plane.axes[2]
     q, v = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)
     size = length + float(np.max(np.abs(q[:, 0]), initial=0.0))

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -20,30 +20,10 @@ Array = np.ndarray
 @dataclass(frozen=True)
 class Released(Feature):
     """Supports with `until` or `since`, R of them. Their history variables count the changes of each: supports with `since` take
-    hold first, those with `until` let go.
+    hold first, those with `until` let go."""
 
-    Attributes
-    ----------
-    names : tuple of str
-    until, since : tuple of float, callable or None
-    node, row : int64 [R]
-        Node and row of each.
-    mask : int64 [R]
-        Unknowns of the row that each fixes, bit by bit.
-    always : int64 [R]
-        Unknowns of the same row that supports without `until` and `since` fix, bit by bit.
-    motion : int64 [R]
-        Number among the supports that move, or -1.
-    reaction : int64 [R]
-        Number among the supports of `Holding`.
-    spin : int
-        Bits of the spins.
-    """
-
-    key: ClassVar[str] = "released"
-    title: ClassVar[str] = "supports that let go or take hold"
-    order: ClassVar[int] = 70
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "released", "supports that let go or take hold", 70
+    lacks = (
         unknown_to_methods("supports that let go or take hold"),
         Lack((Analysis.ORDER_4,), "supports that let go or take hold",
              "order=4: where a support lets go or takes hold, velocities are of second order, and so is what follows",
@@ -54,15 +34,17 @@ class Released(Feature):
         without_adjoint("supports that let go or take hold"))
 
     names: tuple[str, ...]
+    # until, since: tuple of float, callable or None
     until: tuple[Any, ...]
     since: tuple[Any, ...]
+    # node, row, int64 [R]: node and row of each
     node: Array
     row: Array
-    mask: Array
-    always: Array
-    motion: Array
-    reaction: Array
-    spin: int = 56
+    mask: Array  # int64 [R]: unknowns of the row that each fixes, bit by bit
+    always: Array  # int64 [R]: unknowns of the same row that supports without `until` and `since` fix, bit by bit
+    motion: Array  # int64 [R]: number among the supports that move, or -1
+    reaction: Array  # int64 [R]: number among the supports of `Holding`
+    spin: int = 56  # bits of the spins
 
     @property
     def history_size(self) -> int:
@@ -127,10 +109,7 @@ class Released(Feature):
 class OwnSupports:
     """Tables of a run that change when supports let go or take hold: copies of those of its model.
 
-    Parameters
-    ----------
-    core : Model
-        Model with such supports.
+    core: Model with such supports.
     """
 
     def __init__(self, core: Any) -> None:
@@ -177,10 +156,7 @@ class StandingSupports:
 def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupports | StandingSupports]:
     """Return the model of a run with its own tables where supports change; in statics they stay as at the start.
 
-    Raises
-    ------
-    SceneError
-        In statics a support of the state has let go or taken hold.
+    Raises SceneError: in statics a support of the state has let go or taken hold.
     """
     if core.released is None:
         return core, StandingSupports()

@@ -14,7 +14,7 @@ from fastbeam.kernels.contact.slider_forces import HELD, HISTORY, OFF
 from fastbeam.kernels.layout import TRIAD
 from fastbeam.kernels.state import State
 from fastbeam.linalg.least_norm import middles, nearest_by, rigid_change, rigid_motions, rigid_share
-from fastbeam.model.connections import HOLD_TRIAD, held_axes
+from fastbeam.model.connections import HOLD_TRIAD, components, held_axes
 from fastbeam.model.gap_rows import GapRows
 from fastbeam.model.joints.constraints import Distance
 from fastbeam.model.joints.coordinates import Coordinate
@@ -70,10 +70,7 @@ class Misfit:
 def own_state(model: Model, state: State) -> State:
     """Return a checked copy of a state that fits the model; compiled code reads it without bounds.
 
-    Raises
-    ------
-    SceneError
-        The start is not a State, or is one of another model.
+    Raises SceneError: the start is not a State, or is one of another model.
     """
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
@@ -106,26 +103,14 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
                 goes_on: bool = False) -> tuple[State, list[Any]]:
     """Return the state to start from, bit for bit the same where it agrees with the model, and (kind, text) of its events.
 
-    Parameters
-    ----------
-    model : Model
-    state : State
-    step : float
-        Step size of the run, s: round-off of a velocity is that of a position over it.
-    mend : bool, optional
-        Replace a state with small errors by a near one that agrees with the model; None: the caller has no such option.
-    at_rest : bool
-        Ignore the velocities.
-    t : float, optional
-        Time at which the run begins, s: supports that move are checked, too.
-    goes_on : bool
-        True for a state of a run of this model: its velocities satisfy constraints to second order in the step, and are accepted
-        however coarse the step was.
-
-    Raises
-    ------
-    SceneError
-        The state is not one of the model, or violates connections, supports or sliders; says which and by how much.
+    step: step size of the run, s: round-off of a velocity is that of a position over it.
+    mend: replace a state with small errors by a near one that agrees with the model; None: the caller has no such option.
+    at_rest: ignore the velocities.
+    t: time at which the run begins, s: supports that move are checked, too.
+    goes_on: true for a state of a run of this model: its velocities satisfy constraints to second order in the step, and are
+        accepted however coarse the step was.
+    Raises SceneError: the state is not one of the model, or violates connections, supports or sliders; says which and by how
+        much.
     """
     state = own_state(model, state)
     if at_rest:
@@ -510,14 +495,9 @@ def nearest_velocities(model: Model, state: State, leads: Any, goals: Array, sup
     """Find the velocities and spins [6 N] nearest to `given` that slave nodes, supports, sliders and joints allow: rigid motions
     of the parts change first.
 
-    Parameters
-    ----------
-    leads : sparse [m, 12 N]
-        Rates of gaps of sliders, joints and sleeves by those of the coordinates.
-    goals : float64 [*]
-        Values of these rates; 0 for rates behind the last.
-    supports : float64 [6 N]
-        Velocities and spins of nodes that supports fix.
+    leads: sparse [m, 12 N], rates of gaps of sliders, joints and sleeves by those of the coordinates.
+    goals: float64 [*], values of these rates; 0 for rates behind the last.
+    supports: float64 [6 N], velocities and spins of nodes that supports fix.
     """
     q = state.q.reshape(-1, 4, 3)
     to_rates = velocity_map(q)
@@ -596,13 +576,10 @@ def _turned_back(inertia: Any, joined: Any, before: Array, q: Array, v: Array, c
     """Return the rates [12 N] of the rigid motions that restore the momenta of each piece of the scene, moved from `before` to q:
     those with rates v, where it has those of `carried`. joined: matrix on velocities and spins, sparse [m, 6 N], of what joins
     nodes to pieces besides the inertia of beams."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     rates = velocity_map(q)
     mass = (rates.T @ inertia @ rates).tocsr()
     every = (abs(mass) + abs(joined).T @ abs(joined)).tocoo()
-    _, number = connected_components(coo_matrix((every.data, (every.row // 6, every.col // 6)), shape=(len(q), len(q))),
-                                     directed=False)
+    number = components(len(q), np.stack((every.row, every.col), axis=1) // 6)
     rigid = rigid_motions(q[:, 0], number)
     own = (rigid.T @ mass @ rigid).tocsr()
     middle, number = middles(q[:, 0], number)

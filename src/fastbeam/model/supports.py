@@ -13,7 +13,7 @@ from fastbeam.kernels.beams.inner_nodes import ROWS
 from fastbeam.kernels.layout import LIST
 from fastbeam.kernels.linalg.substructures import ELEMENTS, FIRST_GROUP, NODES_EACH
 from fastbeam.model.analyses import Analysis, require
-from fastbeam.model.connections import held_axes
+from fastbeam.model.connections import components, held_axes
 from fastbeam.model.mapping import curve_at
 from fastbeam.model.model import Model
 from fastbeam.scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
@@ -28,10 +28,7 @@ def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> 
     may_turn: one held point suffices, about which the part may turn. Sliders and joints connect parts. Returns True if motions
     out of the plane count: all six are prevented, or a straight part can only turn about its own line.
 
-    Raises
-    ------
-    SceneError
-        Names the part and the motion that nothing prevents.
+    Raises SceneError: names the part and the motion that nothing prevents.
     """
     return not _known(model, flat, may_turn)
 
@@ -40,9 +37,7 @@ def free_aside(model: Model) -> str:
     """Describe a part of a scene held in its plane that can leave the plane, and its motion; empty without any. Straight parts
     that can only turn about their own line do not count.
 
-    Raises
-    ------
-    SceneError
+    Raises SceneError.
     """
     return _known(model, True, False) or ""
 
@@ -103,11 +98,7 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
 
 def connected_parts(model: Model) -> list[Array]:
     """List the nodes of every connected part, int [*] each. Sliders and joints connect."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-    rows, columns = map(np.concatenate, zip(*_coupled_rows(model)))
-    n = model.n_nodes
-    _, part = connected_components(coo_matrix((np.ones(rows.size), (rows, columns)), shape=(n, n)), directed=False)
+    part = components(model.n_nodes, np.stack([np.concatenate(x) for x in zip(*_coupled_rows(model))], axis=1))
     part = np.unique(part[model.pattern.row_of], return_inverse=True)[1]
     return np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
 
@@ -161,19 +152,10 @@ def _felt(arms: Array, held: Array, turns_held: bool) -> Array:
 def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> int:
     """Return the number of a node whose position a support holds.
 
-    Parameters
-    ----------
-    who : str
-        The function and its argument, for messages.
-    what : Clamp, Pin, PrescribedMotion, or what they hold
-    held : int64 [N]
-        Unknowns of every node that supports fix, bit by bit.
-    axes : int
-        Bits that have to be fixed.
-
-    Raises
-    ------
-    SceneError
+    who: the function and its argument, for messages.
+    held: int64 [N], unknowns of every node that supports fix, bit by bit.
+    axes: bits that have to be fixed.
+    Raises SceneError.
     """
     at = what.at if isinstance(what, (Clamp, Pin, PrescribedMotion)) else what
     at = at.center if isinstance(at, (RigidBody, PointMass)) else at
@@ -194,12 +176,7 @@ def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> 
 
 
 def check_turned(who: str, model: Model, node: int, held: Array) -> None:
-    """Check that a support holds the triad of a node that is to be turned; who, held: as in `supported`.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Check that a support holds the triad of a node that is to be turned; who, held: as in `supported`. Raises SceneError."""
     if held[node] & 56 != 56:
         raise SceneError(f"{who} turns {model.labels[node]}, whose triad no support holds; give a displacement (3 numbers), or "
                          "clamp it")
@@ -217,10 +194,7 @@ def standing_supports(model: Model) -> Array:
 def waiting(model: Model) -> dict[str, Any]:
     """Return tables of a model before supports with `since` take hold; the model has all supports.
 
-    Raises
-    ------
-    SceneError
-        A part whose masses the impact does not know.
+    Raises SceneError: a part whose masses the impact does not know.
     """
     of, pattern, spinless = model.released, model.pattern, model.spinless.copy()
     require(Analysis.CATCHING, model, f"{of.names[int(np.argmax(of.waits))]}: since, whose impact")

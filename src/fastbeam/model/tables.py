@@ -24,42 +24,28 @@ CHUNK = 32768
 
 @dataclass(frozen=True)
 class Elements:
-    """Constants of E elements with nn nodes and nq points each, of a beam or a net; arrays may be broadcast views.
-
-    Attributes
-    ----------
-    strain : str
-    nodes : int [E, nn]
-        Global numbers.
-    weight, phi_s, dir, dir_s : [E, nq], [E, nq, nn]
-        As in `basis.Basis`.
-    mass_phi, mass_dir : [E, nn, nn]
-    stiffness, viscosity, inertia : [*, 6, 6], [*, 6, 6], [*, 3]
-        Matrices of every section: C; D; rhoA, rhoI2, rhoI3.
-    section : int [E]
-        Number of the section of an element.
-    coupled : bool [E]
-    phi, directors : float64 [N, 3], [N, 3, 3]
-        Reference positions and triads of all nodes of the scene.
-    start_strain : float64 [*, 6], optional
-        Strains in the reference, one row for the beam or for every element; None: free of stress.
-    """
+    """Constants of E elements with nn nodes and nq points each, of a beam or a net; arrays may be broadcast views."""
 
     strain: str
-    nodes: Array
+    nodes: Array  # int [E, nn]: global numbers
+    # weight, phi_s, dir, dir_s, [E, nq], [E, nq, nn]: as in `basis.Basis`
     weight: Array
     phi_s: Array
     dir: Array
     dir_s: Array
+    # mass_phi, mass_dir, [E, nn, nn]
     mass_phi: Array
     mass_dir: Array
+    # stiffness, viscosity, inertia, [*, 6, 6], [*, 6, 6], [*, 3]: matrices of every section: C; D; rhoA, rhoI2, rhoI3
     stiffness: Array
     viscosity: Array
     inertia: Array
-    section: Array
-    coupled: Array
+    section: Array  # int [E]: number of the section of an element
+    coupled: Array  # bool [E]
+    # phi, directors, float64 [N, 3], [N, 3, 3]: reference positions and triads of all nodes of the scene
     phi: Array
     directors: Array
+    # float64 [*, 6], optional: strains in the reference, one row for the beam or for every element; None: free of stress
     start_strain: Array | None = None
 
     @property
@@ -164,14 +150,9 @@ def node_lengths(nodes: Array, mass_phi: Array, n: int) -> Array:
 def group_tables(elements: Elements, lane: Array, size: tuple[int, ...], stiffness: Array, inertia: Array) -> Array:
     """Pack the constants of groups of 8 elements, except their reference strains, as in kernels/layout.py: [groups, doubles].
 
-    Parameters
-    ----------
-    lane : int [8 groups]
-        Elements of the lanes.
-    size : tuple
-        `dimensions.SPACE` or `PLANE`.
-    stiffness, inertia : float64 [groups, 36, 8], [groups, 3, 8]
-        In a plane [groups, 9, 8], [groups, 2, 8].
+    lane: int [8 groups], elements of the lanes.
+    size: `dimensions.SPACE` or `PLANE`.
+    stiffness, inertia: float64 [groups, 36, 8], [groups, 3, 8], in a plane [groups, 9, 8], [groups, 2, 8].
     """
     nn, nq = elements.shape
     groups = lane.size // 8
@@ -237,24 +218,14 @@ class TablePool:
 
 @dataclass
 class ElementPacker:
-    """Collector of the elements of one strain set in groups of 8; `tables` packs their constants at the end.
+    """Collector of the elements of one strain set in groups of 8; `tables` packs their constants at the end."""
 
-    Attributes
-    ----------
-    meta : list of int arrays [groups, 8]
-        Columns as in kernels/layout.py for every `add`; without constants and reference strains.
-    nodes : list of int arrays [*, 2]
-        Nodes of the lanes, and again with -1 in idle lanes.
-    beam : list of int
-        Argument `beam` of every `add`.
-    parts : list of (Elements, int [8 groups])
-        Elements of the lanes.
-    """
-
+    # list of int arrays [groups, 8]: columns as in kernels/layout.py for every `add`; without constants and reference strains
     meta: list[Array] = field(default_factory=list)
+    # list of int arrays [*, 2]: nodes of the lanes, and again with -1 in idle lanes
     nodes: list[Array] = field(default_factory=list)
-    beam: list[int] = field(default_factory=list)
-    parts: list[tuple[Elements, Array]] = field(default_factory=list)
+    beam: list[int] = field(default_factory=list)  # argument `beam` of every `add`
+    parts: list[tuple[Elements, Array]] = field(default_factory=list)  # list of (Elements, int [8 groups]): elements of the lanes
     n_nodes: int = 0
     n_blocks: int = 0
 
@@ -401,14 +372,10 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
                        first: int) -> Substructures | None:
     """Build the tables of the condensed beams, for 6 unknowns a node.
 
-    Parameters
-    ----------
-    rows, blocks : int [B, 2], [B, 4]
-        Rows and blocks of their ends, beams with sliders last: start and end; start-start, start-end, end-start, end-end.
-    n_blocks, n_end : int
-        Blocks of the tangent; rows that ends may have.
-    first : int
-        First row of their interior nodes.
+    rows, blocks: int [B, 2], [B, 4], rows and blocks of their ends, beams with sliders last: start and end; start-start,
+        start-end, end-start, end-end.
+    n_blocks, n_end: blocks of the tangent; rows that ends may have.
+    first: first row of their interior nodes.
     """
     if not len(rows):
         return None

@@ -61,10 +61,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
 def check_border(model: Model) -> None:
     """Check that the memory of this computer holds the dense columns of constraints over all nodes.
 
-    Raises
-    ------
-    SceneError
-        Names the number of constraints and what to do.
+    Raises SceneError: names the number of constraints and what to do.
     """
     if not model.n_bordered or model.by_rows:
         return

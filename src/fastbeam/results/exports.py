@@ -101,13 +101,7 @@ class Exports:
 
 
 def import_pandas() -> Any:
-    """Import pandas.
-
-    Raises
-    ------
-    BackendError
-        It is missing.
-    """
+    """Import pandas. Raises BackendError: it is missing."""
     try:
         import pandas
     except ImportError as error:

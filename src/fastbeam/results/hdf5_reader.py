@@ -52,10 +52,7 @@ def load_result(path: str | PathLike[str]) -> Result:
 def read_again(path: Path, read: Callable[[bool], T]) -> T:
     """Return read(left_open); call it again where it fails on a file whose writer may be running.
 
-    Raises
-    ------
-    ResultFileError
-        It is no HDF5 file, or the last call failed.
+    Raises ResultFileError: it is no HDF5 file, or the last call failed.
     """
     for attempt in reversed(range(ATTEMPTS)):
         left_open = check_file(path)
@@ -222,13 +219,7 @@ def parts_of(text: bytes) -> int:
 
 
 def _parse_header(raw: Any) -> ResultHeader:
-    """Read the header of a file, with the types it should have.
-
-    Raises
-    ------
-    ValueError
-        One of them is something else.
-    """
+    """Read the header of a file, with the types it should have. Raises ValueError: one of them is something else."""
     series = raw["series"]
     _expect("model_text", raw["model_text"], str)
     for name in ("info", "names", "series"):
@@ -268,10 +259,7 @@ def _expect(name: str, value: Any, kind: Any) -> None:
 def check_file(path: Path) -> bool:
     """Return whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
 
-    Raises
-    ------
-    ResultFileError
-        There is no such file, it is not HDF5, or it is shorter than it was.
+    Raises ResultFileError: there is no such file, it is not HDF5, or it is shorter than it was.
     """
     try:
         if not path.exists():
@@ -364,13 +352,7 @@ def lookup3(data: bytes | bytearray) -> int:
 
 
 def import_h5py() -> Any:
-    """Import h5py.
-
-    Raises
-    ------
-    BackendError
-        It is missing or cannot be loaded.
-    """
+    """Import h5py. Raises BackendError: it is missing or cannot be loaded."""
     try:
         import h5py
     except ModuleNotFoundError as error:

@@ -68,13 +68,7 @@ _LOST: list[Any] = []
 class _Waiting:
     """Data that wait in memory, and the counts and checksum of all that a file holds before them.
 
-    Attributes
-    ----------
-    pending : dict of RowBuffer
-    text : dict of bytes
-    count : dict of int
-        Rows, snapshots and bytes of text in the file, in the order of COUNTS.
-    blocks, crc : int
+    count: rows, snapshots and bytes of text in the file, in the order of COUNTS.
     """
 
     def __init__(self, header: ResultHeader, count: dict[str, int], blocks: int, crc: int) -> None:
@@ -88,24 +82,13 @@ class ResultWriter:
 
     After a kill at any moment the file opens and holds everything flushed before.
 
-    Parameters
-    ----------
-    path : path-like
-        The new file.
-    header : ResultHeader
-        Names and shapes of all series.
-    overwrite : bool
-        Replace an existing file.
-
-    Raises
-    ------
-    BackendError
-        h5py is missing.
-    ResultFileError
-        The file exists, or another run writes it, or its folder does not exist, or it cannot be created; later, it cannot be
-        written, or it was removed or replaced.
-    SceneError
-        The path is not a path.
+    path: the new file.
+    header: names and shapes of all series.
+    overwrite: replace an existing file.
+    Raises BackendError: h5py is missing.
+    Raises ResultFileError: the file exists, or another run writes it, or its folder does not exist, or it cannot be created;
+        later, it cannot be written, or it was removed or replaced.
+    Raises SceneError: the path is not a path.
     """
 
     def __init__(self, path: str | PathLike[str], header: ResultHeader, *, overwrite: bool = False) -> None:
@@ -240,12 +223,7 @@ class ResultWriter:
             raise self._unwritable(error) from error
 
     def _check_place(self) -> None:
-        """Refuse to go on where the file of this name is another one.
-
-        Raises
-        ------
-        OSError
-        """
+        """Refuse to go on where the file of this name is another one. Raises OSError."""
         with suppress(OSError):
             if os.path.samestat(os.stat(self._where), os.fstat(self._raw.fileno())):
                 return
@@ -344,12 +322,7 @@ def save_result(result: Result, path: str | PathLike[str], *, overwrite: bool = 
 
 
 def _open(path: Path, where: Path, overwrite: bool) -> BinaryIO:
-    """Open a file for writing that no other run writes; its contents stay for now.
-
-    Raises
-    ------
-    ResultFileError
-    """
+    """Open a file for writing that no other run writes; its contents stay for now. Raises ResultFileError."""
     try:
         check_new("result file", where, path, overwrite)
         raw = open(os.open(where, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "rb+", buffering=0)

@@ -24,26 +24,13 @@ SIDES = 16
 class Lines:
     """Points along all beams of a result, one beam after the other, then those of nets and the ropes of winches.
 
-    Parameters
-    ----------
-    names : mapping
-        `Result.names`.
-    n_nodes : int
-    refine : int
-        Points from one node to the next; nets and ropes are lines through their nodes in any case.
-
-    Attributes
-    ----------
-    starts : int [B + 1]
-        First point of every beam, then their number M.
-    parts : int [B]
-        Entry of `labels` that every line belongs to.
-    labels : list of str
-        Names of beams, then of nets and winches.
-    s : float64 [M]
-        Arc length, m; NaN in nets and ropes, whose names do not tell it.
-    outline : float64 [B, 3]
-        Half sizes along d2 and d3, m, and 1 where the section is round, 0 for a rectangle.
+    names: `Result.names`.
+    refine: points from one node to the next; nets and ropes are lines through their nodes in any case.
+    starts: int [B + 1], first point of every beam, then their number M.
+    parts: int [B], entry of `labels` that every line belongs to.
+    labels: names of beams, then of nets and winches.
+    s: float64 [M], arc length, m; NaN in nets and ropes, whose names do not tell it.
+    outline: float64 [B, 3], half sizes along d2 and d3, m, and 1 where the section is round, 0 for a rectangle.
     """
 
     def __init__(self, names: Mapping[str, Any], n_nodes: int, refine: int = 1) -> None:

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fastbeam.interface import notebook
 from fastbeam.interface.arguments import Count, Flag, Number, checked
 from fastbeam.interface.errors import SceneError
-from fastbeam.interface.result_warnings import Doubts
+from fastbeam.interface.result_warnings import Tabled
 from fastbeam.results.result import Result
 from fastbeam.scene.placing import extent_of
 
@@ -52,7 +51,7 @@ class Motion:
         s; of motions to and fro without one 1, with decay the time in which they decay or grow by exp(3).
     """
 
-    def __init__(self, modes: Modes | DampedModes, k: int, amplitude: float, decay: bool) -> None:
+    def __init__(self, modes: Any, k: int, amplitude: float, decay: bool) -> None:
         _check_number(modes, k)
         self.positions, self.directors = modes.positions, modes.directors
         self.rate, x, turn = modes._moving(k)
@@ -87,16 +86,6 @@ class Motion:
         return self.positions - most, self.positions + most
 
 
-def _motion(modes: Modes | DampedModes, k: int, amplitude: float, frames: int, decay: bool) -> Result:
-    """Return the shapes of `Modes.motion`."""
-    moving = Motion(modes, k, amplitude, decay)
-    shares = np.arange(frames) / frames
-    phi, directors = (np.array(x) for x in zip(*(moving.shape(share) for share in shares)))
-    return Result(t=moving.period * shares, names=modes.names, t_snap=moving.period * shares, phi=phi, directors=directors,
-                  velocities=np.array([moving.velocity(share) for share in shares]),
-                  info={"scene": modes.info["scene"], "method": f"mode {k}", "period": moving.period, "conserved": []})
-
-
 def size_of(positions: Array) -> float:
     """Return the extent of a scene, m; 1 of a point."""
     return extent_of(positions[np.isfinite(positions).all(axis=1)]) or 1.0
@@ -111,7 +100,55 @@ def _turned(directors: Array, turn: Array) -> Array:
                       + 0.5 * np.sinc(0.5 * angle / np.pi)**2 * np.cross(about, once))
 
 
-class Modes(Doubts):
+class Motions(Tabled):
+    """Common part of modes: motions of all nodes about a shape."""
+
+    _title = "Modes of {}"
+
+    def __init__(self, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any, info: dict[str, Any],
+                 names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
+        self.displacements, self.spins, self.slides, self.residuals = displacements, spins, slides, residuals
+        self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
+        self._source = source
+
+    def __len__(self) -> int:
+        return self.residuals.size
+
+    @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
+    def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
+        """Return shapes of one period of a mode as snapshots of a `Result`, for ParaView (`.to_vtk`) and pictures; films:
+        `animate`.
+
+        Shapes are those of Re(x e^(i p)) at phases p from 0 on, in equal steps without the end of the period, so that they go on
+        where they begin; with the velocities of the motion. Motions without a period (free, growing, more than critically damped)
+        go to and fro once, in a period of 1 s.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement, as a share of the size of the scene; of modes in which nothing but triads turns the largest
+            angle, rad.
+        frames : int
+            Snapshots.
+        decay : bool
+            With decay or growth, e^(r t) as it is; what does not swing decays to e^-3, or grows from that.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        moving = Motion(self, k, amplitude, decay)
+        shares = np.arange(frames) / frames
+        phi, directors = (np.array(x) for x in zip(*(moving.shape(share) for share in shares)))
+        return Result(t=moving.period * shares, names=self.names, t_snap=moving.period * shares, phi=phi, directors=directors,
+                      velocities=np.array([moving.velocity(share) for share in shares]),
+                      info={"scene": self.info["scene"], "method": f"mode {k}", "period": moving.period, "conserved": []})
+
+
+class Modes(Motions):
     """Natural vibrations of a scene about an equilibrium, by w^2, unstable ones first (theory.md 11).
 
     Attributes
@@ -150,19 +187,13 @@ class Modes(Doubts):
     def __init__(self, values: Array, displacements: Array, spins: Array, slides: Array, modal_mass: Array,
                  effective_mass: Array, residuals: Array, uncertainty: Array, source: Any, info: dict[str, Any],
                  names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
+        super().__init__(displacements, spins, slides, residuals, source, info, names, positions, directors)
         root = np.sqrt(values.astype(complex))
         self.squared = np.real(values).astype(float)
         self.angular, self.growth = np.real(root), np.abs(np.imag(root))
         self.frequencies = self.angular / (2.0 * np.pi)
-        self.displacements, self.spins, self.slides = displacements, spins, slides
-        self.modal_mass, self.effective_mass = modal_mass, effective_mass
-        self.residuals, self.uncertainty = residuals, uncertainty
+        self.modal_mass, self.effective_mass, self.uncertainty = modal_mass, effective_mass, uncertainty
         self.left_out, self.is_complete = int(info["left_out"]), bool(info["complete"])
-        self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
-        self._source = source
-
-    def __len__(self) -> int:
-        return self.squared.size
 
     @property
     def unstable(self) -> int:
@@ -210,34 +241,6 @@ class Modes(Doubts):
         x, turn = self.displacements[k], self.spins[k]
         return self._source.moved(a * x, a * turn, a * self.slides[k], rate * x, rate * turn)
 
-    @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
-    def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
-        """Return shapes of one period of a mode as snapshots of a `Result`, for ParaView (`.to_vtk`) and pictures; films:
-        `animate`.
-
-        Shapes are those of Re(x e^(i p)) at phases p from 0 on, in equal steps without the end of the period, so that they go on
-        where they begin; with the velocities of the motion. Motions without a period (free, growing, more than critically damped)
-        go to and fro once, in a period of 1 s.
-
-        Parameters
-        ----------
-        k : int
-            From 0.
-        amplitude : float
-            Largest displacement, as a share of the size of the scene; of modes in which nothing but triads turns the largest
-            angle, rad.
-        frames : int
-            Snapshots.
-        decay : bool
-            With decay or growth, e^(r t) as it is; what does not swing decays to e^-3, or grows from that.
-
-        Raises
-        ------
-        SceneError
-            There is no such mode.
-        """
-        return _motion(self, k, amplitude, frames, decay)
-
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
         """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         rate, x, turn = complex(self.growth[k], self.angular[k]), self.displacements[k], self.spins[k]
@@ -263,14 +266,8 @@ class Modes(Doubts):
             more.append("whether modes are missing between these was not confirmed by pivots")
         return "\n".join([*rows, *more, *self._doubts()])
 
-    def __str__(self) -> str:
-        return self.table()
 
-    def _repr_html_(self) -> str:
-        return notebook.text(f"Modes of {self.info['scene']}", self.table())
-
-
-class DampedModes(Doubts):
+class DampedModes(Motions):
     """Motions Re(x e^(r t)) of a scene with damping about an equilibrium, by |r| (theory.md 14).
 
     A vibration is listed by its motion with positive Im r; with more than critical damping it is two motions without vibration,
@@ -302,18 +299,15 @@ class DampedModes(Doubts):
         Shape of the equilibrium.
     """
 
+    _title = "Damped modes of {}"
+
     def __init__(self, rates: Array, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any,
                  info: dict[str, Any], names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
+        super().__init__(displacements, spins, slides, residuals, source, info, names, positions, directors)
         self.rates = rates
         self.decay, self.angular, self.undamped = 0.0 - np.real(rates), np.imag(rates), np.abs(rates)
         self.frequencies = self.angular / (2.0 * np.pi)
         self.damping_ratios = np.divide(self.decay, self.undamped, out=np.zeros(rates.size), where=self.undamped > 0.0)
-        self.displacements, self.spins, self.slides, self.residuals = displacements, spins, slides, residuals
-        self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
-        self._source = source
-
-    def __len__(self) -> int:
-        return self.rates.size
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
     def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
@@ -340,29 +334,6 @@ class DampedModes(Doubts):
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
                                   np.real(a * rate * turn))
 
-    @checked(k=Count(0), amplitude=SIZE, frames=FRAMES, decay=Flag())
-    def motion(self, k: int, amplitude: float = 0.12, frames: int = 24, decay: bool = False) -> Result:
-        """Return shapes of one period of a mode as snapshots of a `Result`; as `Modes.motion`, with the phases that points have.
-
-        Parameters
-        ----------
-        k : int
-            From 0.
-        amplitude : float
-            Largest displacement, as a share of the size of the scene; of modes in which nothing but triads turns the largest
-            angle, rad.
-        frames : int
-            Snapshots.
-        decay : bool
-            With decay or growth, e^(r t) as it is; what does not swing decays to e^-3, or grows from that.
-
-        Raises
-        ------
-        SceneError
-            There is no such mode.
-        """
-        return _motion(self, k, amplitude, frames, decay)
-
     def _moving(self, k: int) -> tuple[complex, Array, Array]:
         """Return rate, 1/s, and complex displacements and spins [N, 3] of mode k as it moves."""
         return complex(self.rates[k]), self.displacements[k], self.spins[k]
@@ -374,12 +345,6 @@ class DampedModes(Doubts):
             rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.undamped[k] / (2.0 * np.pi):14.8g} "
                         f"{self.damping_ratios[k]:14.7g} {self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
         return "\n".join([*rows, *self._doubts()])
-
-    def __str__(self) -> str:
-        return self.table()
-
-    def _repr_html_(self) -> str:
-        return notebook.text(f"Damped modes of {self.info['scene']}", self.table())
 
 
 class SteadyModes(DampedModes):
@@ -397,6 +362,8 @@ class SteadyModes(DampedModes):
         Whether a count of signs confirms that no mode below the last is missing; False where K alone is not stable, as beyond a
         critical speed, or something is damped.
     """
+
+    _title = "Modes of {} in steady motion"
 
     def __init__(self, rates: Array, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any,
                  info: dict[str, Any], names: Mapping[str, list[Any]], positions: Array, directors: Array, whirl: Array,
@@ -445,10 +412,7 @@ class SteadyModes(DampedModes):
             rows.append("whether modes are missing between these was not confirmed")
         return "\n".join([*rows, *self._doubts()])
 
-    def _repr_html_(self) -> str:
-        return notebook.text(f"Modes of {self.info['scene']} in steady motion", self.table())
 
-
-def _check_number(modes: Modes | DampedModes, k: int) -> None:
+def _check_number(modes: Motions, k: int) -> None:
     if k >= len(modes):
         raise SceneError(f"mode {k} does not exist: there are {len(modes)}, counted from 0")

@@ -25,14 +25,9 @@ class Progress:
     after pauses that double. What happens before the first update, compilation of kernels above all, tells nothing about the time
     that is left.
 
-    Parameters
-    ----------
-    total : float
-        Amount of work, in steps or in seconds of simulated time.
-    label : str
-        Text before the bar.
-    enabled : bool, optional
-        None: shown unless the environment says FASTBEAM_PROGRESS=0. True: the first line comes after `QUIET_TIME`.
+    total: amount of work, in steps or in seconds of simulated time.
+    label: text before the bar.
+    enabled: None: shown unless the environment says FASTBEAM_PROGRESS=0. True: the first line comes after `QUIET_TIME`.
 
     Examples
     --------

@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.interface import notebook
 from fastbeam.interface.arguments import Count, Name, checked
 from fastbeam.interface.errors import SceneError
-from fastbeam.interface.result_warnings import Doubts
+from fastbeam.interface.result_warnings import Tabled
 from fastbeam.interface.synonyms import known
 
 Array = np.ndarray
@@ -16,7 +15,7 @@ Array = np.ndarray
 MOST_PEAKS, MOST_POINTS = 8, 30
 
 
-class FrequencyResponse(Doubts):
+class FrequencyResponse(Tabled):
     """Steady vibrations under harmonic excitation: every quantity is Re(X e^(i w t)) with these complex amplitudes X (theory.md
     14).
 
@@ -46,6 +45,8 @@ class FrequencyResponse(Doubts):
     positions : float64 [N, 3]
         Positions of the equilibrium.
     """
+
+    _title = "Frequency response of {}"
 
     def __init__(self, frequencies: Array, displacements: Array, spins: Array, slides: Array, residuals: Array,
                  sensitivity: Array, uncertainty: Array, motions: Array | None, info: dict[str, Any], names: dict[str, list[Any]],
@@ -138,12 +139,6 @@ class FrequencyResponse(Doubts):
         if len(names) > MOST_POINTS:
             rows.append(f"and {len(names) - MOST_POINTS} more points")
         return "\n".join([*rows, *self._doubts()])
-
-    def __str__(self) -> str:
-        return self.table()
-
-    def _repr_html_(self) -> str:
-        return notebook.text(f"Frequency response of {self.info['scene']}", self.table())
 
     def _number(self, what: str, name: str) -> int:
         if name not in self.names[what]:

@@ -51,33 +51,18 @@ INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energ
 
 @dataclass
 class ResultHeader:
-    """Facts that are known before the first step: the model, the names, and the shape of one row of every series.
+    """Facts that are known before the first step: the model, the names, and the shape of one row of every series."""
 
-    Attributes
-    ----------
-    model_text : str
-        The printed model.
-    info : dict
-        JSON-able facts: scene, method, order, step, versions, ... Optional keys that have a meaning here:
-        'scale' {series: characteristic size} for `Result.drift`; 'conserved' [series] for tables and pictures.
-    names : dict of lists
-        See `Result`.
-    n_nodes : int
-        Nodes N in the global list (snapshots hold [N, 3] and [N, 3, 3]).
-    series : dict
-        Name -> shape of ONE row: () for an energy, (3,) for a momentum, (n_sliders, 3) for contact forces.
-    integer : tuple of str
-        Series that hold whole numbers.
-    velocities, spins : bool
-        Whether snapshots hold velocities and spins of the nodes [N, 3], too.
-    """
-
-    model_text: str = ""
+    model_text: str = ""  # the printed model
+    # JSON-able facts: scene, method, order, step, versions, ... Optional keys that have a meaning here: 'scale' {series:
+    # characteristic size} for `Result.drift`; 'conserved' [series] for tables and pictures
     info: dict[str, Any] = field(default_factory=dict)
-    names: dict[str, list[Any]] = field(default_factory=dict)
-    n_nodes: int = 0
+    names: dict[str, list[Any]] = field(default_factory=dict)  # see `Result`
+    n_nodes: int = 0  # nodes N in the global list (snapshots hold [N, 3] and [N, 3, 3])
+    # name -> shape of ONE row: () for an energy, (3,) for a momentum, (n_sliders, 3) for contact forces
     series: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    integer: tuple[str, ...] = INTEGER_SERIES
+    integer: tuple[str, ...] = INTEGER_SERIES  # series that hold whole numbers
+    # velocities, spins: whether snapshots hold velocities and spins of the nodes [N, 3], too
     velocities: bool = False
     spins: bool = False
 
@@ -97,10 +82,7 @@ class ResultHeader:
 class ResultBuffer:
     """Buffer of a run in memory; takes the same calls as `hdf5_writer.ResultWriter`.
 
-    Parameters
-    ----------
-    header : ResultHeader
-        Fixes the names and shapes of all series.
+    header: fixes the names and shapes of all series.
     """
 
     def __init__(self, header: ResultHeader) -> None:

@@ -14,14 +14,9 @@ Rows = Mapping[str, Any]
 class RowBuffer:
     """Columns that grow geometrically, so that appending costs O(1) per row.
 
-    Parameters
-    ----------
-    shapes : dict
-        Name -> shape of one row.
-    dtypes : dict, optional
-        Name -> type, float64 where absent.
-    capacity : int
-        Rows allocated at first.
+    shapes: name -> shape of one row.
+    dtypes: name -> type, float64 where absent.
+    capacity: rows allocated at first.
     """
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]], dtypes: Mapping[str, type] | None = None,
@@ -38,10 +33,7 @@ class RowBuffer:
     def append(self, rows: Rows, n: int | None = None) -> None:
         """Add one row (n None) or a block of n rows (every array with first axis n).
 
-        Raises
-        ------
-        ValueError
-            The names are not those of the buffer, or a value has the wrong shape. The buffer is then unchanged.
+        Raises ValueError: the names are not those of the buffer, or a value has the wrong shape. The buffer is then unchanged.
         """
         if rows.keys() != self._data.keys():
             raise ValueError(_name_mismatch(rows.keys(), self._data.keys()))

@@ -50,18 +50,9 @@ class Row(TypedDict):
 class SweepFile:
     """Writer of the rows of a sweep as they come.
 
-    Parameters
-    ----------
-    path : Path
-    header : dict
-        JSON-able.
-    rows : list of dict
-        Rows that the file begins with, those of the file that stood there.
-
-    Raises
-    ------
-    ResultFileError
-        Its folder does not exist, another sweep writes it, or it cannot be written.
+    header: JSON-able.
+    rows: rows that the file begins with, those of the file that stood there.
+    Raises ResultFileError: its folder does not exist, another sweep writes it, or it cannot be written.
     """
 
     def __init__(self, path: Path, header: dict[str, Any], rows: list[Row]) -> None:
@@ -122,12 +113,7 @@ class SweepFile:
             self.flush()
 
     def flush(self) -> None:
-        """Write everything that waits in memory.
-
-        Raises
-        ------
-        ResultFileError
-        """
+        """Write everything that waits in memory. Raises ResultFileError."""
         if self._file is None or not self._text:
             return
         numbers = np.concatenate(self._numbers)
@@ -188,10 +174,7 @@ def let_go() -> None:
 def read_sweep(path: Path) -> tuple[dict[str, Any], list[Row]]:
     """Read header and rows of a file, also of one whose writer was killed or is running.
 
-    Raises
-    ------
-    ResultFileError
-        The file is missing, no sweep, or damaged.
+    Raises ResultFileError: the file is missing, no sweep, or damaged.
     """
     h5py = import_h5py()
     return read_again(path, lambda left_open: _read(h5py, path, left_open))

@@ -42,26 +42,17 @@ RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
 
 @dataclass
 class _Shape:
-    """Poly data: arrays that are constant and arrays that change in time.
-
-    Attributes
-    ----------
-    n_points : int
-    cells : dict
-        'Vertices', 'Lines', 'Polygons' -> corners of all cells one after the other, and where each begins.
-    constant, cell_data : dict of arrays [n_points, ...], [cells, ...]
-    moving : dict of functions
-        Name -> numbers of a point, and the values [n_points, ...] at snapshot k; 'Points' among them.
-    labels : dict of lists
-        Names of the parts of every kind.
-    """
+    """Poly data: arrays that are constant and arrays that change in time."""
 
     n_points: int
+    # 'Vertices', 'Lines', 'Polygons' -> corners of all cells one after the other, and where each begins
     cells: dict[str, tuple[Array, Array]]
+    # constant, cell_data, dict of arrays [n_points, ...], [cells, ...]
     constant: dict[str, Array]
     cell_data: dict[str, Array]
+    # name -> numbers of a point, and the values [n_points, ...] at snapshot k; 'Points' among them
     moving: dict[str, tuple[int, Callable[[int], Array]]]
-    labels: dict[str, list[str]]
+    labels: dict[str, list[str]]  # names of the parts of every kind
 
     def size(self, steps: int, item: int) -> int:
         """Return the bytes of all arrays."""
@@ -216,10 +207,7 @@ def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Ca
     """Return functions of snapshot k: forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3],
     linear between the arc lengths that are given; NaN on beams without section forces.
 
-    Raises
-    ------
-    SceneError
-        `sections` is no dict of section forces, names a beam that is not there, or belongs to other shapes.
+    Raises SceneError: `sections` is no dict of section forces, names a beam that is not there, or belongs to other shapes.
     """
     need = "to_vtk: sections must be a dict of names of beams and what section_forces(model, result, beam) returns"
     if not isinstance(sections, Mapping):

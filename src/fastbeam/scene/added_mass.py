@@ -2,13 +2,13 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from fastbeam.interface.arguments import Name, Number, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.beams import Beam
 from fastbeam.scene.bodies import PointMass, RigidBody
-from fastbeam.scene.checks import noun
+from fastbeam.scene.checks import Named, noun
 from fastbeam.scene.drag import InAir
 from fastbeam.scene.nets import Net
 
@@ -17,7 +17,7 @@ NOT_NEGATIVE = Number(least=0.0)
 
 @checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE)
 @noun
-class AddedMass:
+class AddedMass(Named):
     """Mass of fluid that a part carries along (theory.md (4.34)): 1/2 v . (m_n I + (m_t - m_n) d1 d1) v in the kinetic energy.
 
     It turns with the section: across d1 it is `normal`, along d1 `tangential`. It has no weight. On beams and nets both are
@@ -54,16 +54,6 @@ class AddedMass:
                              "or use a RigidBody")
 
     @property
-    def label(self) -> str:
-        """`added mass 'name'`."""
-        return f"{self.kind} {self.name!r}"
-
-    @property
     def is_slender(self) -> bool:
         """True if coefficients are per length."""
         return isinstance(self.on, (Beam, Net))
-
-
-def added_masses(scene: Any) -> list[AddedMass]:
-    """Return all added mass of a scene."""
-    return [part for part in scene.parts if isinstance(part, AddedMass)]

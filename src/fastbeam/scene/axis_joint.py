@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from fastbeam.interface.arguments import Name, Vector, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, ArrayField, SideField, noun
 from fastbeam.scene.fixed import GROUND, Ground
@@ -56,14 +53,14 @@ class AxisJoint(Link):
             raise SceneError(f"{who}: both sides are the ground; one has to belong to something that moves")
         for name, side, other in (("a", self.a, self.b), ("b", self.b, self.a)):
             if isinstance(side, Ground):
-                checks.fill(self, **{name: GROUND.point(_place(other))})
+                checks.fill(self, **{name: GROUND.point(other.place)})
         super().__post_init__()
+        self._clean()
+        for freedom in self.freedoms:
+            freedom.check()
 
-    @property
-    def label(self) -> str:
-        """Name of the joint for messages; automatic names already say the kind."""
-        name = str(self.name)
-        return name if name.startswith(f"{self.kind} of ") else checks.label(self.kind, name)
+    def _clean(self) -> None:
+        """Clean the directions of the joint."""
 
     @property
     def across(self) -> Array | None:
@@ -79,19 +76,6 @@ class AxisJoint(Link):
         """Return the arguments of `freedoms_of` for the coordinates."""
         return {}
 
-    def _check_freedoms(self) -> None:
-        """Check every coordinate for contradictions."""
-        for freedom in self.freedoms:
-            freedom.check()
-
-
-def _place(node: NodeRef) -> Array:
-    """Return the position of a node of a beam or point of a body at t = 0."""
-    owner = node.owner
-    if isinstance(owner, Beam):
-        return np.asarray(owner.reference(owner.node_s[node.index])[0][0])
-    return np.asarray(owner.position + node.offset @ owner.directors)
-
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector)
 @noun
@@ -104,8 +88,7 @@ class OneAxisJoint(AxisJoint):
     _: KW_ONLY
     axis: ArrayField
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _clean(self) -> None:
         checks.fill(self, axis=checks.direction(self.label, "axis", self.axis))
 
     @property

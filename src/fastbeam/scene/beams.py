@@ -27,7 +27,7 @@ from fastbeam.interface.arguments import (
 )
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import Array, ArrayField, Takes, noun
+from fastbeam.scene.checks import Array, ArrayField, Named, Takes, noun
 from fastbeam.scene.curves import Arc, Curve, FittedCurve, Helix, StraightLine, spline_through
 from fastbeam.scene.sections import Section
 
@@ -150,6 +150,14 @@ class NodeRef:
         return not self.offset.any()
 
     @property
+    def place(self) -> Array:
+        """Position (3,) m at t = 0 of a node of a beam, or of a point of a body or mass with a position."""
+        owner: Any = self.owner
+        if isinstance(owner, Beam):
+            return owner.reference(owner.node_s[self.index])[0][0]
+        return owner.position + self.offset @ owner.directors if hasattr(owner, "directors") else owner.position
+
+    @property
     def label(self) -> str:
         """Text for messages and automatic names, without the arc length."""
         if isinstance(self.owner, Beam):
@@ -193,7 +201,7 @@ def nearest_on(line: Any, point: Any) -> tuple[float, float]:
 
 @checked(name=Name(), curve=CurveOf(), **COMMON)
 @noun
-class Beam:
+class Beam(Named):
     """One beam: a reference curve with triads, a section and an interpolation. The reference is free of stress, unless it is
     given a prestrain or a prestress.
 
@@ -363,11 +371,6 @@ class Beam:
 
     # --- geometry -----------------------------------------------------------------------------------------------------
     @property
-    def label(self) -> str:
-        """`beam 'name'`."""
-        return f"beam {self.name!r}"
-
-    @property
     def length(self) -> float:
         """Reference length, m."""
         return float(self.curve.length)
@@ -488,10 +491,7 @@ for _way in ("straight", "arc", "helix", "from_curve", "through_points"):
 def strained(who: str, section: Section, prestrain: float, prestress: float) -> Array:
     """Return the six strains of a prestrain, or of the normal force prestress.
 
-    Raises
-    ------
-    SceneError
-        Both are given, or the beam would have no length without stress.
+    Raises SceneError: both are given, or the beam would have no length without stress.
     """
     if prestrain != 0.0 and prestress != 0.0:
         raise SceneError(f"{who}: give prestrain or prestress, not both")

@@ -20,6 +20,7 @@ from fastbeam.scene.checks import (
     FieldField,
     FieldLike,
     FilledArray,
+    Named,
     NodeField,
     OptionalArray,
     OptionalField,
@@ -92,7 +93,7 @@ class Movable:
 
 @checked(name=Name(), mass=MASS, position=Vector, velocity=Vector)
 @noun
-class PointMass:
+class PointMass(Named):
     """Point mass (kg, > 0). `position` (3,) m may be left out where a slider or a joint places it.
 
     `velocity` (3,) m/s: None means at rest, or moving with its slider.
@@ -112,11 +113,6 @@ class PointMass:
     velocity: OptionalArray = None
 
     @property
-    def label(self) -> str:
-        """`point mass 'name'`."""
-        return f"{self.kind} {self.name!r}"
-
-    @property
     def center(self) -> NodeRef:
         """The mass as a node."""
         return NodeRef(self)
@@ -124,7 +120,7 @@ class PointMass:
 
 @checked(name=Name(), mass=MASS, inertia=Anything(), position=Vector, directors=Rotation(), velocity=Vector, spin=Vector)
 @noun
-class RigidBody:
+class RigidBody(Named):
     """Rigid body: one node at the centre of mass with a body triad.
 
     Parameters
@@ -162,11 +158,6 @@ class RigidBody:
         who = checks.label(self.kind, self.name)
         directors = checks.constant(np.eye(3)) if self.directors is None else self.directors
         checks.fill(self, inertia=_inertia(who, self.inertia), directors=directors)
-
-    @property
-    def label(self) -> str:
-        """`body 'name'`."""
-        return f"{self.kind} {self.name!r}"
 
     @property
     def center(self) -> NodeRef:

@@ -10,7 +10,7 @@ from fastbeam.interface.arguments import LARGEST, Name, Refusal, checked, consta
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import Array, ArrayField, FilledArray, Rotation, fill, noun
-from fastbeam.scene.links import Link, label_of
+from fastbeam.scene.links import Link
 
 # entries that couple forces and rotations, relative to those on the diagonal, that are round-off
 COUPLED = 1e-12
@@ -102,11 +102,6 @@ class Bushing(Link):
             raise SceneError(f"{self.label}: damping couples forces with rotations (rows 1 to 3 with columns 4 to 6); set these "
                              "entries to 0")
         fill(self, damping=constant(damping), directors=constant(np.eye(3)) if self.directors is None else self.directors)
-
-    @property
-    def label(self) -> str:
-        """Name of the bushing for messages; automatic names already say the kind."""
-        return label_of(self)
 
     @property
     def is_damped(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, Union, dataclass_transform
 
 import numpy as np
 
@@ -75,7 +75,6 @@ def _differing(part: Any, skipped: set[str]) -> list[str]:
 
 
 def _brief(value: Any) -> str:
-    """Shorten the value of a field."""
     if isinstance(value, np.ndarray) and value.ndim == 2 and value.shape[0] == value.shape[1]:
         if np.array_equal(value, np.diag(np.diag(value))):
             return f"diagonal {shown(np.diag(value))}"
@@ -117,6 +116,18 @@ def fill(obj: Any, **values: Any) -> None:
 def label(kind: str, name: str) -> str:
     """Return `kind 'name'`."""
     return f"{kind} {name!r}"
+
+
+class Named:
+    """Part of a scene with a name that the user gave."""
+
+    kind: ClassVar[str]
+    name: Any
+
+    @property
+    def label(self) -> str:
+        """`kind 'name'`, for messages."""
+        return label(self.kind, self.name)
 
 
 def number(who: str, what: str, value: Any, **bounds: Any) -> float:
@@ -176,13 +187,7 @@ def tried(function: Callable[[Any], Any], at: Any, where: str) -> Any:
 
 
 def called(who: str, what: str, function: Callable[[float], Any], t: float) -> Any:
-    """Call a user function at t.
-
-    Raises
-    ------
-    SceneError
-        The function raised an error.
-    """
+    """Call a user function at t. Raises SceneError: the function raised an error."""
     try:
         return tried(function, t, f"at {t:.6g}")
     except Refusal as refusal:

@@ -86,10 +86,6 @@ class CylindricalJoint(OneAxisJoint):
     drive: tuple[Drive | None, ...] = NONE2
     stops: tuple[Stops | None, ...] = NONE2
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._check_freedoms()
-
     def _acting(self) -> dict[str, tuple[Any, ...]]:
         return {**_same(self), "motor": (self.torque, self.force), "place": (self.angle, self.distance)}
 
@@ -151,8 +147,7 @@ class PlanarJoint(AxisJoint):
     drive: tuple[Drive | None, ...] = NONE3
     stops: tuple[Stops | None, ...] = NONE3
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _clean(self) -> None:
         checks.fill(self, normal=checks.direction(self.label, "normal", self.normal))
         if self.along is not None:
             found = checks.direction(self.label, "along", self.along)
@@ -160,7 +155,6 @@ class PlanarJoint(AxisJoint):
                 raise SceneError(f"{self.label}: along={checks.shown(self.along)} does not lie in the plane, whose normal is "
                                  f"{checks.shown(self.normal)}; take a direction at a right angle to it")
             checks.fill(self, along=found - (found @ self.normal) * self.normal)
-        self._check_freedoms()
 
     @property
     def axes(self) -> tuple[Array, Array]:
@@ -223,8 +217,7 @@ class UniversalJoint(AxisJoint):
     drive: tuple[Drive | None, ...] = NONE2
     stops: tuple[Stops | None, ...] = NONE2
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _clean(self) -> None:
         who = self.label
         a, b = checks.direction(who, "axis_a", self.axis_a), checks.direction(who, "axis_b", self.axis_b)
         if abs(float(a @ b)) > UPRIGHT:
@@ -232,7 +225,6 @@ class UniversalJoint(AxisJoint):
             raise SceneError(f"{who}: axis_a={checks.shown(self.axis_a)} and axis_b={checks.shown(self.axis_b)} make an angle of "
                              f"{angle:.10g} degrees, the arms of a cross are at a right angle; turn one of them")
         checks.fill(self, axis_a=a, axis_b=b - (a @ b) * a)
-        self._check_freedoms()
 
     @property
     def axes(self) -> tuple[Array, Array]:
@@ -287,12 +279,11 @@ class SphericalJoint(OneAxisJoint):
     drive: Drive | None = None
     stops: Stops | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _clean(self) -> None:
+        super()._clean()
         if self.cone is not None and not (self.cone.start is None and 0.0 < self.cone.between[1] < np.pi):
             raise SceneError(f"{self.label}: cone={self.cone} is to bound the swing from above, by an angle between 0 and pi; "
                              "write fb.Stops(end=...)")
-        self._check_freedoms()
 
     @property
     def freedoms(self) -> tuple[Freedom, ...]:

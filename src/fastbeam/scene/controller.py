@@ -21,7 +21,7 @@ SIGNATURE = "(now, memory)"
 @checked(name=Name(), law=Function(SIGNATURE), period=Number(above=0.0, unit="s"), start=Number(),
          memory=Numbers((None,), "a list of numbers"), points=Names("must map names to nodes, as in points={'tip': beam.end}"))
 @dataclass(frozen=True, eq=False)
-class Controller:
+class Controller(checks.Named):
     """Digital controller: it reads the state every `period` seconds and holds the value of its law until the next time.
 
     It is a function of time for everything that takes one: `Load(time=)`, `Drive(force=)`, `RevoluteJoint(torque=)`,
@@ -76,11 +76,6 @@ class Controller:
 
     def __post_init__(self) -> None:
         checks.fill(self, memory=np.array(self.memory, dtype=float), points=dict(self.points or {}), held=[self.start])
-
-    @property
-    def label(self) -> str:
-        """`controller 'name'`."""
-        return f"{self.kind} {self.name!r}"
 
     @property
     def size(self) -> int:

@@ -91,23 +91,12 @@ class FittedCurve:
     Each panel of t carries Chebyshev polynomials of degree 24; panels are halved until the position and its speed are
     resolved to round-off. Arc length is accurate to 1e-12 relative on smooth curves; kinks are enclosed in tiny panels.
 
-    Parameters
-    ----------
-    who : str
-        Name used in messages.
-    curve : callable
-        t -> position (3,), m.
-    breaks : sequence of float
-        Increasing values of t from 0 to 1 where panels must end (places of reduced smoothness).
-    frame : callable or None
-        t -> d2 (3,) or rows d1, d2, d3 (3, 3). None: rotation-minimising frame.
-    d2 : array_like or None
-        Start of the rotation-minimising frame; None: d3 as close to e_z as possible.
-
-    Raises
-    ------
-    SceneError
-        The function returns no finite points or no direction, stands still, or turns back on itself.
+    who: name used in messages.
+    curve: t -> position (3,), m.
+    breaks: increasing values of t from 0 to 1 where panels must end (places of reduced smoothness).
+    frame: t -> d2 (3,) or rows d1, d2, d3 (3, 3). None: rotation-minimising frame.
+    d2: start of the rotation-minimising frame; None: d3 as close to e_z as possible.
+    Raises SceneError: the function returns no finite points or no direction, stands still, or turns back on itself.
     """
 
     def __init__(self, who: str, curve: Callable[[float], Any], *, breaks: Any = (0.0, 0.25, 0.5, 0.75, 1.0),
@@ -307,10 +296,7 @@ def _unit(v: Array) -> Array:
 def spline_through(who: str, points: Any, *, d2: Any = None) -> FittedCurve:
     """Make the C2 cubic spline through points [m, 3] (not-a-knot ends, chord-length parameter), a curve in arc length.
 
-    Raises
-    ------
-    SceneError
-        Fewer than two points, a wrong shape, values that are not finite, or equal neighbours.
+    Raises SceneError: fewer than two points, a wrong shape, values that are not finite, or equal neighbours.
     """
     from scipy.interpolate import CubicSpline
 

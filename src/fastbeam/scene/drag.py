@@ -11,7 +11,7 @@ from fastbeam.interface.arguments import Function, Name, Number, Numbers, Refusa
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bodies import FACTOR, ZERO, PointMass, RigidBody, Steady, TimeFactor
-from fastbeam.scene.checks import ArrayField, fill, noun
+from fastbeam.scene.checks import ArrayField, Named, fill, noun
 from fastbeam.scene.nets import Net
 
 NOT_NEGATIVE = Number(least=0.0)
@@ -33,7 +33,7 @@ class InAir:
          time=FACTOR, wind=Function("(t, position, parameters, velocity)"),
          parameters=Numbers((None,), "a list of numbers for the wind"))
 @noun
-class Drag:
+class Drag(Named):
     """Force against the velocity relative to the air (theory.md (4.12)); its loss is in `result.balance()`. In statics moving
     air is a load, which grows with the load factor.
 
@@ -93,11 +93,6 @@ class Drag:
             raise SceneError(f"{self.label}: time is a factor of air, which is 0; give air, the velocity where the factor is 1")
         if self.tangential > 0.0 and not self.is_slender:
             raise SceneError(f"{self.label}: {self.on.label} has no direction; give normal, its whole resistance")
-
-    @property
-    def label(self) -> str:
-        """`drag 'name'`."""
-        return f"{self.kind} {self.name!r}"
 
     @property
     def blows(self) -> bool:

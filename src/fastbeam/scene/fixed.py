@@ -32,13 +32,7 @@ class Ground:
 
     @checked(position=Vector)
     def point(self, position: ArrayLike) -> NodeRef:
-        """Return the point at `position` (3,) m in space.
-
-        Raises
-        ------
-        SceneError
-            The position is not 3 finite numbers.
-        """
+        """Return the point at `position` (3,) m in space. Raises SceneError: the position is not 3 finite numbers."""
         return NodeRef(self, 0, position)
 
     def __repr__(self) -> str:

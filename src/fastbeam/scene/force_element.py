@@ -12,7 +12,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.bodies import Node, PointMass
 from fastbeam.scene.checks import FilledArray, Rotation
-from fastbeam.scene.links import Link, label_of
+from fastbeam.scene.links import Link
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -90,8 +90,3 @@ class ForceElement(Link):
             if isinstance(side.owner, PointMass):
                 raise SceneError(f"{self.label}: {side.owner.label} has no rotation; join a RigidBody, a point of one or a node "
                                  "of a beam, or use a LineForce")
-
-    @property
-    def label(self) -> str:
-        """The force element for messages; automatic names already say the kind."""
-        return label_of(self)

@@ -59,25 +59,15 @@ COSINES = tuple(Shape("cosine", (Product(0, i, 0),)) for i in range(3))
 
 @dataclass(frozen=True)
 class Freedom:
-    """Free coordinate of a joint, with forces, springs, drives and stops on it.
-
-    Attributes
-    ----------
-    joint : AxisJoint
-    shape : Shape
-    which : str
-        Word that distinguishes it from others of its kind in messages: 'first ', 'second ' or ''.
-    alone : bool
-        Whether the joint has no other.
-    stiffness, damping, rest, motor, place, speed, friction, coefficient, radius, length, drive, stops, smoothing
-        Arguments of joints, and of `Friction`; motor is the torque or force, place the prescribed angle or distance.
-    """
+    """Free coordinate of a joint, with forces, springs, drives and stops on it."""
 
     joint: AxisJoint
     shape: Shape
-    which: str = ""
-    alone: bool = True
+    which: str = ""  # word that distinguishes it from others of its kind in messages: 'first ', 'second ' or ''
+    alone: bool = True  # whether the joint has no other
     _: KW_ONLY
+    # stiffness, damping, rest, motor, place, speed, friction, coefficient, radius, length, drive, stops, smoothing: arguments of
+    # joints, and of `Friction`; motor is the torque or force, place the prescribed angle or distance
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
@@ -152,12 +142,7 @@ class Freedom:
         return rate_at_start(self.speed if self.place is None else self.place, what, self.label, FADES)
 
     def check(self) -> None:
-        """Check the arguments for contradictions.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Check the arguments for contradictions. Raises SceneError."""
         who, (place, motor, unit) = self.label, self.words
         if self.place is not None and self.speed is not None:
             raise SceneError(f"{who}: {place}= and speed= both say how it moves; give one of them")

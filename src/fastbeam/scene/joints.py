@@ -15,9 +15,7 @@ from fastbeam.scene.slider_forces import ADrive, Drive, OfTime, SomeStops, Stops
 def _check_pin(who: str, coefficient: float, length: float | None, radius: float | None) -> None:
     """Check that friction by the load has the sizes of the pressed surfaces; radius: of a pin, None for a guide.
 
-    Raises
-    ------
-    SceneError
+    Raises SceneError.
     """
     if coefficient > 0.0 and radius == 0.0:
         raise SceneError(f"{who}: coefficient= is friction on the surface of a pin; give its radius= too, m > 0")
@@ -100,7 +98,6 @@ class RevoluteJoint(OneAxisJoint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check_freedoms()
         _check_pin(self.label, self.coefficient, self.length, self.radius)
 
     def _acting(self) -> dict[str, tuple[Any, ...]]:
@@ -164,7 +161,6 @@ class PrismaticJoint(OneAxisJoint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check_freedoms()
         _check_pin(self.label, self.coefficient, self.length, None)
 
     def _acting(self) -> dict[str, tuple[Any, ...]]:

@@ -11,7 +11,7 @@ from fastbeam.interface.arguments import Function, Name, Numbers, checked
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.bodies import Node
-from fastbeam.scene.links import Link, label_of
+from fastbeam.scene.links import Link
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -75,8 +75,3 @@ class LineForce(Link):
         checks.fill(self, parameters=np.array(self.parameters, dtype=float))
         if self.law is None:
             raise SceneError(f"{self.label}: law= is missing, a function (t, length, rate, parameters) that returns the tension")
-
-    @property
-    def label(self) -> str:
-        """The force for messages; automatic names already say the kind."""
-        return label_of(self)

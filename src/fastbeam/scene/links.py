@@ -34,6 +34,11 @@ class Link:
         if self.name is None:
             checks.fill(self, name=f"{self.kind} of {a.label} and {b.label}")
 
+    @property
+    def label(self) -> str:
+        """Name of the link for messages; automatic names already say the kind."""
+        return label_of(self)
+
 
 def label_of(link: Link) -> str:
     """Return the name of a link for messages; automatic names already say the kind."""

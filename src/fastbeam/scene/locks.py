@@ -43,10 +43,7 @@ class When:
 def truth(function: Any, t: float, s: float, rate: float) -> float | None:
     """Return the value of a condition as a number: it holds from 0 on, True is 1 and False is -1. None if it is not finite.
 
-    Raises
-    ------
-    Refusal
-        It takes other arguments, or fails.
+    Raises Refusal: it takes other arguments, or fails.
     """
     n = needed_arguments(function)
     if n != 3:
@@ -212,12 +209,7 @@ class ARelease:
 
 
 def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tuple[float, float]) -> None:
-    """Check that locks of a slider fit each other, its stops and the ends of its beam.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Check that locks of a slider fit each other, its stops and the ends of its beam. Raises SceneError."""
     latest = -np.inf
     for i, lock in enumerate(locks):
         if i and lock.from_start:
@@ -238,12 +230,7 @@ def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tu
 
 
 def check_release(who: str, release: Release, stops: Stops | None, closed: bool) -> None:
-    """Check that a release at an end of the beam has an end that the slider can reach.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Check that a release at an end of the beam has an end that the slider can reach. Raises SceneError."""
     if not isinstance(release.when, str):
         return
     if closed:

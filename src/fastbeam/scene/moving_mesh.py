@@ -41,12 +41,7 @@ def has_coulomb(slider: Slider) -> bool:
 
 
 def check_acting(who: str, slider: Slider) -> None:
-    """Check that a slider has no features that moving elements do not support.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Check that a slider has no features that moving elements do not support. Raises SceneError."""
     label = f"{who}: {slider.kind} {slider.name!r}"
     given = {"a lock": slider.lock, "a release": slider.release, "one-sided contact": slider.one_sided}
     for what, value in given.items():
@@ -62,10 +57,7 @@ def check_acting(who: str, slider: Slider) -> None:
 def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
     """Check that contacts are not too near to each other or to an end of their beam, and that they can reach their stops.
 
-    Raises
-    ------
-    SceneError
-        Names the slider, and says where it may be.
+    Raises SceneError: names the slider, and says where it may be.
     """
     near, length = NEAREST * beam.length, beam.length
     allowed = f"elements that move need contacts between {near:.4g} and {length - near:.4g} m of {beam.label}"

@@ -11,7 +11,7 @@ from fastbeam.interface.arguments import Anything, Name, Word, checked, shown, w
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import DEGREES, MOST_ELEMENTS, STRAINS, Beam, NodeRef, strained
-from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.checks import Array, Factor, Named, TimeFactor
 from fastbeam.scene.curves import StraightLine
 from fastbeam.scene.interpolation.shapes import gll_nodes
 from fastbeam.scene.sections import Section
@@ -33,7 +33,7 @@ class NetBeam(Beam):
 
 
 @checked(name=Name(), strain=Word(STRAINS), time=Factor(), **dict.fromkeys(TABLES, Anything()))
-class Net:
+class Net(Named):
     """Straight beams between nodes: frames with welded nodes, cable nets with ball joints, and mixtures.
 
     A net of any size is one part of a scene. Its beams have Lagrange elements of equal length. All arrays are copied.
@@ -145,11 +145,6 @@ class Net:
         self._beams: dict[int, NetBeam] = {}
 
     # --- public calls -------------------------------------------------------------------------------------------------
-    @property
-    def label(self) -> str:
-        """`net 'name'`."""
-        return f"{self.kind} {self.name!r}"
-
     @property
     def is_strained(self) -> bool:
         """True if beams have stress in the reference."""

@@ -13,7 +13,7 @@ from fastbeam.interface.arguments import Flag, Name, Number, Refusal, Vector, ch
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef, nearest_on
-from fastbeam.scene.checks import Array, Takes, noun
+from fastbeam.scene.checks import Array, Named, Takes, noun
 from fastbeam.scene.nets import Net
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class BeamsInOrder:
 
 @checked(name=Name(), beams=BeamsInOrder(), closed=Flag())
 @noun
-class Path:
+class Path(Named):
     """Beams end to end as one curve: sliders run from beam to beam and, where it is closed, around (theory.md 5.7).
 
     The ends of neighbours have to meet, and something has to hold them together: a rigid connection, a ball joint, a common node
@@ -125,11 +125,6 @@ class Path:
                                  + ("" if self.closed else ", closed=True leads back to the first"))
             known.add(beam)
         checks.fill(self, beams=beams, directions=directions)
-
-    @property
-    def label(self) -> str:
-        """`path 'name'`."""
-        return f"{self.kind} {self.name!r}"
 
     @cached_property
     def starts(self) -> Array:
@@ -215,16 +210,10 @@ class Path:
 
 
 def check_path(path: Path, tolerance: float) -> None:
-    """Check that the ends of neighbours meet; tolerance in m.
-
-    Raises
-    ------
-    SceneError
-        Two do not; names them and their distance.
-    """
+    """Check that the ends of neighbours meet; tolerance in m. Raises SceneError: two do not; names them and their distance."""
     joints = path.joints()
     for k, (one, other) in enumerate(joints):
-        here, there = (node.owner.reference([node.owner.node_s[node.index]])[0][0] for node in (one, other))
+        here, there = one.place, other.place
         gap = float(np.linalg.norm(here - there))
         if gap <= tolerance:
             continue

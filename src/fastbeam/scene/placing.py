@@ -3,14 +3,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.bodies import BallJoint, PointMass, RigidBody, RigidConnection
+from fastbeam.scene.bodies import BallJoint, PointMass, RigidConnection
 from fastbeam.scene.checks import Array
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.relations import held_nodes, who
@@ -40,17 +40,7 @@ def extent_of(points: Array) -> float:
 
 
 class Placing:
-    """Search for the positions of masses in a scene with its present parts.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Attributes
-    ----------
-    count : int
-        Number of parts that the scene had.
-    """
+    """Search for the positions of masses in a scene with its present parts; count: number of parts that the scene had."""
 
     def __init__(self, scene: Scene) -> None:
         self._masses, self.count = scene.masses, len(scene.parts)
@@ -64,36 +54,22 @@ class Placing:
                     self._table.setdefault(node.owner, []).append(link)
 
     def position(self, node: NodeRef) -> Array:
-        """Return the position (3,) m at t = 0 of a node.
-
-        Raises
-        ------
-        SceneError
-            Nothing places the mass.
-        """
+        """Return the position (3,) m at t = 0 of a node. Raises SceneError: nothing places the mass."""
         owner = node.owner
-        if isinstance(owner, Beam):
-            return owner.reference(owner.node_s[node.index])[0][0]
-        if isinstance(owner, RigidBody):
-            return owner.position + node.offset @ owner.directors
         if isinstance(owner, Ground):
             return node.offset
-        if owner.position is not None:
-            return owner.position
+        if isinstance(owner, Beam) or owner.position is not None:
+            return node.place
         known = self._known
         if owner not in known:
             found = self._reached(owner, None)
             if found is None:
-                self._no_place(owner)
+                raise SceneError(f"{owner.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
+                                 "RigidConnection")
             way, position = found
             # all masses on the way have the same position
             known.update(dict.fromkeys(way, position))
         return known[owner]
-
-    @staticmethod
-    def _no_place(mass: PointMass) -> NoReturn:
-        raise SceneError(f"{mass.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
-                         "RigidConnection")
 
     def _placements(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Array]]:
         """Yield (slider or joint, the position at which it places a mass without position); joints may lead through other
@@ -111,15 +87,11 @@ class Placing:
         or None)."""
         for link in self._table.get(mass, []):
             if isinstance(link, Slider):
-                yield link, partial(self._slider_position, link), None
+                yield link, partial(getattr, link, "place"), None
                 continue
             other = link.b if link.a.owner is mass else link.a
             unplaced = isinstance(other.owner, PointMass) and other.owner.position is None
             yield link, partial(self.position, other), other.owner if unplaced else None
-
-    @staticmethod
-    def _slider_position(slider: Slider) -> Array:
-        return slider.place
 
     def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
         """Return the masses that lead from one without position to the first that something else places, not through another, and
@@ -145,9 +117,7 @@ class Placing:
     def check(self, tolerance: float) -> None:
         """Check that every mass has a position, and that all links that place it agree to within a tolerance, m.
 
-        Raises
-        ------
-        SceneError
+        Raises SceneError.
         """
         once = self._placed_once()
         for mass in self._masses:

@@ -27,7 +27,7 @@ from fastbeam.interface.arguments import (
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.bodies import Node
-from fastbeam.scene.checks import Array, NodeField, Rotation, UntilLike, called, noun, tried
+from fastbeam.scene.checks import Array, Named, NodeField, Rotation, UntilLike, called, noun, tried
 from fastbeam.scene.slider_forces import FORWARD, SHORT
 from fastbeam.scene.supports import AXES, SomeAxes, Until, check_since, mask_of
 
@@ -108,7 +108,7 @@ class Moving:
 @checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes(),
          until=Until(), since=Until())
 @noun
-class PrescribedMotion:
+class PrescribedMotion(Named):
     """Prescribed motion of a node as a function of time: base excitation, moving supports, displacement control in time
     (theory.md (4.11)).
 
@@ -179,11 +179,6 @@ class PrescribedMotion:
             raise SceneError(f"{self.label}: a body is moved by its centre, got {self.at}; join what moves to it with a "
                              "RigidConnection, or move a PointMass on a BallJoint")
         self.place(0.0)
-
-    @property
-    def label(self) -> str:
-        """`prescribed motion 'name'`."""
-        return f"{self.kind} {self.name!r}"
 
     @property
     def mask(self) -> int:

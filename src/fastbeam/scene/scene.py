@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NoReturn, TypeVar
 
 import numpy as np
 
@@ -81,6 +81,19 @@ class OnePart:
         return value
 
 
+class Every(Generic[P]):
+    """Descriptor: all parts of a scene of one kind."""
+
+    def __init__(self, kind: type[P]) -> None:
+        self._kind = kind
+
+    def __get__(self, scene: Any, owner: type | None = None) -> list[P]:
+        return self if scene is None else [x for x in scene.parts if isinstance(x, self._kind)]  # type: ignore[return-value]
+
+    def __set__(self, scene: Any, value: object) -> NoReturn:
+        raise AttributeError("parts are added by scene.add")
+
+
 @checked(parts=OnePart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
 class Scene(notebook.Parts):
     """Set of parts under one gravity.
@@ -119,6 +132,26 @@ class Scene(notebook.Parts):
 
     kind: ClassVar[str] = "scene"
     moving: tuple[Any, ...] = ()  # moving_tables.Mesh, of scenes that the compiler makes
+    # parts by kind, in the order added
+    beams = Every(Beam)
+    nets = Every(Net)
+    bodies = Every(RigidBody)
+    masses = Every(PointMass)
+    clamps = Every(Clamp)
+    pins = Every(Pin)
+    prescribed = Every(PrescribedMotion)  # supports that move
+    drags = Every(Drag)
+    rigid = Every(RigidConnection)
+    balls = Every(BallJoint)
+    winches = Every(Winch)
+    velocities = Every(InitialVelocity)  # initial velocities along beams
+    motions = Every(RigidMotion)  # initial rigid motions
+    sliders = Every(Slider)
+    sleeves = Every(Sleeve)  # sliders, too
+    knots = Every(Knot)  # points of all crossings
+    links = Every(Link)  # springs and other links between two points
+    added_masses = Every(AddedMass)
+    _loads, _distributed, _user_forces, _controllers = Every(Load), Every(DistributedLoad), Every(UserForce), Every(Controller)
 
     def __init__(self, *parts: Part, name: str = "scene", gravity: ArrayLike = (0.0, 0.0, 0.0),
                  gravity_time: TimeFactor | None = None, project_velocities: bool = False) -> None:
@@ -147,118 +180,30 @@ class Scene(notebook.Parts):
         """`scene 'name'`."""
         return f"scene {self.name!r}"
 
-    def _of(self, kind: type[P]) -> list[P]:
-        return [part for part in self.parts if isinstance(part, kind)]
-
-    @property
-    def beams(self) -> list[Beam]:
-        """All beams, in the order added; so are the other lists."""
-        return self._of(Beam)
-
-    @property
-    def nets(self) -> list[Net]:
-        """All nets."""
-        return self._of(Net)
-
-    @property
-    def bodies(self) -> list[RigidBody]:
-        """All rigid bodies."""
-        return self._of(RigidBody)
-
-    @property
-    def masses(self) -> list[PointMass]:
-        """All point masses."""
-        return self._of(PointMass)
-
-    @property
-    def clamps(self) -> list[Clamp]:
-        """All clamps."""
-        return self._of(Clamp)
-
-    @property
-    def pins(self) -> list[Pin]:
-        """All pins."""
-        return self._of(Pin)
-
-    @property
-    def prescribed(self) -> list[PrescribedMotion]:
-        """All supports that move as functions of time."""
-        return self._of(PrescribedMotion)
-
-    @property
-    def drags(self) -> list[Drag]:
-        """All drags."""
-        return self._of(Drag)
-
-    @property
-    def rigid(self) -> list[RigidConnection]:
-        """All rigid connections."""
-        return self._of(RigidConnection)
-
-    @property
-    def balls(self) -> list[BallJoint]:
-        """All ball joints."""
-        return self._of(BallJoint)
-
     @property
     def loads(self) -> list[Load]:
         """All loads on nodes that keep their direction."""
-        return [load for load in self._of(Load) if not load.follower]
+        return [load for load in self._loads if not load.follower]
 
     @property
     def distributed(self) -> list[DistributedLoad]:
         """All loads along beams that keep their direction."""
-        return [load for load in self._of(DistributedLoad) if not load.follower]
+        return [load for load in self._distributed if not load.follower]
 
     @property
     def user_forces(self) -> list[UserForce]:
         """All forces by user functions, and loads that turn with the part that they act on."""
-        turning = [as_force(load) for load in [*self._of(Load), *self._of(DistributedLoad)] if load.follower]
-        return self._of(UserForce) + turning
-
-    @property
-    def winches(self) -> list[Winch]:
-        """All winches."""
-        return self._of(Winch)
+        turning = [as_force(load) for load in [*self._loads, *self._distributed] if load.follower]
+        return self._user_forces + turning
 
     @property
     def controllers(self) -> list[Controller]:
         """All controllers: those that were added, then those that other parts take as functions of time."""
-        added = self._of(Controller)
+        added = self._controllers
         referred = dict.fromkeys(one for part in self.parts for one in controllers_of(part))
         if self.gravity_time is not None:
             referred |= dict.fromkeys(controllers_of(SimpleNamespace(time=self.gravity_time)))
         return list(dict.fromkeys([*added, *referred]))
-
-    @property
-    def velocities(self) -> list[InitialVelocity]:
-        """All initial velocities along beams."""
-        return self._of(InitialVelocity)
-
-    @property
-    def motions(self) -> list[RigidMotion]:
-        """All initial rigid motions."""
-        return self._of(RigidMotion)
-
-    @property
-    def sliders(self) -> list[Slider]:
-        """All sliders."""
-        return self._of(Slider)
-
-    @property
-    def sleeves(self) -> list[Sleeve]:
-        """The sliders that are sleeves."""
-        return self._of(Sleeve)
-
-    @property
-    def knots(self) -> list[Knot]:
-        """The points of all crossings."""
-        return self._of(Knot)
-
-    @property
-    def links(self) -> list[Link]:
-        """All springs and other links between two points."""
-        return self._of(Link)
 
     @property
     def pinned(self) -> list[AxisJoint]:
@@ -331,7 +276,7 @@ class Scene(notebook.Parts):
         """Check that no part and no name appears twice; the same support twice is allowed, it adds no constraint."""
         known: set[Part] = set()
         named: dict[str, Part] = {}
-        for part in [*self.parts, *self.controllers[len(self._of(Controller)):]]:
+        for part in [*self.parts, *self.controllers[len(self._controllers):]]:
             if part in known and not isinstance(part, (Clamp, Pin)):
                 raise SceneError(f"{self.label}: {who(part)} was added twice")
             known.add(part)

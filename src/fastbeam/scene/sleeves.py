@@ -137,10 +137,7 @@ class Sleeve(Slider):
         if not 0.0 <= self.at <= beam.length:
             return
         on_beam, owner = beam.reference(self.at)[0][0], holder.owner
-        if isinstance(owner, Beam):
-            here = owner.reference(owner.node_s[holder.index])[0][0]
-        else:
-            here = owner.position + holder.offset @ owner.directors
+        here = holder.place
         tolerance = 1e-9 * (beam.length + float(np.max(np.abs(on_beam))))
         off = float(np.linalg.norm(here - self.place))
         # a body is put there also where a scene would refuse it as just off: but for round-off

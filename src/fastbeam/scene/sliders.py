@@ -124,17 +124,10 @@ class Slider:
         """True if its point is away from the beam at t = 0, on its side of it."""
         if self.one_sided is None:
             return False
-        owner = self.point.owner
-        if isinstance(owner, Beam):
-            here = owner.reference(owner.node_s[self.point.index])[0][0]
-        elif isinstance(owner, PointMass):
-            if owner.position is None:
-                return False
-            here = owner.position
-        else:
-            here = owner.position + self.point.offset @ owner.directors
+        if isinstance(self.point.owner, PointMass) and self.point.owner.position is None:
+            return False
         side = self.one_sided.side / np.linalg.norm(self.one_sided.side)
-        return bool((here - self.place) @ side > 1e-9 * self.beam.length)
+        return bool((self.point.place - self.place) @ side > 1e-9 * self.beam.length)
 
     @property
     def place(self) -> Array:
@@ -142,7 +135,6 @@ class Slider:
         return self.beam.reference(self.at)[0][0]
 
     def _on_a_track(self, who: str, switch: Switch, at: float) -> float:
-        """Return the place on a switch."""
         begin, end = switch.spans[span_of(switch, at)]
         if not begin - 1e-9 * switch.length <= at <= end + 1e-9 * switch.length:
             tracks = ", ".join(f"{x.name!r} {a:.6g} to {b:.6g} m" for x, (a, b) in zip(switch.tracks, switch.spans))

@@ -11,7 +11,7 @@ from fastbeam.interface.arguments import LARGEST, Flag, Name, Number, Refusal, W
 from fastbeam.interface.errors import SceneError
 from fastbeam.scene.bodies import Node
 from fastbeam.scene.checks import Array, OptionalArray, noun
-from fastbeam.scene.links import Link, label_of
+from fastbeam.scene.links import Link
 
 ENDS = Name("a spring has two ends, write one for every pair")
 INTERPOLATIONS = ("linear", "spline")
@@ -112,11 +112,6 @@ class Spring(Link):
             raise SceneError(f"{self.label}: interpolation={self.interpolation!r} belongs to a table; leave it out")
 
     @property
-    def label(self) -> str:
-        """Name of the spring for messages; automatic names already say the kind."""
-        return label_of(self)
-
-    @property
     def side(self) -> int:
         """1 where it only pulls, -1 where it only pushes, 0: both."""
         return int(self.tension_only) - int(self.compression_only)
@@ -159,11 +154,6 @@ class Damper(Link):
 
     _: KW_ONLY
     damping: float
-
-    @property
-    def label(self) -> str:
-        """Name of the damper for messages; automatic names already say the kind."""
-        return label_of(self)
 
     @property
     def is_damped(self) -> bool:

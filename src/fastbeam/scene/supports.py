@@ -44,12 +44,7 @@ class Until:
 
 
 def check_since(who: str, since: Any, until: Any) -> None:
-    """Check that a support takes hold before it lets go, if both times are given.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Check that a support takes hold before it lets go, if both times are given. Raises SceneError."""
     if isinstance(since, float) and isinstance(until, float) and not until > since:
         raise SceneError(f"{who}: until={until:.6g} s must lie after since={since:.6g} s")
 

@@ -296,10 +296,7 @@ def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks
                  release: Release | None) -> None:
     """Check stops, locks and a release of a slider that starts at arc length `at` of a switch.
 
-    Raises
-    ------
-    SceneError
-        A place lies on none of its tracks, stops exclude the start, or no track has an end to leave it.
+    Raises SceneError: a place lies on none of its tracks, stops exclude the start, or no track has an end to leave it.
     """
     places = [(f"stops: {x}", getattr(stops, x, None)) for x in (START, END)]
     for what, place in (*places, *(("lock: at", x.at) for x in locks)):
@@ -322,13 +319,7 @@ def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks
 
 
 def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, slider: str) -> str:
-    """Return the track, of some, on which a slider goes on.
-
-    Raises
-    ------
-    SceneError
-        A function fails, or returns none of them.
-    """
+    """Return the track, of some, on which a slider goes on. Raises SceneError: a function fails, or returns none of them."""
     choose = switch.choose
     if len(options) == 1:
         return options[0]

@@ -114,10 +114,7 @@ class UserForce:
 def numbers_of_nodes(force: UserForce) -> Array:
     """Return parameters of the nodes that a force acts on, [n, m]; one row where they are equal.
 
-    Raises
-    ------
-    SceneError
-        The function fails, or returns something else.
+    Raises SceneError: the function fails, or returns something else.
     """
     given: Any = force.parameters
     if not callable(given):

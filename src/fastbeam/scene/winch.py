@@ -12,7 +12,7 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bodies import Load, Node, PointMass, RigidBody
-from fastbeam.scene.checks import Array, called, tried
+from fastbeam.scene.checks import Array, Named, called, tried
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.prescribed_motion import PrescribedMotion
 from fastbeam.scene.supports import Pin
@@ -57,7 +57,7 @@ class Coil(RopePoint):
          tension=OfTime("N", or_number=True), total=LENGTH, inertia=Number(least=0.0, unit="kg"),
          speed=Number(unit="m/s"), segments=Count(1, MOST_SEGMENTS))
 @dataclass(frozen=True, eq=False)
-class Winch:
+class Winch(Named):
     """Rope between a drum and a load; the drum pays out or reels in rope: cranes, hoists, tethers (theory.md 4).
 
     The rope has mass and elasticity, pulls and does not push, and has no bending stiffness. Its free part is a row of straight
@@ -149,11 +149,6 @@ class Winch:
         places = ends[0] + shares * (ends[1] - ends[0])
         checks.fill(self, points=tuple(RopePoint(f"{self.name} point {k + 1}", x) for k, x in enumerate(places)),
                     coil=Coil(f"{self.name} drum", ends[0], checks.constant(np.array([self.speed, 0.0, 0.0]))))
-
-    @property
-    def label(self) -> str:
-        """`winch 'name'`."""
-        return f"{self.kind} {self.name!r}"
 
     @property
     def members(self) -> tuple[PointMass | Pin | PrescribedMotion | Load, ...]:

@@ -42,10 +42,7 @@ class Damped(NamedTuple):
 def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Damped:
     """Find the motions that n undamped modes, the first of those found, become.
 
-    Raises
-    ------
-    SingularError
-        One of them was not found.
+    Raises SingularError: one of them was not found.
     """
     pencil = found.factors.pencil
     k = pencil.mass.shape[0]
@@ -121,10 +118,7 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], scale: Arra
     """Improve a mode by inverse iteration: rate, vector and residual; scale: of rows and columns [n], with which residuals are
     measured; least: of rates that are not zero.
 
-    Raises
-    ------
-    SingularError
-        It did not converge, or to a motion that is known.
+    Raises SingularError: it did not converge, or to a motion that is known.
     """
     pencil = system.pencil
     k = pencil.mass.shape[0]

@@ -220,12 +220,7 @@ class _Response:
             motions[j] = rates[:, 0]
 
     def _check_free(self, rate: complex, right: Array) -> None:
-        """Refuse a constant force along a free motion.
-
-        Raises
-        ------
-        SceneError
-        """
+        """Refuse a constant force along a free motion. Raises SceneError."""
         if rate != 0.0 or self.excitation.number.size:
             return
         still = self.found.factors.pencil.still
@@ -243,10 +238,7 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
             backend: str) -> tuple[Array, Array, Array] | None:
     """Return M times the modes up to an angular frequency, in the unknowns that respond; their frequencies and ratios.
 
-    Raises
-    ------
-    SceneError
-        There are too many, or moments leave no modes that are independent.
+    Raises SceneError: there are too many, or moments leave no modes that are independent.
     """
     if not found.factors.pencil.is_symmetric:
         raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do "
@@ -297,10 +289,7 @@ def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: 
 def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors: dict[int, Array]) -> Excitation:
     """Form the amplitudes of excitation on the unknowns; vectors: as of `_base`.
 
-    Raises
-    ------
-    SceneError
-        There is none, or one on what is not in the scene.
+    Raises SceneError: there is none, or one on what is not in the scene.
     """
     forces, texts = np.zeros(about.free.size, complex), []
     for load, factor in _loads(model, loads):
@@ -343,12 +332,7 @@ def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors
 
 
 def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLoad, complex]]:
-    """Return loads with their factors.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Return loads with their factors. Raises SceneError."""
     if loads is None:
         return []
     need = "a Load, a DistributedLoad, the name of a load of the scene, several of them, or a mapping to factors"
@@ -374,9 +358,7 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
     """Return bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements [3] of nodes, of those
     that turn displacements and turns [6]; places: of the nodes [N, 3].
 
-    Raises
-    ------
-    SceneError
+    Raises SceneError.
     """
     if base is None:
         return None, {}

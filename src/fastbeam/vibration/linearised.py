@@ -37,31 +37,16 @@ NOT_ACROSS = 1e-9
 class Linearisation:
     """Stiffness and masses of a model about a state.
 
-    Parameters
-    ----------
-    model : Model
-    state : State or None
-        None: the reference.
-    sliding : bool [S]
-        Sliders that are free to slide.
-    factors : float64 [K]
-        Factors of the loads.
-    flat : bool
-        Motions in the plane of the scene alone.
-    moved : int64 [N], optional
-        Bits of unknowns of nodes that supports hold and that move here, 7 for positions, 56 for spins.
-    steady : (str, Spin or Travel), optional
-        The function that was called, and the steady motion that it is in equilibrium in.
-    resting : RestingSliders, optional
-        Forces along beams on sliders, which then decide which sliders are free.
-
-    Attributes
-    ----------
-    free : int64 [k]
-        Numbers of the unknowns of rows that are free.
-    lift : sparse [12 N, k]
-        These unknowns -> rates of all coordinates.
-    mass : sparse [k, k]
+    state: None: the reference.
+    sliding: bool [S], sliders that are free to slide.
+    factors: float64 [K], factors of the loads.
+    flat: motions in the plane of the scene alone.
+    moved: int64 [N], bits of unknowns of nodes that supports hold and that move here, 7 for positions, 56 for spins.
+    steady: (str, Spin or Travel), the function that was called, and the steady motion that it is in equilibrium in.
+    resting: forces along beams on sliders, which then decide which sliders are free.
+    free: int64 [k], numbers of the unknowns of rows that are free.
+    lift: sparse [12 N, k], these unknowns -> rates of all coordinates.
+    mass: sparse [k, k].
     """
 
     def __init__(self, model: Model, state: State | None, sliding: Array, factors: Array, flat: bool,
@@ -210,13 +195,7 @@ class Linearisation:
         self.stepper.core_state.force[:] += change
 
     def damping(self) -> Any:
-        """Return the damping matrix, sparse [k, k].
-
-        Raises
-        ------
-        SceneError
-            Nothing is at rest in moving air.
-        """
+        """Return the damping matrix, sparse [k, k]. Raises SceneError: nothing is at rest in moving air."""
         of_nodes = self._on_unknowns(damping_map(self.own, self.q, *self.stepper.law_work[:2].tolist()))
         return of_nodes if self.resting is None else (of_nodes + self._damping_along(self.resting)).tocsr()
 
@@ -240,10 +219,7 @@ class Linearisation:
         """Return whether a slider turns out to be free, once contact forces are those of the equilibrium; who: the function that
         was called.
 
-        Raises
-        ------
-        SceneError
-            Friction or a stop does not hold one that it is to hold.
+        Raises SceneError: friction or a stop does not hold one that it is to hold.
         """
         return self.resting is not None and self.resting.judge(who, self._pressed(), self.load_size)
 
@@ -314,10 +290,7 @@ class Linearisation:
     def in_motion(self, displacement: Array, velocity: Array, turning: Array) -> tuple[Array, Array]:
         """Convert velocities and spins [N, 3] in the frame of the steady motion to space, of nodes moved by so much.
 
-        Raises
-        ------
-        SceneError
-            Beams travel.
+        Raises SceneError: beams travel.
         """
         assert self.steady is not None
         motion = self.steady.motion

@@ -151,9 +151,7 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
                   steady: Spin | Travel | None = None) -> tuple[Linearisation, State | None]:
     """Linearise a model about a state with the arguments of `modes`; return also the state as it was checked.
 
-    Raises
-    ------
-    SceneError
+    Raises SceneError.
     """
     check_model(who, model)
     stays = held_sliders(model, held)
@@ -187,12 +185,8 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
 def equilibrium_of(who: str, about: Linearisation, n: int, backend: str, state: State | None) -> Eigen:
     """Find the n lowest eigenvalues about an equilibrium, with the contact forces that it has.
 
-    Raises
-    ------
-    SceneError
-        The state is no equilibrium.
-    ConvergenceError
-        Stiffness and masses are singular together.
+    Raises SceneError: the state is no equilibrium.
+    Raises ConvergenceError: stiffness and masses are singular together.
     """
     try:
         found = _settled(who, about, n, backend)
@@ -206,10 +200,7 @@ def equilibrium_of(who: str, about: Linearisation, n: int, backend: str, state: 
 def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
     """Find eigenvalues about the state, once contact forces are those of the equilibrium.
 
-    Raises
-    ------
-    SceneError
-        The state is no equilibrium.
+    Raises SceneError: the state is no equilibrium.
     """
     k = about.free.size
     motions = k + about.core.n_sliders

@@ -26,17 +26,10 @@ class RestingSliders:
     Those that are held, locked, or whose motion is prescribed stay where they are, and those that friction or a rigid stop holds;
     on the others act drives and elastic stops, with the derivatives of their forces, and viscous and smoothed friction.
 
-    Parameters
-    ----------
-    model : Model
-        Sliders have forces along their beams.
-    state : State
-    stays : bool [S]
-        Sliders that stay in place, with whatever force that needs.
-    at_time : float
-        Time of functions of time, s.
-    factor : float
-        Load factor, with which forces of drives grow.
+    model: sliders have forces along their beams.
+    stays: bool [S], sliders that stay in place, with whatever force that needs.
+    at_time: time of functions of time, s.
+    factor: load factor, with which forces of drives grow.
     """
 
     def __init__(self, model: Model, state: State, stays: Array, at_time: float, factor: float) -> None:
@@ -66,10 +59,7 @@ class RestingSliders:
     def slope(self) -> Array:
         """Derivatives by s of the forces of drives and stops on sliders that are free, N/m, [S].
 
-        Raises
-        ------
-        SceneError
-            The law of a drive has none.
+        Raises SceneError: the law of a drive has none.
         """
         s, stiff, (low, high) = self._at[2], self.forces.tables.stops[:, STIFFNESS], self.along.elastic.T
         return self._by_drives(by_rate=False) - np.where((stiff > 0.0) & ((s < low) | (s > high)), stiff, 0.0)
@@ -81,10 +71,7 @@ class RestingSliders:
     def damping(self, equations: Equations) -> Array:
         """Return minus the derivatives of forces along the beam by ds/dt, N s/m, [S]; equations: with normal forces.
 
-        Raises
-        ------
-        SceneError
-            The law of a drive has none.
+        Raises SceneError: the law of a drive has none.
         """
         table = self.forces.tables
         smooth = (table.smoothing > 0.0) & (table.friction > 0.0)
@@ -95,24 +82,15 @@ class RestingSliders:
         """Check that friction and stops hold the sliders that they are to hold; one that touches a stop without a force is free
         from now on.
 
-        Parameters
-        ----------
-        who : str
-            The function that was called.
-        equations : Equations
-            Equations at the equilibrium, without these forces and with normal forces.
-        loads : float
-            Size of all loads, N.
+        who: the function that was called.
+        equations: equations at the equilibrium, without these forces and with normal forces.
+        loads: size of all loads, N.
+        Raises SceneError: one is pushed away.
 
         Returns
         -------
         bool
             True where a slider is free that was not.
-
-        Raises
-        ------
-        SceneError
-            One is pushed away.
         """
         along, at_stop = self.along, self.along.modes.at_stop
         most, needed = along.friction * equations.normal, equations.sliding - self.force
@@ -151,10 +129,7 @@ def resting_sliders(who: str, model: Model, state: State | None, stays: Array, a
     """Collect the sliders about a state at rest; None where nothing acts along the beams of a model. who: the function that was
     called.
 
-    Raises
-    ------
-    SceneError
-        A drive is a function of time, and none is given.
+    Raises SceneError: a drive is a function of time, and none is given.
     """
     forces = model.slider_forces
     if forces is None:

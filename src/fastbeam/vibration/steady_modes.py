@@ -37,13 +37,7 @@ class SteadyEigen(NamedTuple):
 
 
 def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) -> SteadyEigen:
-    """Find the n motions of smallest |r|; found: lowest eigenvalues of K alone.
-
-    Raises
-    ------
-    SingularError
-        They were not found.
-    """
+    """Find the n motions of smallest |r|; found: lowest eigenvalues of K alone. Raises SingularError: they were not found."""
     pencil = found.factors.pencil
     damping = about.damping()
     if damping.nnz and not np.any(damping.data):

@@ -25,15 +25,7 @@ SHORTEST = 5e-4
 class Mesh:
     """Beam with the sliders that its elements move with, in the order of their places.
 
-    Parameters
-    ----------
-    beam : Beam
-    sliders : list of Slider
-
-    Raises
-    ------
-    SceneError
-        The curvature of the beam changes along it.
+    Raises SceneError: the curvature of the beam changes along it.
     """
 
     def __init__(self, beam: Beam, sliders: list[Slider]) -> None:
@@ -144,21 +136,11 @@ def element_lengths(table: MovingBeam, q: Array) -> Array:
 
 
 class OfRates(NamedTuple):
-    """Momenta of the points of an element, by mass, as linear functions of some rates.
+    """Momenta of the points of an element, by mass, as linear functions of some rates."""
 
-    Attributes
-    ----------
-    columns : int64 [m]
-        Numbers of the rates among those of all coordinates [12 N].
-    matrix : float64 [points, 4, 3, m]
-        Zero for fields without inertia.
-    length : float
-        Length of the element, m.
-    """
-
-    columns: Array
-    matrix: Array
-    length: float
+    columns: Array  # int64 [m]: numbers of the rates among those of all coordinates [12 N]
+    matrix: Array  # float64 [points, 4, 3, m]: zero for fields without inertia
+    length: float  # length of the element, m
 
 
 def of_rates(table: MovingBeam, q: Array) -> Iterator[OfRates]:

@@ -51,12 +51,8 @@ def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[
 class TwistFriction(Feature):
     """Friction of beams that turn in unkeyed sleeves.
 
-    Parameters
-    ----------
-    of : int64 [R]
-        Numbers of the sleeves.
-    names : list of str
-        Names of the sleeves.
+    of: int64 [R], numbers of the sleeves.
+    names: names of the sleeves.
     """
 
     key, title, order, is_told_first = "twist", "friction of beams that turn in sleeves (radius=)", 90, True

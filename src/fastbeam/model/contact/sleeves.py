@@ -30,10 +30,7 @@ ALIGNED = 1e-6
 def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
     """Build the table of all sleeves; joints: number of those with multipliers, whose constraints come before.
 
-    Raises
-    ------
-    SceneError
-        The axis of a sleeve is not that of its beam.
+    Raises SceneError: the axis of a sleeve is not that of its beam.
     """
     if not scene.sleeves:
         return None
@@ -51,12 +48,7 @@ def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
 
 
 class SleeveContact(Feature):
-    """Sleeves, which turn with the beam.
-
-    Parameters
-    ----------
-    sleeves : list of Sleeve
-    """
+    """Sleeves, which turn with the beam."""
 
     key, title, order = "sleeve_contact", "sleeves", 160
     lacks = (unknown_to_methods("sleeves"),

@@ -94,14 +94,7 @@ def _without_adjoint(what: str, has: Callable[[Slider], bool]) -> Lack:
 class SliderForces(Feature):
     """Forces along the beam on all S sliders of a scene; at least one slider has some.
 
-    Parameters
-    ----------
-    sliders : list of Slider
-
-    Raises
-    ------
-    SceneError
-        A function of a drive cannot be compiled.
+    Raises SceneError: a function of a drive cannot be compiled.
     """
 
     key, title, order = "slider_forces", "friction, drives, stops, locks, releases of sliders", 10
@@ -124,7 +117,7 @@ class SliderForces(Feature):
                      "Coulomb friction, a prescribed motion, rigid stops, a lock, a switch, or may leave its beam",
                      lambda forces: forces.is_rough),
         _not_at_rest((Analysis.LENGTHS, Analysis.TRAVEL), "friction, a drive, stops, a lock or may leave its beam",
-                     lambda forces: forces.acts_on),
+                     lambda forces: np.array([not x.slides_freely for x in forces.sliders])),
         Lack((Analysis.TIMELESS, Analysis.TIMELESS_SHAPES), "drives by functions of time", "{who}: drives have time functions",
              "say with at_time=... where to evaluate them, at one time",
              lambda forces, asked: ["drives"] * forces.has_functions(~asked.held)),
@@ -164,7 +157,7 @@ class SliderForces(Feature):
             t.gains[k] = gains_of(drive)
         elif t.drive[k] == LAW:
             t.law[k] = law_of(drive, f"slider {slider.name!r}")
-        t.given[k] = self._given(k, 0.0, 0.0)
+        t.given[k] = given_to(drive, f"slider {slider.name!r}", 0.0, 0.0)
 
     @property
     def timed(self) -> bool:
@@ -174,11 +167,6 @@ class SliderForces(Feature):
     @property
     def _drives(self) -> list[Drive | None]:
         return [slider.drive for slider in self.sliders]
-
-    @property
-    def acts_on(self) -> Array:
-        """True for sliders with friction, a drive, stops, a lock, a release, one-sided contact or a switch, bool [S]."""
-        return np.array([not x.slides_freely for x in self.sliders])
 
     @property
     def lets_go_of(self) -> Array:
@@ -217,8 +205,7 @@ class SliderForces(Feature):
     def dissipates(self) -> bool:
         """True if friction, a damping drive, a force law or a rigid stop dissipates energy."""
         t = self.tables
-        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or np.any(t.law)
-                    or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
+        return self.has_kinks or bool(np.any(t.viscous > 0.0) or np.any(t.gains[:, BY_RATE] > 0.0) or np.any(t.law))
 
     @property
     def exchanges(self) -> bool:
@@ -241,17 +228,12 @@ class SliderForces(Feature):
         return np.array([x.lock is not None and x.lock[0].from_start for x in self.sliders])
 
     @property
-    def off_at_start(self) -> Array:
-        """True for sliders whose points are away from their beams at the start, bool [S]."""
-        return np.array([x.starts_off for x in self.sliders])
-
-    @property
     def initial_history(self) -> Array:
         """History variables of the sliders at the start, float64 [11 S]."""
         out = np.zeros((len(self.sliders), HISTORY))
         locked = self.locked_at_start
         out[locked, HELD], out[locked, TURNS] = LOCKED, 1.0
-        out[self.off_at_start, HELD] = OFF
+        out[[x.starts_off for x in self.sliders], HELD] = OFF
         return out.reshape(-1)
 
     @property
@@ -304,10 +286,7 @@ class SliderForces(Feature):
         """Direction in which every slider may lift off, in the triads of the nodes of its curve, float64 [n, 3] each; n = 0 for
         sliders that may not.
 
-        Raises
-        ------
-        SceneError
-            On a path the direction is along one of the beams, or returns as another one around a closed path.
+        Raises SceneError: on a path the direction is along one of the beams, or returns as another one around a closed path.
         """
         return [np.zeros((0, 3)) if slider.one_sided is None else sides_of(slider) for slider in self.sliders]
 
@@ -339,7 +318,10 @@ class SliderForces(Feature):
 
     def speed_given(self, k: int, t: float) -> float:
         """Evaluate the velocity that a drive prescribes at time t, m/s."""
-        return self._value(k, "speed", t)
+        return value_at(self.sliders[k].drive, self._who(k), "speed", t)
+
+    def _who(self, k: int) -> str:
+        return f"slider {self.sliders[k].name!r}"
 
     # --- inputs of drives ---------------------------------------------------------------------------------------------
     def schedules(self, span: Span) -> list[tuple[Stand, Any]]:
@@ -354,19 +336,8 @@ class SliderForces(Feature):
         out = np.zeros((len(starts), len(self.sliders), 2))
         for k, (drive, kind) in enumerate(zip(self._drives, self.tables.drive.tolist())):
             if kind != NO_DRIVE:
-                out[:, k] = given_over(drive, kind, f"slider {self.sliders[k].name!r}", starts, lengths)
+                out[:, k] = given_over(drive, kind, self._who(k), starts, lengths)
         return out, starts + 0.5 * lengths
-
-    def _given(self, k: int, t: float, h: float) -> tuple[float, float]:
-        """Return the inputs of a drive for a step from t to t + h; (0, 0) where it does not depend on time."""
-        drive = self.sliders[k].drive
-        assert drive is not None
-        return given_to(drive, f"slider {self.sliders[k].name!r}", t, h)
-
-    def _value(self, k: int, what: str, t: float) -> float:
-        drive = self.sliders[k].drive
-        assert drive is not None
-        return value_at(drive, f"slider {self.sliders[k].name!r}", what, t)
 
     # --- rigid stops --------------------------------------------------------------------------------------------------
     def limits(self, ends: Array, s: Array, history: Array) -> Array:
@@ -401,10 +372,7 @@ class SliderForces(Feature):
     def check_start(self, t: float, s: Array, history: Array) -> None:
         """Check that sliders stand at their prescribed positions at the time t at which a run starts.
 
-        Raises
-        ------
-        SceneError
-            A slider would jump.
+        Raises SceneError: a slider would jump.
         """
         for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
             slider, place = self.sliders[k], self.place_given(k, t, history[k])
@@ -465,21 +433,12 @@ class SliderForces(Feature):
                edges: Array, share: float | None = None) -> AtRow:
         """Evaluate the forces along the beam at time t.
 
-        Parameters
-        ----------
-        t : float
-        s, rate : float64 [S]
-            Places, m, and velocities ds/dt, m/s.
-        history : float64 [S, 11]
-            History variables of the state.
-        tangent, force : float64 [S, 3]
-            Derivatives of the curves by s; contact forces, N.
-        push : float64 [S]
-            Force of the moments of sleeves along the beam, N.
-        edges : float64 [S]
-            Force of these moments on the edges of bores, N.
-        share : float, optional
-            The load factor of an equilibrium.
+        s, rate: float64 [S], places, m, and velocities ds/dt, m/s.
+        history: float64 [S, 11], history variables of the state.
+        tangent, force: float64 [S, 3], derivatives of the curves by s; contact forces, N.
+        push: float64 [S], force of the moments of sleeves along the beam, N.
+        edges: float64 [S], force of these moments on the edges of bores, N.
+        share: the load factor of an equilibrium.
         """
         table, sign = self.tables, history[:, SIGN]
         along = np.sum(force * tangent, axis=1)
@@ -490,7 +449,7 @@ class SliderForces(Feature):
         beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
         stop = np.where(stiff > 0.0, stiff * beyond, 0.0)
         drive = np.zeros(len(s))
-        prescribed = np.isin(table.drive, (POSITION, INCREMENT))
+        prescribed = self.is_prescribed
         for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
             drive[k] = self._drive_at(k, t, s[k], rate[k], offset[k]) if share is None else self.at_rest(
                 k, t, s[k], share, offset[k])
@@ -513,24 +472,21 @@ class SliderForces(Feature):
     def _drive_at(self, k: int, t: float, s: float, rate: float, offset: float) -> float:
         # on a switch, laws take s and controllers the arc length travelled
         way = s + offset if self.tables.drive[k] == CONTROL else s
-        return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, way, rate)
+        return force_at(self.sliders[k].drive, self._who(k), t, way, rate)
 
     def at_rest(self, k: int, t: float, s: float, share: float, offset: float) -> float:
         """Evaluate the force, N, of a drive that does not prescribe the motion on a slider at rest at s, at time t and load
         factor `share`, in proportion to which it grows; offset: arc length travelled less s."""
-        kind, gains = self.tables.drive[k], self.tables.gains[k]
+        kind, gains, drive, who = self.tables.drive[k], self.tables.gains[k], self.sliders[k].drive, self._who(k)
         if kind == LAW:
-            return share * law_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, 0.0)
-        given = self._given(k, t, 0.0)[0]
+            return share * law_at(drive, who, t, s, 0.0)
+        given = given_to(drive, who, t, 0.0)[0]
         return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - offset - s), -gains[2], gains[2])))
 
     def slope_at_rest(self, k: int, t: float, s: float, share: float, offset: float, by_rate: bool) -> float:
         """Return the derivative of the force `at_rest` by s, N/m, or by ds/dt, N s/m.
 
-        Raises
-        ------
-        SceneError
-            A law has a kink or jumps there.
+        Raises SceneError: a law has a kink or jumps there.
         """
         slider = self.sliders[k]
         # on a switch, laws take s and controllers the arc length travelled
@@ -539,16 +495,13 @@ class SliderForces(Feature):
 
     def place_given(self, k: int, t: float, own: Array) -> float:
         """Return the arc length that a drive prescribes for slider k at time t, m; own [11]: history of the slider."""
-        return self._value(k, "position", t) - float(own[OFFSET])
+        return value_at(self.sliders[k].drive, self._who(k), "position", t) - float(own[OFFSET])
 
 
 def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
     """Build the forces along the beam of all sliders; None where no slider has any.
 
-    Raises
-    ------
-    SceneError
-        A prescribed position does not begin where its slider stands.
+    Raises SceneError: a prescribed position does not begin where its slider stands.
     """
     if all(x.slides_freely for x in sliders):
         return None
@@ -568,10 +521,7 @@ def sides_of(slider: Slider) -> Array:
     """Return the direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to
     beam of a path it stays the same in space, in the reference shape.
 
-    Raises
-    ------
-    SceneError
-        On a path the direction is along one of the beams, or returns as another one around a closed path.
+    Raises SceneError: on a path the direction is along one of the beams, or returns as another one around a closed path.
     """
     if not isinstance(slider.beam, Path):
         side = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -51,29 +51,10 @@ def _loads_along(beam: Any, asked: Asked) -> str:
 
 @dataclass(frozen=True)
 class SlidingContact(Feature):
-    """Sliders and sleeves.
+    """Sliders and sleeves."""
 
-    Attributes
-    ----------
-    parts : list of Slider
-    curves : Curves or Paths
-        Curves of sliders: beams, paths or tracks of switches.
-    sliders : Sliders
-    sleeves : Sleeves or None
-        The sliders that are sleeves.
-    slider_lengths : float64 [S]
-        Lengths of the curves of sliders, m.
-    spans, corners : dict
-        For sliders on switches, begins and ends of their tracks, m; for (curve of the switch, track, True if left by its end,
-        next track), number of the curve over the corner, -1 without any, and True for a sharp corner.
-    curve_s : tuple of float64 [n]
-        Arc lengths of the nodes of every curve, m.
-    """
-
-    key: ClassVar[str] = "sliding"
-    title: ClassVar[str] = "sliders"
-    order: ClassVar[int] = 5
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "sliding", "sliders", 5
+    lacks = (
         Lack((Analysis.EXACT,), "crossings, switches", "{who}: {name}, which only contacts='mesh' knows", "leave contacts= out",
              lambda contact, asked: contact.branching),
         _on_beams("make it a Beam of its own, or leave contacts= out", "beams of nets",
@@ -85,13 +66,15 @@ class SlidingContact(Feature):
                   _loads_along))
 
     parts: list[Slider]
-    curves: Curves | Paths
+    curves: Curves | Paths  # curves of sliders: beams, paths or tracks of switches
     sliders: Sliders
-    sleeves: Sleeves | None
-    slider_lengths: Array
+    sleeves: Sleeves | None  # the sliders that are sleeves
+    slider_lengths: Array  # float64 [S]: lengths of the curves of sliders, m
+    # spans, corners: for sliders on switches, begins and ends of their tracks, m; for (curve of the switch, track, True if left
+    # by its end, next track), number of the curve over the corner, -1 without any, and True for a sharp corner
     spans: dict[int, Array]
     corners: dict[tuple[int, int, bool, int], tuple[int, bool]]
-    curve_s: tuple[Array, ...]
+    curve_s: tuple[Array, ...]  # tuple of float64 [n]: arc lengths of the nodes of every curve, m
 
     def terms(self, run: OfRun) -> list[tuple[Stand, Any]]:
         """Return the terms of sliders and sleeves, and of friction against twist in sleeves."""

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -10,36 +10,20 @@ from fastbeam.kernels.forces.added_mass import AddedMass
 from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, Lack, unknown_to_methods, without_adjoint
 from fastbeam.model.feature import Feature, OfRun, Stand
+from fastbeam.model.forces.damping_and_drag import in_fluid
 from fastbeam.model.numbering import NodeList
-from fastbeam.model.tables import Elements, node_lengths
+from fastbeam.model.tables import Elements
 from fastbeam.scene import Scene
-from fastbeam.scene.added_mass import added_masses
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
 class Added(Feature):
-    """Nodes with added mass.
+    """Nodes with added mass."""
 
-    Attributes
-    ----------
-    labels : tuple of str
-        Labels of the added masses.
-    node, part : int64 [A]
-        Nodes, and number of the added mass of each.
-    normal, along : float64 [A]
-        Masses of whole nodes, kg: across d1, and the excess of that along d1.
-    table : AddedMass or None
-        The term.
-    in_space : bool
-        False for the tables of a plane.
-    """
-
-    key: ClassVar[str] = "added"
-    title: ClassVar[str] = "added mass"
-    order: ClassVar[int] = 110
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "added", "added mass", 110
+    lacks = (
         unknown_to_methods("added mass"),
         Lack((Analysis.ORDER_4,), "different masses along and across",
              "order=4: {name}: where the mass along d1 is not that across it, velocities are of second order, and so is what "
@@ -53,13 +37,15 @@ class Added(Feature):
              lambda added, asked: added.labels),
         without_adjoint("added mass"))
 
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # labels of the added masses
+    # node, part, int64 [A]: nodes, and number of the added mass of each
     node: Array
     part: Array
+    # normal, along, float64 [A]: masses of whole nodes, kg: across d1, and the excess of that along d1
     normal: Array
     along: Array
-    table: AddedMass | None = None
-    in_space: bool = True
+    table: AddedMass | None = None  # the term
+    in_space: bool = True  # false for the tables of a plane
 
     @property
     def history_size(self) -> int:
@@ -123,17 +109,10 @@ class Added(Feature):
 
 def added_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Added | None:
     """Build the feature of added mass; None without any. elements: of every beam, then of every net."""
-    given = added_masses(scene)
+    given = scene.added_masses
     if not given:
         return None
-    length = np.zeros(len(nodes))
-    for part in elements:
-        length += node_lengths(part.nodes, part.mass_phi, length.size)
-    node = [np.arange(len(nodes))[nodes.span(x.on)] for x in given]
-    part = np.repeat(np.arange(len(node)), [x.size for x in node])
-    every = np.concatenate(node)
-    slender = np.array([x.is_slender for x in given])[part]
-    size = np.where(slender, length[every], 1.0)
+    every, part, _, size = in_fluid(given, nodes, elements)
     normal, tangential = (np.array([getattr(x, of) for x in given])[part] for of in ("normal", "tangential"))
     return Added(tuple(f"{x.label} on {x.on.label}" for x in given), every, part, size * normal,
                  size * (tangential - normal))

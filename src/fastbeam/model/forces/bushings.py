@@ -36,10 +36,7 @@ def bushings(ends: Any) -> Bushings:
 def check_plane(parts: list[Any], normal: Array) -> None:
     """Check that bushings do not couple motions in the plane with this normal with others.
 
-    Raises
-    ------
-    NotPlanar
-        A stiffness or damping couples motions in the plane with others.
+    Raises NotPlanar: a stiffness or damping couples motions in the plane with others.
     """
     for part in parts:
         # axes with the normal as the third
@@ -65,14 +62,7 @@ def bushings_in_plane(table: Bushings, plane: Plane) -> Bushings:
 
 
 class BushingRows:
-    """Displacements, rotations, forces and energies of L bushings at rows.
-
-    Parameters
-    ----------
-    parts : list of Bushing
-    table : Bushings
-        In space.
-    """
+    """Displacements, rotations, forces and energies of L bushings at rows; table: in space."""
 
     kind = "bushings"
 

@@ -25,13 +25,7 @@ class WrongForm(TypeError):
 
 
 def _writing(law: Callable[..., None], arguments: tuple[Any, ...], into: str) -> Any:
-    """Compile a function that writes into arrays.
-
-    Raises
-    ------
-    WrongForm
-        The function returns a value, which would be ignored.
-    """
+    """Compile a function that writes into arrays. Raises WrongForm: the function returns a value, which would be ignored."""
     compiled = of_user(law)
     compiled.compile(arguments)
     if compiled.nopython_signatures[-1].return_type != types.none:
@@ -41,13 +35,7 @@ def _writing(law: Callable[..., None], arguments: tuple[Any, ...], into: str) ->
 
 
 def _returning(law: Callable[..., Any], arguments: tuple[Any, ...], what: str) -> Any:
-    """Compile a function that returns numbers.
-
-    Raises
-    ------
-    WrongForm
-        The function returns nothing.
-    """
+    """Compile a function that returns numbers. Raises WrongForm: the function returns nothing."""
     compiled = of_user(law)
     compiled.compile(arguments)
     if compiled.nopython_signatures[-1].return_type == types.none:
@@ -113,10 +101,7 @@ def compiled_force(law: Callable[..., None], n: int, time: Callable[[float], flo
     """Compile a law of a user force with n parameters, times a function of time: machine code that kernels call by its
     `.address`, and the law for Python; the code lives as long as these objects.
 
-    Raises
-    ------
-    WrongForm
-        The law returns a value, or the function of time none; the functions below raise it, too.
+    Raises WrongForm: the law returns a value, or the function of time none; the functions below raise it, too.
     """
     inner = _timed(law, time)
 
@@ -225,10 +210,7 @@ def machine_code(who: str, what: str, make: Callable[[], tuple[Any, Any]]) -> tu
     """Return the address of a user function, and the function for Python; make: one of the compiling functions above; who, what:
     names in messages.
 
-    Raises
-    ------
-    SceneError
-        numba cannot compile the function, or its return value is wrong.
+    Raises SceneError: numba cannot compile the function, or its return value is wrong.
     """
     try:
         entry, compiled = make()

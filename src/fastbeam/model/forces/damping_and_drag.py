@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -34,29 +34,18 @@ def _air_moves(what: str, text: str, instead: str, moves: Callable[[Dragged], Ar
 
 @dataclass(frozen=True)
 class Damped(Feature):
-    """Beams and nets with damping.
+    """Beams and nets with damping."""
 
-    Attributes
-    ----------
-    labels : tuple of str
-    strains : tuple of str
-        Strain sets of the beams and nets.
-    part : int64 [N]
-        Number of the beam or net of every node, -1: none.
-    """
-
-    key: ClassVar[str] = "damped"
-    title: ClassVar[str] = "damping of sections"
-    order: ClassVar[int] = 30
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "damped", "damping of sections", 30
+    lacks = (
         unknown_to_methods("damping", lambda damped, asked: damped.losses),
         dissipating("damping", lambda damped, asked: damped.losses),
         Lack((Analysis.FILTERED,), "damping", "rho_inf: {name} has damping of its own, which grows with the frequency",
              "leave rho_inf out, or the damping of sections", lambda damped, asked: damped.labels))
 
     labels: tuple[str, ...]
-    strains: tuple[str, ...]
-    part: Array
+    strains: tuple[str, ...]  # strain sets of the beams and nets
+    part: Array  # int64 [N]: number of the beam or net of every node, -1: none
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -101,34 +90,10 @@ def damped_of(scene: Scene, nodes: NodeList) -> Damped | None:
 
 @dataclass(frozen=True)
 class Dragged(Feature):
-    """Nodes with drag.
+    """Nodes with drag."""
 
-    Attributes
-    ----------
-    labels : tuple of str
-        Labels of the drags.
-    node, part : int64 [D]
-        Nodes, and number of the drag of each.
-    coefficient : float64 [D, 3]
-        Normal, tangential and linear coefficients of whole nodes.
-    slender : int64 [D]
-        1 where drag depends on d1.
-    air : float64 [D, 3]
-        Velocity of the air, m/s.
-    times : tuple of callable or None
-        Factor of the air velocity of every drag as a function of time.
-    wind : Wind or NoWind
-        Velocities of the air by user functions.
-    table : Drag or None
-        The term.
-    called_laws : dict of type -> failed_laws.Lawful
-        Laws of wind.
-    """
-
-    key: ClassVar[str] = "dragged"
-    title: ClassVar[str] = "drag"
-    order: ClassVar[int] = 50
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "dragged", "drag", 50
+    lacks = (
         Lack((Analysis.PLANAR,), "wind=", "wind= of a drag may lead out of a plane", "use planar='auto'",
              lambda dragged, asked: dragged.labels[:dragged.windy]),
         unknown_to_methods("drag", lambda dragged, asked: dragged.labels),
@@ -147,16 +112,17 @@ class Dragged(Feature):
         without_adjoint("air that changes in time",
                         lambda dragged, asked: ["air that changes in time"] * (dragged.timed or dragged.windy)))
 
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # labels of the drags
+    # node, part, int64 [D]: nodes, and number of the drag of each
     node: Array
     part: Array
-    coefficient: Array
-    slender: Array
-    air: Array
-    times: tuple[Any, ...] = ()
-    wind: Wind | NoWind = NoWind()
-    table: Drag | None = None
-    called_laws: Mapping[type, Any] = field(default_factory=dict)
+    coefficient: Array  # float64 [D, 3]: normal, tangential and linear coefficients of whole nodes
+    slender: Array  # int64 [D]: 1 where drag depends on d1
+    air: Array  # float64 [D, 3]: velocity of the air, m/s
+    times: tuple[Any, ...] = ()  # factor of the air velocity of every drag as a function of time
+    wind: Wind | NoWind = NoWind()  # velocities of the air by user functions
+    table: Drag | None = None  # the term
+    called_laws: Mapping[type, Any] = field(default_factory=dict)  # laws of wind
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -231,19 +197,24 @@ class Dragged(Feature):
                                         self.slender, self.air.reshape(-1), first + self.part, self.wind))
 
 
+def in_fluid(parts: list[Any], nodes: NodeList, elements: list[Elements]) -> tuple[Array, Array, Array, Array]:
+    """Return the nodes of drags or added masses, the number of the part of each, whether its coefficients are per length, and the
+    length that they count with, or 1."""
+    length = sum((node_lengths(x.nodes, x.mass_phi, len(nodes)) for x in elements), np.zeros(len(nodes)))
+    node = [np.arange(len(nodes))[nodes.span(x.on)] for x in parts]
+    part = np.repeat(np.arange(len(node)), [x.size for x in node])
+    every = np.concatenate(node)
+    slender = np.array([x.is_slender for x in parts])[part]
+    return every, part, slender, np.where(slender, length[every], 1.0)
+
+
 def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragged | None:
     """Build the feature of drag; None without drag. elements: of every beam, then of every net."""
     if not scene.drags:
         return None
-    length = np.zeros(len(nodes))
-    for part in elements:
-        length += node_lengths(part.nodes, part.mass_phi, length.size)
-    node = [np.arange(len(nodes))[nodes.span(drag.on)] for drag in scene.drags]
-    part = np.repeat(np.arange(len(node)), [x.size for x in node])
-    every = np.concatenate(node)
-    slender = np.array([int(drag.is_slender) for drag in scene.drags])[part]
+    every, part, slender, size = in_fluid(scene.drags, nodes, elements)
     given = np.array([(drag.normal, drag.tangential, drag.linear) for drag in scene.drags])[part]
     return Dragged(tuple(f"{drag.label} on {drag.on.label}" for drag in scene.drags), every, part,
-                   np.where(slender == 1, length[every], 1.0)[:, None] * given, slender,
+                   size[:, None] * given, slender.astype(np.int64),
                    np.array([drag.air for drag in scene.drags], dtype=float)[part], tuple(drag.time for drag in scene.drags),
                    wind_of(scene.drags, part, nodes.phi[every]))

@@ -2,6 +2,7 @@
 user laws. Also the material stiffness, a share of which dissipates energy by a loss factor."""
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -27,18 +28,10 @@ RATE = 1e-6
 def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
     """Assemble the damping matrix for the rates of all coordinates at a state of rest, sparse [12 N, 12 N].
 
-    Parameters
-    ----------
-    model : Model
-        Model in space.
-    q : float64 [N, 4, 3]
-    t, factor : float
-        Time, s, of the laws, and load factor of those that grow with it.
-
-    Raises
-    ------
-    SceneError
-        Drag in moving air, under which nothing is at rest.
+    model: Model in space.
+    q: float64 [N, 4, 3].
+    t, factor: time, s, of the laws, and load factor of those that grow with it.
+    Raises SceneError: drag in moving air, under which nothing is at rest.
     """
     damped = () if model.damped is None else model.damped.strains
     links = _of_joints(model, q) + _of_springs(model, q) + _of_bushings(model, q) + _of_laws(model, q, t, factor)
@@ -142,116 +135,105 @@ def _of_springs(model: Model, q: Array) -> Any:
     return total
 
 
-def _of_lines(model: Model, q: Array, t: float) -> Any:
-    """Assemble the derivative of line forces by the rate of the length: central differences."""
-    from scipy import sparse
-    total = sparse.csr_matrix((12 * model.n_nodes, 12 * model.n_nodes))
-    for table in model.links:
-        if not isinstance(table, LineForces):
-            continue
-        for k, (a, b) in enumerate(table.node.tolist()):
-            way = q[b, 0] - q[a, 0]
-            length = float(np.linalg.norm(way))
-            size, found = RATE * length, np.zeros(2)
-            for i, rate in enumerate((size, -size)):
-                found[i] = ask(model, table, k, t, np.array([length, rate]), 1)[0]
-            at = np.concatenate((12 * b + np.arange(3), 12 * a + np.arange(3)))
-            lead = sparse.csr_matrix((np.concatenate((way, -way)) / length, (np.zeros(6, int), at)), shape=(1, total.shape[0]))
-            total = total + (found[0] - found[1]) / (2.0 * size) * (lead.T @ lead)
-    return total
-
-
-def _of_bushings(model: Model, q: Array) -> Any:
-    """Assemble the dampers of displacements along the axes of the first node and of products of the axes of both, theory.md
-    (4.21)."""
+def _of_links(model: Model, kind: type, blocks: Callable[[Any], Iterable[tuple[Array, Array]]]) -> Any:
+    """Assemble the damping of the links of one kind; blocks: yields coordinates [m] and matrices [m, m] from a table of them."""
     from scipy import sparse
     n = 12 * model.n_nodes
     total = sparse.csr_matrix((n, n))
     for table in model.links:
-        if not isinstance(table, Bushings):
-            continue
-        count = len(table.node)
-        turn = table.axes.reshape(count, 2, 3, 3)
-        for k, (a, b) in enumerate(table.node.tolist()):
-            axes = [x @ q[node, 1:] for x, node in zip(turn[k], (a, b))]
-            shifts, products = np.zeros((3, 2, 4, 3)), np.zeros((3, 3, 2, 4, 3))
-            shifts[:, 1, 0], shifts[:, 0, 0] = axes[0], -axes[0]
-            shifts[:, 0, 1:] = turn[k, 0][:, :, None] * (q[b, 0] - q[a, 0])
-            products[:, :, 0, 1:] = turn[k, 0][:, None, :, None] * axes[1][None, :, None]
-            products[:, :, 1, 1:] = turn[k, 1][None, :, :, None] * axes[0][:, None, None]
-            shifts, products = shifts.reshape(3, 24), products.reshape(3, 3, 24)
-            viscosity, drag = (x.reshape(count, 3, 3)[k] for x in (table.viscosity, table.drag))
-            block = shifts.T @ viscosity @ shifts + np.einsum("ijm,il,ljn->mn", products, drag, products)
-            at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
+        for at, block in blocks(table) if isinstance(table, kind) else ():
             rows, columns = np.broadcast_arrays(at[:, None], at)
             total = total + sparse.csr_matrix((block.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(n, n))
     return total
 
 
+def _coordinates(*nodes: int) -> Array:
+    """Return the numbers of the coordinates of some nodes, [12 m]."""
+    return np.asarray((12 * np.array(nodes)[:, None] + np.arange(12)).reshape(-1))
+
+
+def _of_lines(model: Model, q: Array, t: float) -> Any:
+    """Assemble the derivative of line forces by the rate of the length: central differences."""
+    def blocks(table: LineForces) -> Iterator[tuple[Array, Array]]:
+        for k, (a, b) in enumerate(table.node.tolist()):
+            way = q[b, 0] - q[a, 0]
+            length = float(np.linalg.norm(way))
+            size = RATE * length
+            ahead, back = (ask(model, table, k, t, np.array([length, rate]), 1)[0] for rate in (size, -size))
+            lead = np.concatenate((way, -way)) / length
+            yield _coordinates(b, a).reshape(2, 12)[:, :3].reshape(-1), (ahead - back) / (2.0 * size) * np.outer(lead, lead)
+
+    return _of_links(model, LineForces, blocks)
+
+
+def _of_bushings(model: Model, q: Array) -> Any:
+    """Assemble the dampers of displacements along the axes of the first node and of products of the axes of both, theory.md
+    (4.21)."""
+    def blocks(table: Bushings) -> Iterator[tuple[Array, Array]]:
+        turn = table.axes.reshape(-1, 2, 3, 3)
+        for k, (a, b) in enumerate(table.node.tolist()):
+            shifts, products = _relative(turn[k], q, a, b)
+            viscosity, drag = (x.reshape(-1, 3, 3)[k] for x in (table.viscosity, table.drag))
+            yield _coordinates(a, b), shifts.T @ viscosity @ shifts + np.einsum("ijm,il,ljn->mn", products, drag, products)
+
+    return _of_links(model, Bushings, blocks)
+
+
+def _relative(turn: Array, q: Array, a: int, b: int) -> tuple[Array, Array]:
+    """Return the derivatives by the coordinates of nodes a and b of the displacement along the axes of a, [3, 24], and of the
+    products of the axes of both, [3, 3, 24]; turn [2, 3, 3]: axes in the triads of the nodes."""
+    own, other = (x @ q[node, 1:] for x, node in zip(turn, (a, b)))
+    shifts, products = np.zeros((3, 2, 4, 3)), np.zeros((3, 3, 2, 4, 3))
+    shifts[:, 1, 0], shifts[:, 0, 0] = own, -own
+    shifts[:, 0, 1:] = turn[0][:, :, None] * (q[b, 0] - q[a, 0])
+    products[:, :, 0, 1:] = turn[0][:, None, :, None] * other[None, :, None]
+    products[:, :, 1, 1:] = turn[1][None, :, :, None] * own[:, None, None]
+    return shifts.reshape(3, 24), products.reshape(3, 3, 24)
+
+
+def _by_rates(model: Model, table: Any, k: int, t: float, given: Array, share: float = 1.0) -> Array:
+    """Return minus a share of the derivative [6, 6] of a law by velocity and spin: central differences; given: its arguments at
+    rest."""
+    out = np.zeros((6, 6))
+    for c in range(6):
+        size = RATE * (model.length if c < 3 else 1.0)
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = given.copy()
+            moved[12 + c] = sign * size
+            ends.append(ask(model, table, k, t, moved, 6))
+        out[:, c] = -share * (ends[0] - ends[1]) / (2.0 * size)
+    return out
+
+
 def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
-    """Assemble minus the derivative of forces and moments by user laws, by velocity and spin: central differences."""
-    from scipy import sparse
-    n = 12 * model.n_nodes
-    total = sparse.csr_matrix((n, n))
-    for table in model.links:
-        if not isinstance(table, UserForces):
-            continue
+    """Assemble minus the derivative of forces and moments by user laws, by velocity and spin."""
+    def blocks(table: UserForces) -> Iterator[tuple[Array, Array]]:
         for k, node in enumerate(table.node.tolist()):
-            block = np.zeros((6, 6))
-            for c in range(6):
-                size = RATE * (model.length if c < 3 else 1.0)
-                ends = []
-                for sign in (1.0, -1.0):
-                    given = np.concatenate((q[node].reshape(-1), np.zeros(6)))
-                    given[12 + c] = sign * size
-                    ends.append(ask(model, table, k, t, given, 6))
-                block[:, c] = -(factor if table.grows[k] else 1.0) * table.share[k] * (ends[0] - ends[1]) / (2.0 * size)
             # rates of coordinates -> velocity and spin
             motion = np.zeros((6, 12))
             motion[:3, :3] = np.eye(3)
             for i in range(3):
                 motion[3:, 3 * i + 3:3 * i + 6] = 0.5 * np.cross(q[node, 1 + i], np.eye(3)).T
-            at = 12 * node + np.arange(12)
-            rows, columns = np.broadcast_arrays(at[:, None], at)
-            total += sparse.csr_matrix(((motion.T @ block @ motion).reshape(-1), (rows.reshape(-1), columns.reshape(-1))),
-                                       shape=(n, n))
-    return total
+            given = np.concatenate((q[node].reshape(-1), np.zeros(6)))
+            block = _by_rates(model, table, k, t, given, (factor if table.grows[k] else 1.0) * table.share[k])
+            yield _coordinates(node), motion.T @ block @ motion
+
+    return _of_links(model, UserForces, blocks)
 
 
 def _of_elements(model: Model, q: Array, t: float) -> Any:
     """Assemble minus the derivative of force elements by the rates of position and rotation in the axes of the first node:
-    central differences."""
-    from scipy import sparse
-    n = 12 * model.n_nodes
-    total = sparse.csr_matrix((n, n))
-    for table in model.links:
-        if not isinstance(table, ForceElements):
-            continue
+    central differences, on the 24 coordinates of both nodes."""
+    def blocks(table: ForceElements) -> Iterator[tuple[Array, Array]]:
         turn = table.axes.reshape(-1, 2, 3, 3)
         for k, (a, b) in enumerate(table.node.tolist()):
             own, other = (x @ q[node, 1:] for x, node in zip(turn[k], (a, b)))
-            arm, c = q[b, 0] - q[a, 0], own @ other.T
-            rates, product = np.zeros((6, 2, 4, 3)), np.zeros((3, 3, 2, 4, 3))
-            rates[:3, 1, 0], rates[:3, 0, 0] = own, -own
-            rates[:3, 0, 1:] = turn[k, 0][:, :, None] * arm
-            product[:, :, 0, 1:] = turn[k, 0][:, None, :, None] * other[None, :, None]
-            product[:, :, 1, 1:] = turn[k, 1][None, :, :, None] * own[:, None, None]
-            spin = np.einsum("ilxyz,jl->ijxyz", product, c)
-            for i in range(3):
-                j, l = (i + 1) % 3, (i + 2) % 3
-                rates[3 + i] = 0.5 * (spin[l, j] - spin[j, l])
-            lead = rates.reshape(6, 24)
-            block = np.zeros((6, 6))
-            for column in range(6):
-                size = RATE * (model.length if column < 3 else 1.0)
-                ends = []
-                for sign in (1.0, -1.0):
-                    given = np.concatenate((own @ arm, c.reshape(-1), np.zeros(6)))
-                    given[12 + column] = sign * size
-                    ends.append(ask(model, table, k, t, given, 6))
-                block[:, column] = -(ends[0] - ends[1]) / (2.0 * size)
-            at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
-            rows, columns = np.broadcast_arrays(at[:, None], at)
-            block = lead.T @ block @ lead
-            total += sparse.csr_matrix((block.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(n, n))
-    return total
+            c, (shifts, products) = own @ other.T, _relative(turn[k], q, a, b)
+            spin = np.einsum("ilm,jl->ijm", products, c)
+            lead = np.concatenate((shifts, [0.5 * (spin[(i + 2) % 3, (i + 1) % 3] - spin[(i + 1) % 3, (i + 2) % 3])
+                                            for i in range(3)]))
+            given = np.concatenate((own @ (q[b, 0] - q[a, 0]), c.reshape(-1), np.zeros(6)))
+            yield _coordinates(a, b), lead.T @ _by_rates(model, table, k, t, given) @ lead
+
+    return _of_links(model, ForceElements, blocks)

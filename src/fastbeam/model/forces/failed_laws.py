@@ -161,13 +161,7 @@ def _again(call: Callable[[], Any], out: Array | None, word: str) -> tuple[str, 
 
 
 def ask(model: Any, table: Any, k: int, t: float, given: Array, found: int) -> Array:
-    """Evaluate the law of row k of a table at time t, float64 [found]; given: its arguments.
-
-    Raises
-    ------
-    SceneError
-        The law fails.
-    """
+    """Evaluate the law of row k of a table at time t, float64 [found]; given: its arguments. Raises SceneError: the law fails."""
     given, out, failed = np.append(given, np.zeros(18 - len(given))), np.zeros(found), np.zeros(SIZE - FAILED)
     parameters = table.parameters[table.first[k]:]
     LAW(int(table.laws.address[k]))(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, out, failed)))

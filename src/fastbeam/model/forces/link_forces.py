@@ -15,14 +15,9 @@ class LinkForces(Feature):
     """Springs, dampers, bushings, line forces and winches: dissipated energies, series at rows, and ends that may pass each
     other.
 
-    Parameters
-    ----------
-    losses : tuple of str
-        Names of the dissipated energies in the balance.
-    find_rows : callable
-        Makes the evaluators of rows from the tables of the links of a model.
-    lines : links.Lines or None
-        Links whose ends may pass each other.
+    losses: names of the dissipated energies in the balance.
+    find_rows: makes the evaluators of rows from the tables of the links of a model.
+    lines: links whose ends may pass each other.
     """
 
     key, title, order = "link_forces", "springs, dampers", 40
@@ -70,13 +65,7 @@ class CarriedSliders(Feature):
 
 
 class OutsideLinks(Feature):
-    """Links of modules outside the package.
-
-    Parameters
-    ----------
-    kinds : list of str
-        Names of their tables.
-    """
+    """Links of modules outside the package; kinds: names of their tables."""
 
     key, title, order = "outside", "links of modules outside the package", 180
     lacks = (without_adjoint("links from outside", lambda links, asked: [f"links of kind {kind}" for kind in links.kinds]),)

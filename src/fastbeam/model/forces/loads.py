@@ -59,10 +59,7 @@ class LoadAccount(Feature):
 def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
     """Return the factor of every load vector at a time, [K]; who: the function that was called.
 
-    Raises
-    ------
-    SceneError
-        There are time functions and no time.
+    Raises SceneError: there are time functions and no time.
     """
     for one in model.controllers:
         # an equilibrium uses the start value, not the last value of a run
@@ -76,12 +73,7 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
 
 
 def which_times(value: Any) -> float | tuple[float, float]:
-    """Check the argument `at_time`: one time, s, or two.
-
-    Raises
-    ------
-    Refusal
-    """
+    """Check the argument `at_time`: one time, s, or two. Raises Refusal."""
     if real(value) is not None:
         return Number(unit="s")(value)
     first, last = Numbers((2,), "a time in s, or two, of the loads at load factor 0 and at 1")(value)
@@ -93,10 +85,7 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
     """Return the factors [K] of all load vectors at load factor 0, and their change until load factor 1; who: the function that
     was called; others_change: True if other forces than load vectors change.
 
-    Raises
-    ------
-    SceneError
-        There are time functions and no time, or between two times nothing changes.
+    Raises SceneError: there are time functions and no time, or between two times nothing changes.
     """
     if not isinstance(at_time, tuple):
         factors = load_factors_at(who, model, at_time)
@@ -142,10 +131,7 @@ def means(values: Callable[[list[float]], Array], rows: Array | None, times: Arr
 def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity") -> float:
     """Evaluate a time function at t as a number; who: its owner.
 
-    Raises
-    ------
-    SceneError
-        The function fails, or returns no finite number.
+    Raises SceneError: the function fails, or returns no finite number.
     """
     return float(factors_at([(time, who)], [t])[0, 0])
 
@@ -153,10 +139,7 @@ def factor_at(time: Callable[[float], float], t: float, who: str = "of gravity")
 def factors_at(functions: Sequence[tuple[Callable[[float], float], str]], times: list[float]) -> Array:
     """Evaluate time functions, each with the name of its owner, at some times, [functions, times].
 
-    Raises
-    ------
-    SceneError
-        A function fails, or returns no finite number.
+    Raises SceneError: a function fails, or returns no finite number.
     """
     found: list[Any] = []
     try:
@@ -174,13 +157,7 @@ def factors_at(functions: Sequence[tuple[Callable[[float], float], str]], times:
 
 
 def _numbers(found: list[Any], functions: Sequence[tuple[Any, str]], times: list[float]) -> Array:
-    """Return the values of functions of time, one after the other, as numbers.
-
-    Raises
-    ------
-    SceneError
-        See `factors_at`.
-    """
+    """Return the values of functions of time, one after the other, as numbers. Raises SceneError: see `factors_at`."""
     if not set(map(type, found)) <= {float, np.float64}:
         known = map(real, found)
         values = np.array([np.nan if x is None else x for x in known])

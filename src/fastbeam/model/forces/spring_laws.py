@@ -91,12 +91,8 @@ def kinks_of(part: Any) -> tuple[tuple[float, int], ...]:
 class SpringRows:
     """Lengths, forces and energies of S springs and dampers at rows.
 
-    Parameters
-    ----------
-    parts : list of Spring and Damper
-    node : int64 [S, 2]
-    distance : float64 [S]
-        Distances of their ends at t = 0, m.
+    node: int64 [S, 2].
+    distance: float64 [S], distances of their ends at t = 0, m.
     """
 
     kind = "springs"

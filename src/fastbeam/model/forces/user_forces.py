@@ -42,14 +42,9 @@ ON_NODES = UserForces, PlanarFollowers
 class UserLaws(Feature):
     """Forces by user laws, and follower loads.
 
-    Parameters
-    ----------
-    forces : list of UserForce
-        Forces on nodes.
-    between : list of LineForce or ForceElement
-        Forces between two points.
-    laws : dict of type -> failed_laws.Lawful
-        Laws by the kinds of tables that call them, those of wind included.
+    forces: forces on nodes.
+    between: forces between two points.
+    laws: dict of type -> failed_laws.Lawful, laws by the kinds of tables that call them, those of wind included.
     """
 
     key, title, order = "user_laws", "user forces, loads that follow, line forces and force elements", 120
@@ -102,16 +97,10 @@ class UserLaws(Feature):
 class Loaded:
     """Nodes of all forces by laws in a scene.
 
-    Attributes
-    ----------
-    forces : list of UserForce
-    node : int64 [K]
-    share : float64 [K]
-        1; along beams the tributary length of the node, m.
-    of : int64 [K]
-        Number of the force.
-    nodes : list of int64 [*]
-        Nodes of every force.
+    node: int64 [K].
+    share: float64 [K], 1; along beams the tributary length of the node, m.
+    of: int64 [K], number of the force.
+    nodes: list of int64 [*], nodes of every force.
     """
 
     def __init__(self, scene: Scene, nodes: NodeList) -> None:
@@ -132,10 +121,7 @@ class Loaded:
     def table(self, row_of: Array, blocks: Any, q: Array, place: int) -> UserForces:
         """Build the term; q [N, 4, 3]: coordinates at which laws are tried; place: offset of their work in the history.
 
-        Raises
-        ------
-        SceneError
-            A law that cannot be compiled, fails, or gives numbers that are not finite.
+        Raises SceneError: a law that cannot be compiled, fails, or gives numbers that are not finite.
         """
         starts, parameters = parameters_of(self.forces)
         # parameters of every node, or one row for all
@@ -158,10 +144,7 @@ class Loaded:
 def line_forces(ends: Any) -> LineForces:
     """Build the table of all forces along lines; ends: `links.Ends`.
 
-    Raises
-    ------
-    SceneError
-        A law that cannot be compiled, fails, or gives numbers that are not finite; ends that meet.
+    Raises SceneError: a law that cannot be compiled, fails, or gives numbers that are not finite; ends that meet.
     """
     addresses = []
     for force, length in zip(ends.parts, ends.distance.tolist()):
@@ -177,10 +160,7 @@ def line_forces(ends: Any) -> LineForces:
 def force_elements(ends: Any) -> ForceElements:
     """Build the table of all force elements; ends: `links.Ends`.
 
-    Raises
-    ------
-    SceneError
-        A law that cannot be compiled, fails, or gives numbers that are not finite.
+    Raises SceneError: a law that cannot be compiled, fails, or gives numbers that are not finite.
     """
     parts, node = ends.parts, ends.node
     axes = np.array([part.directors for part in parts])
@@ -224,10 +204,7 @@ def _given(q: Array) -> Array:
 def slopes_of(force: UserForce | LineForce | ForceElement, law: Any, given: Array) -> int:
     """Return the address of the derivative of a law, 0 without one; law: the compiled law for Python.
 
-    Raises
-    ------
-    SceneError
-        numba cannot compile the derivative, it fails, or it is not that of the law.
+    Raises SceneError: numba cannot compile the derivative, it fails, or it is not that of the law.
     """
     if force.derivative is None:
         return 0
@@ -245,9 +222,7 @@ def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: 
     """Check that a derivative is finite at the start, and agrees with differences of the law there at some velocity. At a kink of
     the law it may be the slope of either side, or between.
 
-    Raises
-    ------
-    SceneError
+    Raises SceneError.
     """
     rates = slice(1, 2) if on_line else slice(12, 18)
     for speed in (0.0, 0.1):
@@ -335,10 +310,7 @@ def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
 def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]:
     """Return the address of a law, and the law for Python; kept as long as the process.
 
-    Raises
-    ------
-    SceneError
-        numba cannot compile the law.
+    Raises SceneError: numba cannot compile the law.
     """
     make = _tension if isinstance(force, LineForce) else _compiled
     return machine_code(label_of(force), "law", lambda: make(force.law, rows_of(force).shape[1], *_time_of(force)))
@@ -368,10 +340,7 @@ def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
     """Build the table of all winds; part: int64 [D], number of the drag of a node; place: float64 [D, 3], where the air is
     evaluated.
 
-    Raises
-    ------
-    SceneError
-        A wind that cannot be compiled, fails, or gives numbers that are not finite.
+    Raises SceneError: a wind that cannot be compiled, fails, or gives numbers that are not finite.
     """
     if all(drag.wind is None for drag in drags):
         return NoWind()

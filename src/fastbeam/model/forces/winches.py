@@ -17,13 +17,8 @@ Array = np.ndarray
 class Ropes:
     """Nodes of the ropes of all winches of a scene.
 
-    Attributes
-    ----------
-    winches : list of Winch
-    node : int64 [G, 3]
-        Upper and lower end of every segment, and the drum.
-    of : int64 [G]
-        Number of the winch.
+    node: int64 [G, 3], upper and lower end of every segment, and the drum.
+    of: int64 [G], number of the winch.
     """
 
     def __init__(self, scene: Any, nodes: Any) -> None:
@@ -64,12 +59,7 @@ UNKNOWN = (Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.SENSITIVITY
 
 
 class Hoists(Feature):
-    """Winches of a scene, and their ropes.
-
-    Parameters
-    ----------
-    winches : list of Winch
-    """
+    """Winches of a scene, and their ropes."""
 
     key, title, order = "hoists", "winches", 105
     lacks = (
@@ -114,13 +104,7 @@ class Hoists(Feature):
 
 class WinchRows:
     """Free length, m, its rate, m/s, and tension at the drum and at the load, N, of winches at rows. The tension at both ends of
-    the rope is extrapolated linearly from the last two segments; a single segment counts with its weight, without its inertia.
-
-    Parameters
-    ----------
-    names : list of str
-    table : Winches
-    """
+    the rope is extrapolated linearly from the last two segments; a single segment counts with its weight, without its inertia."""
 
     kind = "winches"
 

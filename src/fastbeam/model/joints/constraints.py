@@ -73,18 +73,10 @@ class Distance:
 
 
 class KeptLink(NamedTuple):
-    """Joint with multipliers, or a part of its conditions, between two nodes.
-
-    Attributes
-    ----------
-    name : str
-    node : (int, int)
-        Nodes a and b.
-    law : Law
-    """
+    """Joint with multipliers, or a part of its conditions, between two nodes."""
 
     name: str
-    node: tuple[int, int]
+    node: tuple[int, int]  # nodes a and b
     law: Law
 
     @property

@@ -24,14 +24,8 @@ class Coordinate:
     x is y less y at t = 0 for a LINE (y itself for a place), atan2(y, z) for an ANGLE, acos(z) for a SWING; y and z are sums of
     products.
 
-    Parameters
-    ----------
-    shape : scene.joint_freedoms.Shape
-    frame : tables.Frame
-    rate : float
-        Rate of x at t = 0, m/s or rad/s.
-    holds : bool
-        False for friction, which holds up to a limit.
+    rate: rate of x at t = 0, m/s or rad/s.
+    holds: false for friction, which holds up to a limit.
     """
 
     is_vector = False
@@ -84,10 +78,7 @@ class Coordinate:
     def is_left_in_plane(self, normal: Array) -> bool:
         """Return whether the coordinate is free in the plane with this normal.
 
-        Raises
-        ------
-        NotPlanar
-            A direction lies neither in the plane nor along its normal.
+        Raises NotPlanar: a direction lies neither in the plane nor along its normal.
         """
         up = np.abs(self.directions @ normal)
         if np.any((up > TOLERANCE) & (up < 1.0 - TOLERANCE)):

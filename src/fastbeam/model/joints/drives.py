@@ -80,36 +80,20 @@ class JointsOfRun(NamedTuple):
 
 @dataclass(frozen=True)
 class Holds:
-    """Prescribed coordinates, friction, stops and drives, for the C coordinates that the joints of a scene leave free.
+    """Prescribed coordinates, friction, stops and drives, for the C coordinates that the joints of a scene leave free."""
 
-    Attributes
-    ----------
-    parts : list of scene.joint_freedoms.Freedom
-        All coordinates.
-    given, rubs, stopped, driven : int64 [*]
-        Coordinates that are prescribed, that have friction or rigid stops (R of them), elastic stops, and drives.
-    rows : int64 [*]
-        Coordinates in the tables of this model.
-    first : int
-        Number of the first constraint of these coordinates among all constraints.
-    place : int
-        Offset of the history variables of friction.
-    length : float
-        Size of the scene, m.
-    laws : dict
-        Addresses of compiled force laws of drives, by coordinate.
-    """
-
-    parts: list[Any]
+    parts: list[Any]  # all coordinates
+    # given, rubs, stopped, driven, int64 [*]: coordinates that are prescribed, that have friction or rigid stops (R of them),
+    # elastic stops, and drives
     given: Array
     rubs: Array
     stopped: Array
     driven: Array
-    rows: Array
-    first: int
-    place: int
-    length: float
-    laws: dict[int, int]
+    rows: Array  # int64 [*]: coordinates in the tables of this model
+    first: int  # number of the first constraint of these coordinates among all constraints
+    place: int  # offset of the history variables of friction
+    length: float  # size of the scene, m
+    laws: dict[int, int]  # addresses of compiled force laws of drives, by coordinate
 
     @property
     def is_angle(self) -> Array:
@@ -277,10 +261,7 @@ class Holds:
     def schedule(self, drives: JointDrives, starts: Array, lengths: Array, end: float) -> DriveTimes:
         """Tabulate prescribed values for substeps that begin at `starts` and have these lengths [n]; the last ends at `end`.
 
-        Raises
-        ------
-        SceneError
-            A function fails, or a joint makes half a turn in a step.
+        Raises SceneError: a function fails, or a joint makes half a turn in a step.
         """
         mine = self.given[self._left(self.given)[1]]
         out = np.zeros((len(starts), mine.size))
@@ -311,10 +292,7 @@ class Holds:
     def start(self, t: float, own: Array, found: Array) -> None:
         """Set prescribed coordinates in a history `own` [C] to their values at time t; found: values of the coordinates [C].
 
-        Raises
-        ------
-        SceneError
-            A coordinate differs from its prescribed value.
+        Raises SceneError: a coordinate differs from its prescribed value.
         """
         for k in self.given.tolist():
             part = self.parts[k]
@@ -335,10 +313,7 @@ class Holds:
     def check_stays(self, who: str, t: float, found: Array) -> None:
         """Check that joints at `found` [C] stand at their prescribed values at time t; who: the function that was called.
 
-        Raises
-        ------
-        SceneError
-            A coordinate would have to move.
+        Raises SceneError: a coordinate would have to move.
         """
         try:
             self.start(t, found.copy(), found)
@@ -355,10 +330,7 @@ class Holds:
     def check_within(self, found: Array) -> None:
         """Check that coordinates at their values `found` [C] are between rigid stops.
 
-        Raises
-        ------
-        SceneError
-            A coordinate is beyond its stops.
+        Raises SceneError: a coordinate is beyond its stops.
         """
         for (low, high), scale, k in zip(self.ends, self.scales, self.rubs.tolist()):
             if not low - AT_STOP * scale <= found[k] <= high + AT_STOP * scale:
@@ -433,10 +405,7 @@ def holds_of(parts: list[Any], constraints: int, place: int, length: float) -> H
     """Collect the coordinates that are prescribed, driven, or have friction or stops; parts: all coordinates; constraints: number
     in the scene but moments of sleeves; place: as in `Holds`.
 
-    Raises
-    ------
-    SceneError
-        The force of a drive cannot be compiled.
+    Raises SceneError: the force of a drive cannot be compiled.
     """
     every = np.arange(len(parts))
     given, rubs, stopped, driven = (np.array([k for k in every if has(parts[k])], np.int64) for has in (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -37,41 +37,13 @@ HOLD_IT = "hold the joint where it is to be by angle= or distance=, or run until
 
 @dataclass(frozen=True)
 class Motions(Feature):
-    """All free coordinates of the joints of a scene, C of them.
+    """All free coordinates of the joints of a scene, C of them."""
 
-    Attributes
-    ----------
-    table : JointMotion
-        Table of the coordinates `rows`.
-    rows : int64 [*]
-        Coordinates in the table: all, in the model of a plane those that are left there.
-    names : list of str
-        The joint of every coordinate.
-    labels : list of str
-        For messages.
-    what : list of str
-        'angle', 'distance', 'swing', 'twist' or 'cosine' of every coordinate.
-    motors : list
-        Force or torque of every coordinate: a number, a function of time, or None.
-    turn : float64 [C, 2, 3, 3]
-        R with D_i = sum_k R_ik d_k of both nodes.
-    node : int64 [C, 2]
-    spring : float64 [C, 2]
-        Stiffness and rest value.
-    every : JointMotion
-        Table of all coordinates in space.
-    laws : list of Coordinate
-    damped : bool
-    holds : Holds
-        Prescribed values, friction, stops and drives.
-    """
-
-    key: ClassVar[str] = "motions"
-    title: ClassVar[str] = "springs, dampers, motors, drives, friction and stops of joints"
-    order: ClassVar[int] = 80
-    lacks: ClassVar[tuple[Lack, ...]] = (
+    key, title, order = "motions", "springs, dampers, motors, drives, friction and stops of joints", 80
+    lacks = (
         unknown_to_methods("springs, dampers, motors, drives, friction and stops of joints",
-                           lambda motions, asked: [motions.title] * motions.has_forces),
+                           lambda motions, asked: [motions.title] * bool(
+                               motions.acts or motions.driven or motions.holds.held.size or motions.holds.stopped.size)),
         dissipating("friction, rigid stops", lambda motions, asked: motions.holds.kinks, kinked=True),
         dissipating("drives with a limit, where something dissipates", lambda motions, asked: (
             motions.holds.heeding or ["drives with a limit"])
@@ -100,19 +72,19 @@ class Motions(Feature):
         without_adjoint("friction, rigid stops", lambda motions, asked: [
             f"friction or rigid stops of {motions.labels[k]}" for k in motions.holds.rubs]))
 
-    table: JointMotion
-    rows: Array
-    names: list[str]
-    labels: list[str]
-    what: list[str]
-    motors: list[Any]
-    turn: Array
-    node: Array
-    spring: Array
-    every: JointMotion
+    table: JointMotion  # table of the coordinates `rows`
+    rows: Array  # int64 [*]: coordinates in the table: all, in the model of a plane those that are left there
+    names: list[str]  # the joint of every coordinate
+    labels: list[str]  # for messages
+    what: list[str]  # 'angle', 'distance', 'swing', 'twist' or 'cosine' of every coordinate
+    motors: list[Any]  # force or torque of every coordinate: a number, a function of time, or None
+    turn: Array  # float64 [C, 2, 3, 3]: R with D_i = sum_k R_ik d_k of both nodes
+    node: Array  # int64 [C, 2]
+    spring: Array  # float64 [C, 2]: stiffness and rest value
+    every: JointMotion  # table of all coordinates in space
     laws: list[Coordinate]
     damped: bool
-    holds: Holds
+    holds: Holds  # prescribed values, friction, stops and drives
 
     @property
     def history_size(self) -> int:
@@ -128,11 +100,6 @@ class Motions(Feature):
     def pushed(self) -> list[int]:
         """Coordinates with motors, then those with drives."""
         return [k for k, motor in enumerate(self.motors) if motor is not None] + self.holds.driven.tolist()
-
-    @property
-    def has_forces(self) -> bool:
-        """True if any force or prescribed value acts on the coordinates."""
-        return bool(self.acts or self.driven or self.holds.held.size or self.holds.stopped.size)
 
     @property
     def timed(self) -> bool:

@@ -17,14 +17,9 @@ Pairs = tuple[tuple[int, int], ...]
 class Frame:
     """Directions that both nodes of a joint carry, and coordinates of the nodes at t = 0.
 
-    Attributes
-    ----------
-    turn : float64 [2, 3, 3]
-        R with D_i = sum_k R_ik d_k of both nodes.
-    reference : float64 [2, 4, 3]
-        Coordinates at t = 0.
-    axes : float64 [2, 3, 3]
-        The directions of both at t = 0.
+    turn: float64 [2, 3, 3], R with D_i = sum_k R_ik d_k of both nodes.
+    reference: float64 [2, 4, 3], coordinates at t = 0.
+    axes: float64 [2, 3, 3], the directions of both at t = 0.
     """
 
     def __init__(self, turn: Array, reference: Array) -> None:
@@ -35,14 +30,9 @@ class Frame:
 class Conditions:
     """Constraints of a joint by products, theory.md (4.13): D_i . D_j of directions of a and b, or r . D_i with r = x_b - x_a.
 
-    Parameters
-    ----------
-    pairs : tuple of (i, j)
-        j = -1 for r . D_i.
-    turn : float64 [2, 3, 3]
-        R with D_i = sum_k R_ik d_k of both nodes.
-    x : float64 [2, 4, 3]
-        Reference coordinates.
+    pairs: tuple of (i, j), j = -1 for r . D_i.
+    turn: float64 [2, 3, 3], R with D_i = sum_k R_ik d_k of both nodes.
+    x: float64 [2, 4, 3], reference coordinates.
     """
 
     is_vector, holds, rate = False, True, 0.0
@@ -52,10 +42,6 @@ class Conditions:
         self.is_angle = pairs[0][1] >= 0
         self.axes = np.einsum("sik,skc->sic", turn, x[:, 1:])
         self.value = np.array([(x[1, 0] - x[0, 0]) @ self.axes[0, i] if j < 0 else 0.0 for i, j in pairs])
-
-    def restricted(self, keep: Array) -> Conditions:
-        """Return a subset of the conditions; keep: their numbers."""
-        return Conditions(tuple(self.pairs[k] for k in keep), self.turn, self.reference)
 
     def forces(self, dim: int) -> int:
         """Return the number of conditions, one multiplier each."""
@@ -76,10 +62,7 @@ class Conditions:
     def left_in_plane(self, normal: Array) -> Array:
         """Return the numbers of the conditions that do not hold by themselves in the plane with this normal.
 
-        Raises
-        ------
-        NotPlanar
-            A direction lies neither in the plane nor along its normal.
+        Raises NotPlanar: a direction lies neither in the plane nor along its normal.
         """
         keep = []
         first, second = np.abs(self.axes @ normal).tolist()
@@ -145,10 +128,7 @@ def joint_conditions(ends: Any) -> JointConditions:
 def left_in_plane(name: str, law: Any, normal: Array) -> Any:
     """Return the conditions of a law that are left in the plane with this normal.
 
-    Raises
-    ------
-    NotPlanar
-        A direction of it is oblique to the plane.
+    Raises NotPlanar: a direction of it is oblique to the plane.
     """
     try:
         return law.is_left_in_plane(normal) if isinstance(law, Coordinate) else law.left_in_plane(normal)
@@ -160,10 +140,7 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
     """Return the joints with the conditions that are left in a plane, and the numbers of the remaining multipliers among all
     scalar ones.
 
-    Raises
-    ------
-    NotPlanar
-        The axis of a joint is oblique to the plane.
+    Raises NotPlanar: the axis of a joint is oblique to the plane.
     """
     out, singles, at = [], [np.zeros(0, np.int64)], 0
     for link in kept:
@@ -183,7 +160,8 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
         singles.append(at + keep)
         at += len(link.law.pairs)
         if keep.size:
-            out.append(link._replace(law=link.law.restricted(keep)))
+            law = link.law
+            out.append(link._replace(law=Conditions(tuple(law.pairs[k] for k in keep), law.turn, law.reference)))
     return out, np.concatenate(singles)
 
 

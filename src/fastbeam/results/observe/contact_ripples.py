@@ -426,12 +426,8 @@ class Contacts:
             nodes = self.model.numbers.start(beam) + first[:, None] + np.arange(values.shape[1])
             axis = np.einsum("ma,maj->mj", values, positions[nodes])
             for (k, slider, s), place in zip(some, axis):
-                self._rounding(t, k, slider, beam, s, place - self._on_curve(k, float(state.s[k]), positions))
-
-    def _on_curve(self, k: int, s: float, positions: Array) -> Array:
-        """Return the place of slider k at s on its curve [3]; positions of the nodes [N, 3]."""
-        nodes, shapes = shapes_at(self.model, k, s, 0)
-        return np.asarray(shapes[0] @ positions[nodes])
+                nodes, shapes = shapes_at(self.model, k, float(state.s[k]), 0)
+                self._rounding(t, k, slider, beam, s, place - np.asarray(shapes[0] @ positions[nodes]))
 
     def _rounding(self, t: float, k: int, slider: Slider, beam: Beam, s: float, distance: Array) -> None:
         """Note a slider at s of a beam whose curve lies so far beside the axis [3]."""

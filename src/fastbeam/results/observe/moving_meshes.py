@@ -15,14 +15,7 @@ Array = np.ndarray
 
 
 class MeshRows:
-    """Rows of the contacts of a model with moving meshes.
-
-    Parameters
-    ----------
-    model : Model
-    slider, energy : bool
-        Whether rows have sliders, and energies.
-    """
+    """Rows of the contacts of a model with moving meshes; slider, energy: whether rows have sliders, and energies."""
 
     def __init__(self, model: Model, slider: bool, energy: bool) -> None:
         self.moving, self.slider = model.moving, slider and model.moving is not None
@@ -86,10 +79,6 @@ class MeshRows:
         row["friction_force"] = row["friction_force"] + self._of(np.where(self._rests, 0.0, rubs))
         row["stop_force"] = row["stop_force"] + self._of(np.where(self._rests, rubs, 0.0))
         row["force_along"] = row["friction_force"] + row["drive_force"] + row["stop_force"]
-
-    def in_stops(self, energies: Array) -> float:
-        """Return the energy that stops of contacts store, J, from energies [C] of coordinates."""
-        return float(np.sum(energies[self.along]))
 
     def _of(self, x: Array) -> Array:
         """Return values of contacts from values of all coordinates."""

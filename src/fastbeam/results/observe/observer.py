@@ -47,19 +47,10 @@ POINTS = Names("must map names to nodes, as in points={'tip': beam.end}")
 class Observer:
     """Rows of the chosen series.
 
-    Parameters
-    ----------
-    model : Model
-    kinds : sequence of KINDS
-    points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds
-        Positions to record, and what `PointRows` has where it is asked for.
-    lost : float64 [2], optional
-        Energies that filters of strains have dissipated and store, J, as the stepper keeps them.
-
-    Raises
-    ------
-    SceneError
-        An unknown kind, or a point that is not in the scene.
+    points: mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds, positions to record, and
+        what `PointRows` has where it is asked for.
+    lost: float64 [2], energies that filters of strains have dissipated and store, J, as the stepper keeps them.
+    Raises SceneError: an unknown kind, or a point that is not in the scene.
     """
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointRows | None,
@@ -147,7 +138,7 @@ class Observer:
             out["kinetic"] = float(self._out[0])
             out["strain"] = strain_energy(model, state.q, self._work)
             if "joint_energy" in out:
-                self._in_stops = self.meshes.in_stops(out["joint_energy"])
+                self._in_stops = float(np.sum(out["joint_energy"][self.meshes.along]))
                 out["strain"] += float(np.sum(out["joint_energy"])) - self._in_stops
             phi = state.q.reshape(-1, 12)[:, :3]
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
@@ -435,7 +426,7 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
     if not (model.accounts_loads or model.losses or model.works or exchanging or filtered):
         out.append("total")
-    free = np.concatenate((_tied_rows(model), place_rows(model)))
+    free = np.concatenate((np.zeros(0, np.int64) if model.ties is None else model.ties.row, place_rows(model)))
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
     if model.moving is not None and np.any(model.gravity):
         return out
@@ -444,7 +435,3 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     if not acted_on:
         out += ["lin_mom", "ang_mom"]
     return out
-
-
-def _tied_rows(model: Model) -> Array:
-    return model.ties.row if model.ties is not None else np.zeros(0, np.int64)

@@ -22,17 +22,9 @@ Array = np.ndarray
 class PointRows:
     """Series of points by name.
 
-    Parameters
-    ----------
-    model : Model
-    kinds : sequence of str
-        Observed kinds, of which 'velocity', 'spin', 'orientation', 'acceleration' and 'section' concern points.
-    points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
-
-    Raises
-    ------
-    SceneError
-        A point that is not in the scene.
+    kinds: observed kinds, of which 'velocity', 'spin', 'orientation', 'acceleration' and 'section' concern points.
+    points: mapping name -> NodeRef, RigidBody, PointMass or (beam, s).
+    Raises SceneError: a point that is not in the scene.
     """
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | None) -> None:

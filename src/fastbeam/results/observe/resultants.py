@@ -92,18 +92,9 @@ class SectionForces:
 class Sections:
     """Sections of one beam of a model, of which forces are asked for.
 
-    Parameters
-    ----------
-    model : Model
-    beam : Beam
-        Beam of the compiled scene; also a beam of a net, `net.beam(k)`.
-    s : float or array_like [m], optional
-        Arc lengths, m; default: the ends of all elements.
-
-    Raises
-    ------
-    SceneError
-        The beam is not in the scene, or an arc length lies outside.
+    beam: beam of the compiled scene; also a beam of a net, `net.beam(k)`.
+    s: float or array_like [m], arc lengths, m; default: the ends of all elements.
+    Raises SceneError: the beam is not in the scene, or an arc length lies outside.
     """
 
     def __init__(self, model: Model, beam: Beam, s: ArrayLike | None = None) -> None:

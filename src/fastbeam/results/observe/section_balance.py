@@ -110,18 +110,11 @@ def piece_to(section: Sections, cut: int, element: int) -> Piece:
 class FreeBodies:
     """Sections of beams, and the parts of elements and loads behind them.
 
-    Parameters
-    ----------
-    model : Model
-        Model in space.
-    terms : sequence of kernels/terms.py
-        Terms of the run, with equations of the nodes themselves.
-    sections : sequence of Sections
-        One arc length each.
-    plane : Plane or None
-        Plane where nodes have three unknowns.
-    idle : int
-        Row of idle lanes in the tables of elements, behind those of nodes.
+    model: Model in space.
+    terms: terms of the run, with equations of the nodes themselves.
+    sections: one arc length each.
+    plane: Plane where nodes have three unknowns.
+    idle: row of idle lanes in the tables of elements, behind those of nodes.
     """
 
     def __init__(self, model: Model, terms: Sequence[Any], sections: Sequence[Sections], plane: Any, idle: int) -> None:
@@ -181,7 +174,8 @@ class FreeBodies:
         # elements of splines may have the same nodes: which of these it is, in their order along the beam, as in tables
         by_nodes = {}
         for (first, e), nodes in wanted.items():
-            same = np.all(self._basis(first).element_nodes[:e] == nodes - first, axis=1)
+            basis: Basis = next(x.beam.basis for x in self.sections if x.first == first)
+            same = np.all(basis.element_nodes[:e] == nodes - first, axis=1)
             by_nodes[(*sorted(nodes.tolist()), int(np.sum(same)))] = first, e
         firsts = np.array([nodes[0] for nodes in by_nodes])
         seen: dict[tuple[int, ...], int] = {}
@@ -199,10 +193,6 @@ class FreeBodies:
         if not groups:
             return None
         return term._replace(tables=tables._replace(meta=np.ascontiguousarray(tables.meta[np.unique(groups)]), rows=out))
-
-    def _basis(self, first: int) -> Basis:
-        """Return the basis of the beam whose nodes begin there."""
-        return next(x.beam.basis for x in self.sections if x.first == first)
 
     def _gather(self) -> None:
         """Find the rows of every pair of a cut and a node, and its shares of loads."""
@@ -243,7 +233,6 @@ class FreeBodies:
                 if isinstance(load, DistributedLoad) and load.beam is beam and not load.follower]
 
     def _loaded(self, piece: Piece) -> Piece:
-        """Return the piece with the loads along it."""
         section, beam, loads = piece.section, piece.section.beam, []
         start = float(beam.basis.element_ends[piece.element])
         for k, load in self._distributed(beam):
@@ -266,20 +255,12 @@ class FreeBodies:
     def forces(self, system: Any, q: Array, h: float, factors: Array, second: Array | None, pushes: Any) -> Array:
         """Return force and moment [C, 2, 3] that the part behind each section exerts on the part before it.
 
-        Parameters
-        ----------
-        system : System
-            System of the assembly; residuals are left alone.
-        q : float64 [N, 4, 3]
-            Coordinates in the middle of the step.
-        h : float
-            The step, s; 0 in statics.
-        factors : float64 [K]
-            Factors of the loads.
-        second : float64 [N, 4, 3] or None
-            Mean second rates of the coordinates in the step; in statics those of a steady motion.
-        pushes : function of the number of a slider -> float64 [N, 8]
-            Forces and moments that it exerts on nodes.
+        system: system of the assembly; residuals are left alone.
+        q: float64 [N, 4, 3], coordinates in the middle of the step.
+        h: the step, s; 0 in statics.
+        factors: float64 [K], factors of the loads.
+        second: float64 [N, 4, 3], mean second rates of the coordinates in the step; in statics those of a steady motion.
+        pushes: function of the number of a slider -> float64 [N, 8], forces and moments that it exerts on nodes.
         """
         own = system._replace(work=system.work._replace(r=self._r))
         self._system = system_record(own, self._system, ADDED)

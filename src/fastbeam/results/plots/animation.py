@@ -37,12 +37,7 @@ SOME, MOST = 6, 48
 
 
 def which_modes(value: Any) -> int | tuple[int, ...]:
-    """Check that an argument is a mode, or several.
-
-    Raises
-    ------
-    Refusal
-    """
+    """Check that an argument is a mode, or several. Raises Refusal."""
     if whole(value) is not None:
         return Count(0)(value)
     several: tuple[int, ...] = Listing(Count(0), "the number of a mode, from 0, or several", MOST)(value)
@@ -136,12 +131,7 @@ def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, 
 
 
 def _write(film: Film, path: Path, kind: str, fps: float, overwrite: bool, progress: bool | None) -> None:
-    """Write a film, beside its place first.
-
-    Raises
-    ------
-    BackendError, ResultFileError
-    """
+    """Write a film, beside its place first. Raises BackendError or ResultFileError."""
     try:
         import matplotlib as mpl
     except ImportError as error:
@@ -172,16 +162,8 @@ def _write(film: Film, path: Path, kind: str, fps: float, overwrite: bool, progr
 class ResultFilm:
     """Snapshots of a result, one after the other.
 
-    Parameters
-    ----------
-    result : Result
-    plane, fps, speed
-        See `animate`.
-
-    Raises
-    ------
-    SceneError
-        There are no snapshots, or too many frames.
+    plane, fps, speed: see `animate`.
+    Raises SceneError: there are no snapshots, or too many frames.
     """
 
     def __init__(self, result: Result, plane: str, fps: float, speed: float | None) -> None:
@@ -211,22 +193,10 @@ class ResultFilm:
 class ModeFilm:
     """One period of modes, a panel for each.
 
-    Parameters
-    ----------
-    modes : Modes or DampedModes
-    plane : str
-    which : sequence of int
-        Modes, from 0.
-    amplitude : float
-        See `Motion`.
-    n : int
-        Frames.
-    decay : bool
-
-    Raises
-    ------
-    SceneError
-        There is no such mode.
+    which: modes, from 0.
+    amplitude: see `Motion`.
+    n: frames.
+    Raises SceneError: there is no such mode.
     """
 
     def __init__(self, modes: Modes | DampedModes, plane: str, which: Sequence[int], amplitude: float, n: int,
@@ -282,13 +252,7 @@ def _frames(times: np.ndarray, fps: float, speed: float | None) -> np.ndarray:
 
 
 def _writer(kind: str, fps: float) -> Any:
-    """Return the writer that makes a film of frames.
-
-    Raises
-    ------
-    BackendError
-        It is not installed.
-    """
+    """Return the writer that makes a film of frames. Raises BackendError: it is not installed."""
     import matplotlib as mpl
     from matplotlib.animation import FFMpegWriter, PillowWriter
     if kind == ".gif":
@@ -304,7 +268,6 @@ def _writer(kind: str, fps: float) -> Any:
 
 
 def _canvas(figure: Any) -> Any:
-    """Return the figure, with a canvas that draws it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     FigureCanvasAgg(figure)
     return figure

@@ -44,20 +44,9 @@ PLANE = Word(("auto", *PLANES))
 class Shapes:
     """Lines and dots of the shapes of a result.
 
-    Parameters
-    ----------
-    result : Result
-        With snapshots.
-
-    Raises
-    ------
-    SceneError
-        It has none.
-
-    Attributes
-    ----------
-    paths : dict
-        Times [k] and positions [k, 3] of the point of every slider.
+    result: with snapshots.
+    paths: times [k] and positions [k, 3] of the point of every slider.
+    Raises SceneError: it has none.
     """
 
     def __init__(self, result: Result) -> None:
@@ -98,7 +87,7 @@ class Shapes:
     def dots(self, k: int) -> np.ndarray:
         """Return point masses and points of sliders [m, 3] at snapshot k."""
         t = self.result.t_snap[k]
-        rings = [position_at(times, path, t) for times, path in self.paths.values() if len(path)]
+        rings = [[np.interp(t, times, path[:, i]) for i in range(3)] for times, path in self.paths.values() if len(path)]
         return np.concatenate((self.result.phi[k, self.masses], np.reshape(rings, (-1, 3))))
 
     def draw(self, axes: Any, k: int, colour: Any) -> list[Any]:
@@ -152,7 +141,6 @@ def new_figure(size: tuple[float, float]) -> Figure:
 
 
 def _png_of(figure: Figure) -> bytes:
-    """Return a figure as PNG, for notebooks."""
     image = io.BytesIO()
     figure.savefig(image, format="png")
     return image.getvalue()
@@ -295,8 +283,3 @@ def slider_path(result: Result, name: str) -> tuple[np.ndarray, np.ndarray]:
     if nodes and len(result.t_snap):
         return result.t_snap, result.phi[:, nodes[result.names["sliders"].index(name)]]
     return np.zeros(0), np.zeros((0, 3))
-
-
-def position_at(times: np.ndarray, path: np.ndarray, t: float) -> np.ndarray:
-    """Return the position [3] on a path at time t."""
-    return np.array([np.interp(t, times, path[:, i]) for i in range(3)])

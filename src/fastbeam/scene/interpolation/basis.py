@@ -30,21 +30,14 @@ END_TOLERANCE = 1e-12  # share of the length by which a given end may miss 0 and
 
 @dataclass(frozen=True)
 class CurveBasis:
-    """Curve a slider runs on, c(s) = sum_a N_a(s) phi_a, polynomial in xi in [-1, 1] on each element, theory.md (3.1).
+    """Curve a slider runs on, c(s) = sum_a N_a(s) phi_a, polynomial in xi in [-1, 1] on each element, theory.md (3.1)."""
 
-    Attributes
-    ----------
-    element_ends : [n_elements+1]
-        Arc lengths of the element ends, m.
-    first_node, n_nodes_of : int [n_elements]
-        Element e touches the nodes first_node .. first_node + n_nodes_of - 1 of the beam.
-    coef : [n_elements, max_nodes, n_coef]
-        Legendre coefficients: N_a = sum_k coef[e, a, k] P_k(xi); zero beyond n_nodes_of. Their sum over a is (1, 0, 0, ...).
-    """
-
-    element_ends: Array
+    element_ends: Array  # [n_elements+1]: arc lengths of the element ends, m
+    # first_node, n_nodes_of, int [n_elements]: element e touches the nodes first_node .. first_node + n_nodes_of - 1 of the beam
     first_node: IntArray
     n_nodes_of: IntArray
+    # [n_elements, max_nodes, n_coef]: Legendre coefficients: N_a = sum_k coef[e, a, k] P_k(xi); zero beyond n_nodes_of. Their sum
+    # over a is (1, 0, 0, ...)
     coef: Array
 
     def evaluate(self, s: ArrayLike) -> tuple[IntArray, Array, Array]:
@@ -52,10 +45,7 @@ class CurveBasis:
 
         An element owns its left end; the last one also its right end.
 
-        Raises
-        ------
-        SceneError
-            If an s lies outside the beam.
+        Raises SceneError: if an s lies outside the beam.
         """
         s = np.atleast_1d(np.asarray(s, dtype=float))
         length = self.element_ends[-1]
@@ -75,52 +65,39 @@ class CurveBasis:
 @dataclass(frozen=True)
 class Basis:
     """Tables of one beam (theory.md 3.2). nn nodes per element, nq points of the strain energy: degree Gauss points, of
-    splines of degree 2 and 3 two, of which one may have weight zero (`spline_points`); nm = degree + 1 Gauss points.
+    splines of degree 2 and 3 two, of which one may have weight zero (`spline_points`); nm = degree + 1 Gauss points."""
 
-    Attributes
-    ----------
-    interpolation, degree, directors, length, n_nodes, n_elements
-        What the tables were built from; length in m; directors is 'nodes', 'greville' or 'control'.
-    node_s : [n_nodes]
-        Arc length of the nodes, m: Gauss-Lobatto-Legendre nodes (lagrange) or Greville abscissae (bspline).
-    element_ends : [n_elements+1]
-        Arc lengths of the element ends, m.
-    element_nodes : int [n_elements, nn]
-        Nodes of every element, numbered along the beam, consecutive. A table entry is zero where a node does not matter.
-    point_s, weight : [n_elements, nq]
-        Arc length and weight, m, of the points of the strain energy.
-    phi, phi_s, dir, dir_s : [n_elements, nq, nn]
-        Position and director basis there and their d/ds (1/m). `dir is phi` unless directors is 'greville'.
-    mass_phi, mass_dir : [n_elements, nn, nn]
-        int N_a N_b ds (m) of the position and the director basis, exact.
-    mass_point_s, mass_weight : [n_elements, nm]
-        Points (m) and weights (m) that integrate masses and distributed loads.
-    mass_phi_values : [n_elements, nm, nn]
-        Position basis there.
-    spread : [n_elements, p+1, nn] or None
-        What the director basis makes of the p + 1 functions of positions, where it is another one.
-    """
-
+    # interpolation, degree, directors, length, n_nodes, n_elements: what the tables were built from; length in m; directors is
+    # 'nodes', 'greville' or 'control'
     interpolation: str
     degree: int
     directors: str
     length: float
     n_nodes: int
     n_elements: int
+    # [n_nodes]: arc length of the nodes, m: Gauss-Lobatto-Legendre nodes (lagrange) or Greville abscissae (bspline)
     node_s: Array
-    element_ends: Array
+    element_ends: Array  # [n_elements+1]: arc lengths of the element ends, m
+    # int [n_elements, nn]: nodes of every element, numbered along the beam, consecutive. A table entry is zero where a node does
+    # not matter
     element_nodes: IntArray
+    # point_s, weight, [n_elements, nq]: arc length and weight, m, of the points of the strain energy
     point_s: Array
     weight: Array
+    # phi, phi_s, dir, dir_s, [n_elements, nq, nn]: position and director basis there and their d/ds (1/m). `dir is phi` unless
+    # directors is 'greville'
     phi: Array
     phi_s: Array
     dir: Array
     dir_s: Array
+    # mass_phi, mass_dir, [n_elements, nn, nn]: int N_a N_b ds (m) of the position and the director basis, exact
     mass_phi: Array
     mass_dir: Array
+    # mass_point_s, mass_weight, [n_elements, nm]: points (m) and weights (m) that integrate masses and distributed loads
     mass_point_s: Array
     mass_weight: Array
-    mass_phi_values: Array
+    mass_phi_values: Array  # [n_elements, nm, nn]: position basis there
+    # [n_elements, p+1, nn] or None: what the director basis makes of the p + 1 functions of positions, where it is another one
     spread: Array | None = None
 
     def shapes(self, element: IntArray, s: Array) -> tuple[Array, Array]:
@@ -143,10 +120,7 @@ class Basis:
 
         A banded collocation solve for bspline, the identity for lagrange.
 
-        Raises
-        ------
-        SceneError
-            If there is not one row of values per node.
+        Raises SceneError: if there is not one row of values per node.
         """
         values = np.asarray(values, dtype=float)
         if values.ndim == 0 or values.shape[0] != self.n_nodes:
@@ -172,10 +146,7 @@ class Basis:
         slope is the p-th power of the other element's length: equal on uniform meshes, and for odd p the leading errors of the
         slopes cancel. The corrections vanish at all nodes. A bspline is its own 'c1' curve, and so is a single element.
 
-        Raises
-        ------
-        SceneError
-            If kind is unknown.
+        Raises SceneError: if kind is unknown.
         """
         if kind not in ("own", "c1"):
             raise SceneError(f"curve '{kind}' does not exist: choose 'own' or 'c1'")
@@ -201,10 +172,7 @@ class Basis:
     def position_matrix(self, s: ArrayLike) -> tuple[Array, Array]:
         """Return the position basis and its d/ds (1/m) at the arc lengths s [m] in m, two dense arrays [m, n_nodes].
 
-        Raises
-        ------
-        SceneError
-            If an s lies outside the beam.
+        Raises SceneError: if an s lies outside the beam.
         """
         first, values, values_s = self.curve("own").evaluate(s)
         columns = first[:, None] + np.arange(self.degree + 1)

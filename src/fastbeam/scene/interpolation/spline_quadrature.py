@@ -23,12 +23,8 @@ def points_of(p: int, sizes: Array) -> tuple[Array, Array] | None:
     one point has another of weight zero. None if p Gauss points of an element are taken: for degrees 4 and 5, which lock little,
     for a single element, and for many unequal ones.
 
-    Parameters
-    ----------
-    p : int
-        Degree.
-    sizes : float64 [n]
-        Lengths of elements, m.
+    p: degree.
+    sizes: float64 [n], lengths of elements, m.
     """
     n = sizes.size
     equal = bool(np.ptp(sizes) <= 1e-12 * sizes.max())
