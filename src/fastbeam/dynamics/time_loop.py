@@ -48,8 +48,9 @@ from fastbeam.stepping.stepper import AUGMENTATION, Stepper
 Array = np.ndarray
 TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
 START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
-AFTER_BLOWS = (". Before, sliders went over kinks of what they run on, as blows whatever the step (events 'unresolved' have "
-               "places and forces), and their waves run on: weld the beams there, let them bend, or give their sections damping=")
+AFTER_BLOWS = (". Before this, sliders passed kinks of their contact curves, which acts as an impact whatever the step (see "
+               "events 'unresolved' for places and forces). The waves from it continue: weld the beams there, let them bend, or "
+               "give their sections damping=")
 
 
 @warns
@@ -173,7 +174,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     said: list[tuple[str, str]] = []
     if velocities == "scene" and state is not None:
         if isinstance(start, Checkpoint):
-            raise SceneError("velocities: a checkpoint goes on with its own; start=checkpoint.state takes those of the scene")
+            raise SceneError("velocities: a checkpoint keeps its own velocities; use start=checkpoint.state to take those of the "
+                             "scene")
         start, said = with_velocities_of_scene(model, state, clock.now)
         state = start
     check_times(clock.now, t_end, step)
@@ -197,7 +199,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
             "snapshots": snapshots, "max_iterations": max_iterations, "backend": backend, "augmentation": augmentation,
             "threads": threads, "progress": progress, "mend_start": mend_start})
     if tolerance is None and not (min_step is None and max_step is None):
-        raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
+        raise SceneError("min_step, max_step: these are limits of step control; give tolerance too, or leave them out")
     weights = composition(order)
     chosen = choose_method(method, rho_inf, order, tolerance, model)
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
@@ -307,12 +309,13 @@ class _Run(Encounters):
         known = self.callback.found
         stop = self.callback(t, size, self.stepper.copy_state())
         if self.callback.found != known:
-            text = f"{self.callback.found}. What a callback sets acts a step late, so that errors are of first order"
+            text = f"{self.callback.found}. Values set by a callback act one step late, so errors are of first order"
             if self.control is not None:
                 raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, make it a function of time "
-                                       "alone, or use a Controller or a law of your own inside the step", step=self.steps,
+                                       "alone, or use a Controller or a user-defined law, which are evaluated inside the "
+                                       "step", step=self.steps,
                                        time=t, state=self.stepper.copy_state())
-            self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
+            self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how large they are"})
         return stop
 
     # --- the run ------------------------------------------------------------------------------------------------------
