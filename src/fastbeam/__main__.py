@@ -83,7 +83,7 @@ def main(arguments: list[str] | None = None) -> int:
     warm = commands.add_parser("warmup", help="compile the kernels of common scenes ahead of their first use")
     warm.add_argument("kinds", nargs="*", metavar="kind", help="of scenes: beam, slider, planar-slider, mechanism, "
                       "planar-mechanism, statics, planar-statics (default: all)")
-    commands.add_parser("doctor", help="print what is installed, and test it for a few seconds")
+    commands.add_parser("doctor", help="print what is installed, and run a short self-test")
     chosen = parser.parse_args(arguments)
     if chosen.command == "doctor":
         from fastbeam.doctor import examine

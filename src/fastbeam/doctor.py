@@ -66,7 +66,7 @@ def processor() -> Iterator[str]:
     yield f"processor   {name}, {mine} of {os.cpu_count()} processors for this process, kernels {WIDTH} numbers wide"
     from fastbeam.linalg.mkl import load_mkl
     mkl = load_mkl()
-    yield ("MKL         not found: nets and long loops are solved by SuperLU, several times slower; pip install pypardiso"
+    yield ("MKL         not found: SuperLU solves nets and long loops, several times slower; pip install pypardiso"
            if mkl is None else f"MKL         {mkl._name}, {mkl.MKL_Get_Max_Threads()} threads")
     settings = [f"{key}={value}" for key, value in sorted(os.environ.items()) if key.startswith("FASTBEAM_")]
     yield f"settings    {', '.join(settings) or 'none'}"

@@ -111,7 +111,7 @@ class Sweep(Doubts):
         found = [real(row.get(name)) for row in self.rows]
         if not any(x is not None for x in found):
             known = dict.fromkeys(key for row in self.rows for key, x in row.items() if real(x) is not None)
-            raise SceneError(f"column: no case has a number {name!r:.60}; there are {', '.join(map(repr, known)) or 'none'}")
+            raise SceneError(f"column: no case has a result {name!r:.60}; there are {', '.join(map(repr, known)) or 'none'}")
         return np.array([math.nan if x is None else x for x in found])
 
     @checked()
@@ -133,7 +133,7 @@ class Sweep(Doubts):
 
     def _doubts(self) -> list[str]:
         found = [f"case {k}, {lines[0]}" for k, lines in self.doubts.items()]
-        more = [f"and {len(found) - MOST} more cases like these in .doubts"] if len(found) > MOST else []
+        more = [f"and {len(found) - MOST} more cases with warnings in .doubts"] if len(found) > MOST else []
         return found[:MOST] + more
 
 
@@ -279,7 +279,7 @@ def _is_list(values: Any) -> bool:
 
 def _check_count(n: int) -> None:
     if n > MOST_CASES:
-        raise SceneError(f"sweep: at most {MOST_CASES} cases, got more; cut them into several sweeps")
+        raise SceneError(f"sweep: needs at most {MOST_CASES} cases, got more; divide them into several sweeps")
 
 
 def _as_json(value: Any) -> Any:
@@ -292,8 +292,8 @@ def _key(k: int, case: Mapping[str, Any]) -> str:
     try:
         return json.dumps(case, sort_keys=True, default=_as_json)
     except (TypeError, ValueError) as error:
-        raise SceneError(f"sweep: case {k} holds something that a file cannot keep ({error}); let build make it from numbers and "
-                         "texts, or leave out file=") from None
+        raise SceneError(f"sweep: case {k} contains something that a file cannot store ({error}); let build make it from numbers "
+                         "and texts, or leave out file=") from None
 
 
 def _name_of(function: Any) -> str:
@@ -354,7 +354,7 @@ class Job:
                 row["doubts"] = lines
             taken = next((name for name in (*row["values"], *row["arrays"]) if name in case or name in ("run", "error")), None)
             if taken is not None:
-                raise SceneError(f"measured value {taken!r} has the name of another column; give it another")
+                raise SceneError(f"measured value {taken!r} has the name of another column; choose another name")
         except Exception as error:
             said = " ".join(str(error).split())
             row |= {"error": f"{type(error).__name__}: {said}", "traceback": traceback.format_exc(limit=-5)}
@@ -375,7 +375,7 @@ class Job:
             found = compile_scene(found)
         if isinstance(found, Model):
             if self.run is None:
-                raise SceneError("build returned a scene, and run={'t_end': ..., 'step': ...} does not say how to run it")
+                raise SceneError("build returned a scene, but no run arguments were given; add run={'t_end': ..., 'step': ...}")
             found = simulate(found, **self._arguments(self.run))
         lines = found._doubts() if isinstance(found, Result) else []
         if isinstance(found, Result) and self.measure is None:
@@ -393,7 +393,7 @@ def split(found: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     for name, x in (found if isinstance(found, Mapping) else {"value": found}).items():
         array = None if x is None or isinstance(x, (str, bytes)) else np.asarray(x)
         if isinstance(x, bytes) or not isinstance(name, str) or array is not None and array.dtype.kind not in "biuf":
-            raise SceneError("build or measure must give a mapping of names to numbers, texts and arrays, or one number; "
+            raise SceneError("build or measure must return a mapping of names to numbers, texts and arrays, or one number; "
                              f"{shown(name)} is {shown(x)}")
         if array is not None and array.ndim:
             arrays[name] = array
@@ -446,8 +446,8 @@ def _through(executor: Executor, job: Any, todo: list[tuple[int, dict[str, Any]]
             for future in finished:
                 yield future.result()
     except BrokenExecutor as error:
-        raise BackendError(f"sweep: a worker process died ({error}), for lack of memory perhaps; rows until then are in the "
-                           "file, where there is one: the same call goes on from there, with fewer workers=") from error
+        raise BackendError(f"sweep: a worker process died ({error}), perhaps for lack of memory. Rows until then are in the "
+                           "file, if there is one: the same call continues from there, with fewer workers=") from error
     finally:
         for future in waiting:
             future.cancel()

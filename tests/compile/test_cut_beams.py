@@ -125,5 +125,5 @@ def test_what_cannot_be_exact_is_refused_by_name() -> None:
     b = fb.Beam.straight("b", (0.4, -1, 0), (0.4, 1, 0), section=SOFT, elements=2)
     scene = fb.Scene(a, b, *(fb.Clamp(x) for beam in (a, b) for x in (beam.start, beam.end)),
                      fb.Crossing("x", a, b, at=(0.4, 1.0)))
-    with pytest.raises(fb.SceneError, match="belongs to a crossing, which only contacts='mesh' knows"):
+    with pytest.raises(fb.SceneError, match="belongs to a crossing, which only contacts='mesh' supports"):
         fb.solve_static(fb.compile_scene(scene), contacts="exact")

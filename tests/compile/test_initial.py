@@ -39,8 +39,8 @@ def test_rigid_connection_that_is_torn_apart_is_refused() -> None:
             "connection of beam 'b' node 0: the initial velocities violate it by 0.25 m/s")
     # the right velocities of both parts, the spin missing
     refused(fb.Scene(a, b, fb.RigidConnection(a.end, b.start), fb.InitialVelocity(b, spin=(2, 0, 0))),
-            r"connection of beam 'b' node 0 \(rotation\): the initial velocities violate it by 2 rad/s; give parts that "
-            "hang together one RigidMotion")
+            r"connection of beam 'b' node 0 \(rotation\): the initial velocities violate it by 2 rad/s; give connected "
+            "parts one RigidMotion")
 
 
 def test_ball_joint_that_is_torn_apart_is_refused() -> None:
@@ -102,7 +102,8 @@ def test_a_ball_joint_that_a_slider_opens_is_refused() -> None:
     at = arch.reference(0.3)[0][0]
     post, hook = straight("post", tuple(at), tuple(at + (0, 0, 1))), fb.PointMass("hook", mass=1.0)
     refused(fb.Scene(arch, post, hook, fb.Slider("s", hook, arch, at=0.3), fb.BallJoint(post.start, hook, name="ball")),
-            "ball: the slider of point mass 'hook' puts it 0.0133 m away from the other side, on the discrete curve")
+            "ball: the slider of point mass 'hook' places it 0.0133 m away from the other side of the joint. It lies on the "
+            "discrete curve")
     fb.compile_scene(fb.Scene(arch, post, hook, fb.Slider("s", hook, arch, at=0.3)))
 
 
@@ -110,7 +111,7 @@ def test_two_sliders_that_want_a_point_at_two_places_are_refused() -> None:
     one, two = straight("one", (0, 0, 0), (3, 0, 0)), straight("two", (1, -1, 1e-9), (1, 2, 1e-9))
     eye = fb.PointMass("eye", mass=1.0, position=(1, 0, 0))
     refused(fb.Scene(one, two, eye, fb.Slider("first", eye, one, at=1.0), fb.Slider("second", eye, two, at=1.0)),
-            "slider 'first': point mass 'eye' lies 1e-09 m off beam 'one' at=1 where another slider puts it; give positions")
+            "slider 'first': another slider places point mass 'eye' 1e-09 m off beam 'one' at=1; give positions")
 
 
 # ------------------------------------------------------------------------------------------------------------- projection
@@ -147,7 +148,8 @@ def given_rates(scene: fb.Scene, model: fb.Model) -> Array:
 
 
 def test_inconsistent_velocities_are_refused_unless_projection_is_asked_for() -> None:
-    refused(tangle(1, project=False), r"violate it by .* or let Scene\(..., project_velocities=True\) find rigid motions")
+    refused(tangle(1, project=False), r"violate it by .* or use Scene\(..., project_velocities=True\), which finds compatible "
+                                      r"rigid motions")
 
 
 def spin_of(rates: Array, d: Array) -> Array:
@@ -205,7 +207,7 @@ def test_projection_takes_the_nearest_rigid_motions() -> None:
         motions = [fb.RigidMotion(part, velocity=x[:3], spin=x[3:]) for part, x in zip(
             parts, np.random.default_rng(seed).standard_normal((5, 6))) if isinstance(part, fb.Beam)]
         other = fb.compile_scene(fb.Scene(*parts, *motions, project_velocities=True))
-        if "rate of strain" in str(other.notes):
+        if "strain rate" in str(other.notes):
             continue  # supports would have stopped the parts
         seen, rigid = seen + 1, other.v0.reshape(-1, 4, 3)
         assert abs(energy(taken, rigid)) <= 1e-11 * np.sqrt(energy(taken, taken) * energy(rigid, rigid))
@@ -229,7 +231,7 @@ def test_a_projection_bends_no_rod_where_rigid_motions_agree() -> None:
     """The crank turns at 50 rad/s and the rod about the piston, at -50 * 0.15/0.45; the norm of the masses alone left it a blow
     of 717 MPa."""
     refused(crank_drive()[0], r"'motor' \(drive\): the initial velocities violate it by 50 rad/s; let its function begin with "
-                              r"rate zero, give the parts that it moves their velocities \(RigidMotion\), or let Scene")
+                              r"zero velocity, or give the parts that it moves their velocities \(RigidMotion\), or use Scene")
     scene, rod = crank_drive(project_velocities=True)
     model = fb.compile_scene(scene)
     at = model.numbers.span(rod)
@@ -237,7 +239,7 @@ def test_a_projection_bends_no_rod_where_rigid_motions_agree() -> None:
     spin = np.array([0.0, -50.0 * 0.15 / 0.45, 0.0])
     np.testing.assert_allclose(v[:, 0], np.cross(spin, q[:, 0] - (0.6, 0, 0)), rtol=0, atol=7.5e-11)
     np.testing.assert_allclose(v[:, 1:], np.cross(spin, q[:, 1:]), rtol=0, atol=16.7e-11)
-    assert "rate of strain" not in str(model.notes) and "the kinetic energy from 0 to" in str(model.notes)
+    assert "strain rate" not in str(model.notes) and "the kinetic energy changes from 0 to" in str(model.notes)
 
 
 def test_a_projection_says_which_beam_it_bends() -> None:
@@ -250,7 +252,7 @@ def test_a_projection_says_which_beam_it_bends() -> None:
     # quadratic elements with two points of quadrature
     rates = [np.polyval(np.polyder(np.polyfit(x[k:k + 3], v[k:k + 3], 2)), x[k + 1] + s * 0.125 / np.sqrt(3.0))
              for k in range(0, len(x) - 2, 2) for s in (-1, 1)]
-    assert f"'rod' node 6 begins with a rate of strain of {np.max(np.abs(rates)):.3g} 1/s" in str(model.notes)
+    assert f"'rod' node 6 begins with a strain rate of {np.max(np.abs(rates)):.3g} 1/s" in str(model.notes)
     # and what hangs on a support that moves goes along
     free = fb.compile_scene(fb.Scene(rod, parts[2], project_velocities=True))
     np.testing.assert_allclose(free.v0.reshape(-1, 4, 3)[:, 0], np.broadcast_to((1.0, 0, 0), (rod.n_nodes, 3)), atol=1e-12)
@@ -300,8 +302,8 @@ def test_projection_says_what_it_changed() -> None:
     fall = 1.0 - model.v0.reshape(-1, 4, 3)[-1, 0, 2]
     energy = 0.01 * (1.0 - fall)
     assert abs(1.0 - fall - 0.02 / (0.02 + 7850.0 * np.pi * 0.002**2)) < 1e-12
-    says = (f"the initial velocities were projected: they change by up to {fall:.6g} m/s at point mass 'bead', the "
-            f"kinetic energy from 0.01 to {energy:.6g} J")
+    says = (f"the initial velocities were projected: velocities change by up to {fall:.6g} m/s at point mass 'bead', and the "
+            f"kinetic energy changes from 0.01 to {energy:.6g} J")
     assert says in str(model)
     result = fb.simulate(model, t_end=0.002, step=0.001)
     assert [(e["kind"], e["time"], e["text"]) for e in result.events] == [("projected", 0.0, says)]
@@ -317,7 +319,7 @@ def test_velocities_that_no_projection_makes_consistent_are_refused() -> None:
     cart = fb.PointMass("cart", mass=1.0)
     refused(fb.Scene(beam, cart, fb.Slider("run", cart, beam, at=1.5, rate=2.0), fb.Pin(cart), fb.Clamp(beam.start),
                      fb.Clamp(beam.node(2)), fb.Clamp(beam.node(4)), fb.Clamp(beam.node(3)), project_velocities=True),
-            "no initial velocities agree with all connections, supports and sliders, .* remain; change the rate")
+            "no initial velocities satisfy all connections, supports and sliders; .* remain after projection. Change the rate")
 
 
 def test_projection_leaves_consistent_velocities_alone() -> None:
@@ -360,7 +362,7 @@ def test_a_rate_alone_sets_a_scene_at_rest_in_motion(rate: float, slides: str) -
     contact = v[model.numbers.number(slider.point), 0] - v[model.numbers.start(rail) + 3, 0]
     assert rail.node_s[3] == 1.5
     np.testing.assert_allclose(contact, (rate, 0, 0), rtol=0, atol=1e-13 * rate)
-    assert np.array_equal(v[0], np.zeros((4, 3))) and "the kinetic energy from 0 to" in str(model.notes)
+    assert np.array_equal(v[0], np.zeros((4, 3))) and "the kinetic energy changes from 0 to" in str(model.notes)
     # linear in the rate
     one = fb.compile_scene(fb.Scene(*(p for p in scene.parts if p is not slider), fb.Slider(
         "run", slider.point, rail, at=1.5, rate=2.0 * rate), project_velocities=True))

@@ -96,5 +96,5 @@ def test_parameters_of_a_law_by_place_that_cannot_be() -> None:
                         (lambda s: np.c_[s] * np.nan, "must be finite numbers"), ("s", "must be a list of numbers")):
         with pytest.raises(fb.SceneError, match=f"user force 'q'.*parameters.*{says}"):
             fb.UserForce("q", beam, per_length, parameters=wrong)
-    with pytest.raises(fb.SceneError, match="a function of s along a beam alone"):
+    with pytest.raises(fb.SceneError, match="a function of s along a beam only"):
         fb.UserForce("q", beam.end, per_length, parameters=lambda s: np.c_[s])

@@ -365,7 +365,7 @@ GOOD: dict[str, Any] = {"nodes": [(0, 0, 0), (1, 0, 0), (1, 1, 0)], "edges": [(0
     ({"edges": [(0, 1), (0, 1)]}, "node 2 belongs to no edge"),
     ({"edges": [(0, 1), (2, 2)]}, "edge 1 joins nodes 2 and 2, which coincide"),
     ({"section": "steel"}, "section must be a Section or a list"),
-    ({"section": [ROUND, FLAT]}, r"has 2 sections; say with section_of"),
+    ({"section": [ROUND, FLAT]}, r"has 2 sections; assign them to edges with section_of"),
     ({"section": [ROUND, FLAT], "section_of": [0, 2]}, "section numbers from 0 to 1, entry 1 has 2"),
     ({"elements": 0}, "elements must be whole numbers >= 1 .*, entry 0 has 0"),
     ({"elements": [1, 2, 3]}, r"shape \[2\], got .* shape \[3\]"),

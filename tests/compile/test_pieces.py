@@ -98,7 +98,7 @@ def test_many_ends_that_all_but_touch() -> None:
     finally:
         searched.FEW = few
     apart = sum(k % 3 > 0 for k in range(n - 1))
-    assert lines[-1] == f"NOT JOINED nor are {apart - 4} other ends that all but touch something"
+    assert lines[-1] == f"NOT JOINED nor are {apart - 4} other ends that almost touch something"
 
 
 def test_ends_that_touch_for_a_reason_are_not() -> None:

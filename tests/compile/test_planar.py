@@ -159,9 +159,10 @@ def helix() -> fb.Scene:
 
 
 REFUSED: dict[str, tuple[Callable[[], fb.Scene], str]] = {
-    "node": (lambda: around(beam(), body(position=(3, 1, 0.1))), "lies out of the plane of other nodes"),
-    "node by little": (lambda: around(beam(), body(position=(3, 1, 1e-10))), "body 'body' lies out of the plane of other nodes"),
-    "helix": (helix, "lies out of the plane of other nodes"),
+    "node": (lambda: around(beam(), body(position=(3, 1, 0.1))), "does not lie in the plane of the other nodes"),
+    "node by little": (lambda: around(beam(), body(position=(3, 1, 1e-10))), "body 'body' does not lie in the plane of the other "
+                                                                             "nodes"),
+    "helix": (helix, "does not lie in the plane of the other nodes"),
     "velocity": (lambda: around(beam(), body(velocity=(1, 0, 1e-3))),
                  "the initial velocity of body 'body' points out of the plane"),
     "spin": (lambda: around(beam(), body(spin=(0, 1e-3, 1))), "out of the plane"),
@@ -177,8 +178,9 @@ REFUSED: dict[str, tuple[Callable[[], fb.Scene], str]] = {
     "distributed load": (lambda: windy(force=(0, 0, 1)), "the load on beam 'beam' node 1 points out of the plane"),
     "distributed moment": (lambda: windy(moment=(1, 0, 0)), "out of the plane"),
     "coupled section": (lambda: around(beam(section=fb.Section.from_matrix(COUPLED, rhoA=1.0, rhoI2=0.1, rhoI3=0.1))),
-                        "the section of beam 'beam' couples strains in the plane with others"),
-    "tilted section": (lambda: around(beam(d2=TILT[1])), "the section of beam 'beam' couples strains in the plane with others"),
+                        "the section of beam 'beam' couples in-plane strains with out-of-plane strains"),
+    "tilted section": (lambda: around(beam(d2=TILT[1])), "the section of beam 'beam' couples in-plane strains with out-of-plane "
+                                                         "strains"),
     "tilted, EI2 != EI3": (lambda: nearly_round(EI3=400.001), "the section of beam 'beam' couples strains"),
     "tilted, GA2 != GA3": (lambda: nearly_round(GA2=5000.01), "the section of beam 'beam' couples strains"),
     "tilted, rhoI2 != rhoI3": (lambda: nearly_round(rhoI3=0.100001),
@@ -189,9 +191,9 @@ REFUSED: dict[str, tuple[Callable[[], fb.Scene], str]] = {
                                   "the principal axes of body 'body' are oblique to the plane"),
     "tilted body": (lambda: around(beam(), body(directors=TILT)), "the principal axes of body 'body' are oblique to the plane"),
     "offset": (lambda: hung((0, -0.5, 0.1)), "out of the plane"),
-    "a point at rest": (lambda: fb.Scene(body()), "a single point at rest has no plane"),
+    "a point at rest": (lambda: fb.Scene(body()), "a single point without velocity or load defines no plane"),
     "oblique triad on a line": (lambda: fb.Scene(body(directors=plane((3, 1, 2)).T, velocity=(1, 0, 0))),
-                                "the triads are oblique to it"),
+                                "the directors are oblique to it"),
 }
 
 

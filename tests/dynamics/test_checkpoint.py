@@ -205,9 +205,9 @@ def good() -> Any:
 def test_checkpoint_of_another_model_is_refused(good: Any) -> None:
     with pytest.raises(fb.SceneError, match="start: the checkpoint belongs to another model .scene 'bead', 8 nodes. than 'bead'"):
         fb.simulate(fb.compile_scene(bead(at=1.1)), start=good, t_end=1.0, step=H)
-    with pytest.raises(fb.SceneError, match="t_start: the checkpoint stands at t = 0.05 s; leave t_start out"):
+    with pytest.raises(fb.SceneError, match="start: the checkpoint belongs to t = 0.05 s; leave the time of Start out"):
         fb.simulate(fb.compile_scene(bead()), start=fb.Start(good, time=0.0), t_end=1.0, step=H)
-    with pytest.raises(fb.SceneError, match="t_end: must lie after t_start = 0.05 s, got 0.05"):
+    with pytest.raises(fb.SceneError, match="t_end: must be greater than the time of the start, 0.05 s, got 0.05"):
         fb.simulate(fb.compile_scene(bead()), start=good, t_end=0.05, step=H)
 
 
@@ -215,8 +215,8 @@ def test_states_that_no_run_can_reach_are_refused(good: Any) -> None:
     model = fb.compile_scene(bead())
     state = good.state
     for wrong, message in ((state._replace(q=1.01 * state.q), "the directors of a node are not orthonormal .off by 0.02"),
-                           (state._replace(s=state.s + 3.0), r"slider 'run' stands at s = 4.\d* m, outside its beam .0 to 3"),
-                           (state._replace(s=-state.s), r"slider 'run' stands at s = -1.\d* m, outside its beam")):
+                           (state._replace(s=state.s + 3.0), r"slider 'run' is at s = 4.\d* m, outside its beam .0 to 3"),
+                           (state._replace(s=-state.s), r"slider 'run' is at s = -1.\d* m, outside its beam")):
         with pytest.raises(fb.SceneError, match=message):
             fb.simulate(model, start=dataclasses.replace(good, state=wrong), t_end=0.1, step=H)
 
@@ -254,12 +254,13 @@ def forged(good: Any, path: Path, body: bytes | None = None, **changes: Any) -> 
      "arrays of .* numbers do not fit"),
     ({"sizes": {"q": -96, "v": 96, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 0, "impacts": 0}}, "do not fit"),
     ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 109, "impacts": 0}},
-     "are no state"),
+     "do not form a state"),
     ({"sizes": {"q": 96, "v": 96, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 108, "impacts": 1}},
-     "are no state"),
+     "do not form a state"),
     ({"sizes": [1, 2]}, "damaged header .TypeError"), ({"sizes": {}}, "damaged header .KeyError: 'q'"),
     ({"t": "now"}, "damaged header .SceneError: t: must be a finite number"), ({"t": float("nan")}, "t: must be a finite number"),
-    ({"step": -1.0}, "a step is not > 0"), ({"next_step": 0.0}, "a step is not > 0"), ({"steps": -3}, "a step is not > 0"),
+    ({"step": -1.0}, "a step size is not > 0"), ({"next_step": 0.0}, "a step size is not > 0"), ({"steps": -3}, "a step size is "
+                                                                                                                "not > 0"),
     ({"steps": None}, "damaged header .TypeError"), ({"steps": 1e400}, "damaged header .OverflowError"),
     ({"body": np.full(308, np.nan).tobytes()}, "holds values that are not finite"), ({"body": b""}, "do not fit 0 bytes")])
 def test_forged_files_are_refused(good: Any, changes: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -273,7 +274,7 @@ def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
     for data, message in ((b"", "not a fastbeam checkpoint"), (b"\x80\x04cos\nsystem\n", "not a fastbeam checkpoint"),
                           (b"fastbeam-checkpoint 5\n{}\n", "format version 5, this fastbeam reads 4; install a newer fastbeam"),
                           (b"fastbeam-checkpoint 1\n{}\n", "format version 1, this fastbeam reads 4; install an older fastbeam"),
-                          (b"fastbeam-checkpoint x\n{}\n", "its version is no number"),
+                          (b"fastbeam-checkpoint x\n{}\n", "its version is not a number"),
                           (b"fastbeam-checkpoint 4\n" + b"[" * 100000, "checksum of its 100022 bytes is wrong")):
         (tmp_path / "a").write_bytes(data)
         with pytest.raises(fb.ResultFileError, match=message):
@@ -290,10 +291,10 @@ def test_checkpoints_replace_only_checkpoints(good: Any, tmp_path: Path) -> None
     model = fb.compile_scene(bead())
     path = tmp_path / "a"
     path.write_text("precious")
-    for overwrite, message in ((False, "exists already; pass overwrite=True"), (True, "holds something else than a checkpoint")):
+    for overwrite, message in ((False, "exists already; pass overwrite=True"), (True, "the file exists and is not a checkpoint")):
         with pytest.raises(fb.ResultFileError, match=message):
             good.save(path, overwrite=overwrite)
-    with pytest.raises(fb.ResultFileError, match="holds something else than a checkpoint"):
+    with pytest.raises(fb.ResultFileError, match="the file exists and is not a checkpoint"):
         fb.simulate(model, t_end=0.1, step=H, output=fb.Output(checkpoint=path))
     assert path.read_text() == "precious"
     with pytest.raises(fb.ResultFileError, match="folder '.*nowhere' does not exist; create it first"):
@@ -314,7 +315,8 @@ def test_full_disk_ends_the_run_and_keeps_what_there_is(monkeypatch: pytest.Monk
             raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(module.os, "fsync", fsync)
-    with pytest.raises(fb.ResultFileError, match="a': cannot be written .*No space.*; an earlier one is as it was") as caught:
+    with pytest.raises(fb.ResultFileError, match="a': cannot be written .*No space.*; an earlier checkpoint there is "
+                                                 "unchanged") as caught:
         fb.simulate(model, t_end=1.0, step=H, every=1, output=fb.Output(checkpoint=tmp_path / "a", checkpoint_every=0.0))
     monkeypatch.undo()
     result = caught.value.result
@@ -355,7 +357,7 @@ def test_devices_pipes_and_loops_of_links_are_refused_before_the_run(good: Any, 
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "null").symlink_to("/dev/null")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    for name, message in (("pipe", "is a device, pipe or socket and no file"), ("null", "is a device, pipe or socket"),
+    for name, message in (("pipe", "is a device, pipe or socket, not a file"), ("null", "is a device, pipe or socket"),
                           ("loop", "cannot be written"), ("x" * 300, "cannot be written .*; choose another path"),
                           ("", "is a folder; give the name of a file")):
         for use in (lambda path: fb.simulate(model, t_end=0.1, step=H, output=fb.Output(checkpoint=path), callback=too_late),

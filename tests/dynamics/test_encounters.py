@@ -77,7 +77,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "drive": (lambda: slider(drive=fb.Drive(speed=1.0), lock=fb.Lock(1.0)), "prescribes the motion, so it cannot be locked"),
     "rate": (lambda: slider(rate=1.0, lock=fb.Lock(until=1.0)), "locked from the start; leave rate out"),
     "order of locks": (lambda: slider(lock=[fb.Lock(1.0), fb.Lock(2.0)]), "must be the last"),
-    "times": (lambda: slider(lock=[fb.Lock(1.0, until=2.0), fb.Lock(1.5)]), "times must grow"),
+    "times": (lambda: slider(lock=[fb.Lock(1.0, until=2.0), fb.Lock(1.5)]), "times must increase from lock to lock"),
     "second from start": (lambda: slider(lock=[fb.Lock(until=1.0), fb.Lock()]), "needs a time, a place or a condition"),
     "no stop": (lambda: slider(lock=fb.Lock("stop")), "needs a rigid stop"),
     "elastic stop": (lambda: slider(stops=fb.Stops(end=0.9, stiffness=1e3), lock=fb.Lock("stop")), "needs a rigid stop"),
@@ -87,12 +87,14 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "until": (lambda: fb.Lock(1.0, until=0.5), "must lie after"),
     "function": (lambda: fb.Lock(lambda t: t), "three arguments"),
     "texts": (lambda: fb.Release(lambda t, s, rate: "now"), "finite number, or True or False"),
-    "stop before the end": (lambda: slider(stops=fb.Stops(end=0.9), release=fb.Release("end")), "a rigid stop stands before"),
+    "stop before the end": (lambda: slider(stops=fb.Stops(end=0.9), release=fb.Release("end")), "of its beam lies behind a rigid "
+                                                                                                "stop"),
     "sleeve": (lambda: fb.Sleeve("s", fb.RigidBody("b", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0)), BEAM, at=0.0,
-                                 release=fb.Release(1.0)), "a sleeve does not leave"),
+                                 release=fb.Release(1.0)), "a sleeve cannot leave"),
     "side": (lambda: slider(one_sided=(0, 0, 0)), "must be a direction"),
-    "one-sided release": (lambda: slider(one_sided=(0, 0, 1), release=fb.Release(1.0)), "does not go together with release"),
-    "one-sided drive": (lambda: slider(one_sided=(0, 0, 1), drive=fb.Drive(position=lambda t: 0.4 + t)), "cannot come back"),
+    "one-sided release": (lambda: slider(one_sided=(0, 0, 1), release=fb.Release(1.0)), "cannot be combined with release"),
+    "one-sided drive": (lambda: slider(one_sided=(0, 0, 1), drive=fb.Drive(position=lambda t: 0.4 + t)), "cannot land at another "
+                                                                                                         "place"),
     "one-sided lock": (lambda: fb.Slider("s", fb.PointMass("high", mass=1.0, position=(0.4, 0, 1)), BEAM, at=0.4,
                                          one_sided=(0, 0, 1), lock=fb.Lock()), "locked from the start")}
 
@@ -106,7 +108,8 @@ def test_what_contradicts_is_refused(name: str) -> None:
 
 def test_a_condition_that_fails_on_the_way_is_named() -> None:
     model = flying("auto", lock=fb.Lock(lambda t, s, rate: np.nan if t > 0.01 else -1.0))
-    with pytest.raises(fb.SceneError, match="slider 's': lock: when must return a finite number, or True or False; at t = 0.01"):
+    with pytest.raises(fb.SceneError, match="slider 's': lock: when must return a finite number, or True or False, but does not "
+                                            "at t = 0.01"):
         fb.simulate(model, t_end=0.1, step=2e-3, progress=False)
 
 

@@ -48,9 +48,10 @@ def failing(*parts: Any, **options: Any) -> str:
 
 
 @pytest.mark.parametrize(("make", "says"), [
-    (lambda b: fb.UserForce("gust", b.end, root_of_time), r"user force 'gust': its law gives \(0, 0, nan, 0, 0, 0\), which is no "
+    (lambda b: fb.UserForce("gust", b.end, root_of_time), r"user force 'gust': its law returns \(0, 0, nan, 0, 0, 0\), which is "
+                                                          r"not a "
                                                           r"finite force, at t = 0.0035 s, beam 'rod' node 6"),
-    (lambda b: fb.UserForce("gust", b, root_of_time), r"user force 'gust': its law gives \(0, 0, nan"),
+    (lambda b: fb.UserForce("gust", b, root_of_time), r"user force 'gust': its law returns \(0, 0, nan"),
     (lambda b: fb.UserForce("soil", b.end, root_of_place), r"user force 'soil': its law gives \(0, 0, nan"),
     (lambda b: fb.LineForce(b.end, fb.GROUND.point((2, 0, 5)), "rope", law=along), "line force 'rope': its law gives"),
     (lambda b: fb.ForceElement(b.end, fb.GROUND.point((2, 0, 5)), "pad", law=between), "force element 'pad': its law gives"),
@@ -59,7 +60,7 @@ def test_a_law_that_becomes_no_number_is_named(make: Any, says: str) -> None:
     import re
     # beside one that does nothing wrong
     assert re.search(says, found := failing(lambda b: fb.UserForce("wind", b.end, fine), make)), found
-    assert "compressed to nothing" not in found and "Let it give finite numbers there" in found
+    assert "compressed to zero length" not in found and "It must return finite numbers there" in found
 
 
 def test_which_load_a_time_function_belongs_to_is_said() -> None:
@@ -254,7 +255,7 @@ def test_a_rope_that_tears_has_no_equilibrium_beyond() -> None:
     (lambda q: fb.ForceElement(TOP, q, "own", law=lambda t, x, d, v, w, p, f, moment: -1.0 * x), "its law returns something"),
     (lambda q: fb.Drag("own", q, linear=1.0, wind=lambda t, x, p, velocity: 1.0 * x), "its wind returns something"),
     (lambda q: fb.UserForce("own", q, fine, derivative=lambda t, x, d, v, w, p, out: 1.0), "its derivative returns something"),
-    (lambda q: fb.LineForce(TOP, q, "own", law=lambda t, length, rate, p: None), "its law returns nothing; it has to return"),
+    (lambda q: fb.LineForce(TOP, q, "own", law=lambda t, length, rate, p: None), "its law returns nothing; it must return"),
 ], ids=["force", "element", "wind", "derivative", "tension"])
 def test_a_law_returns_what_it_has_to(make: Any, says: str) -> None:
     body = fb.RigidBody("q", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, 0))

@@ -306,7 +306,7 @@ def test_ctrl_c_in_one_of_two_runs_leaves_a_file_and_says_which(at: list[float],
     with pytest.raises(fb.Interrupted) as caught:
         fb.simulate(fb.compile_scene(scene), order=4, output=tmp_path / "run.h5", **settings)
     result = caught.value.result
-    says = (f"this is the {which} of the two runs that order=4 with what dissipates extrapolates, alone: steps of "
+    says = (f"this is the {which} of the two runs that order=4 with dissipation extrapolates, without the other: steps of "
             f"{share * H:g} s, errors of second order")
     assert str(caught.value).endswith(says)
     assert [e["text"] for e in result.events if e["kind"] == "extrapolation"] == [says]

@@ -35,8 +35,8 @@ STATE = MODEL.state()
     ({"t_end": True}, "t_end: must be a finite number, got True"),
     ({"t_end": [0.1]}, r"t_end: must be a finite number, got \[0.1\]"),
     ({"t_end": np.inf}, "t_end: must be a finite number, got inf"),
-    ({"t_end": 0.0}, "t_end: must lie after the start at 0 s, got 0"),
-    ({"start": fb.Start(time=0.2)}, "t_end: must lie after the start at 0.2 s, got 0.1"),
+    ({"t_end": 0.0}, "t_end: must be greater than the time of the start, 0 s, got 0"),
+    ({"start": fb.Start(time=0.2)}, "t_end: must be greater than the time of the start, 0.2 s, got 0.1"),
     ({"step": 0.0}, "step: must be a finite number > 0 s, got 0"),
     ({"step": -0.1}, "step: must be a finite number > 0 s, got -0.1"),
     ({"step": None}, "step: must be a finite number > 0 s, got None"),
@@ -292,7 +292,8 @@ def lagging(**options: Any) -> fb.Result:
 
 
 def test_a_load_that_a_callback_sets_is_told_and_refused_by_step_control() -> None:
-    says = r"the callback at t = 0\.\d+ s changed load 'spring': its time function gave .* at t = .* s before the call and .* aft"
+    says = (r"the callback at t = 0\.\d+ s changed load 'spring': its time function returned .* at t = .* s before the call, and "
+            r".* aft")
     (event,) = lagging().events
     assert event["kind"] == "lagging load" and re.match(says, event["text"]) and "halve the step" in event["text"]
     with pytest.raises(fb.ConvergenceError, match=says + ".*step control cannot see; use a fixed step") as caught:
@@ -325,12 +326,12 @@ def driven_by_a_callback(**options: Any) -> tuple[fb.Result, str]:
 
 
 @pytest.mark.parametrize(("of", "says"), [
-    ("torque", "what is given to revolute joint 'hinge'"), ("drive", r"the drive of slider 'run' \(force\)"),
+    ("torque", "the prescribed value of revolute joint 'hinge'"), ("drive", r"the drive of slider 'run' \(force\)"),
     ("lift", r"prescribed motion 'lift' \(displacement\)"), ("air", "the air of drag 'air' on beam 'rod'")])
 def test_whatever_a_callback_sets_is_told_and_refused_by_step_control(of: str, says: str) -> None:
     result, _ = driven_by_a_callback(of=[of])
     event, = (x for x in result.events if x["kind"] == "lagging load")
-    assert re.search(f"changed {says}: its time function gave", event["text"]), event["text"]
+    assert re.search(f"changed {says}: its time function returned", event["text"]), event["text"]
     with pytest.raises(fb.ConvergenceError, match=f"changed {says}.*step control cannot see"):
         driven_by_a_callback(of=[of], tolerance=1e-4)
 
@@ -365,7 +366,7 @@ def test_a_load_that_is_no_function_of_time_is_told() -> None:
     beam, rng = straight("beam", (0, 0, 0), (3, 0, 0)), np.random.default_rng(1)
     scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("wind", beam.end, force=(0, 0, 1), time=lambda t: rng.random()))
     result = fb.simulate(fb.compile_scene(scene), t_end=0.02, step=0.01, callback=lambda t, state: None)
-    assert "load 'wind': its time function gives different values at the same time" in result.events[0]["text"]
+    assert "load 'wind': its time function returns different values at the same time" in result.events[0]["text"]
 
 
 def test_error_in_a_callback_reaches_the_caller_and_closes_the_file(tmp_path: Path) -> None:
@@ -442,9 +443,9 @@ def test_run_far_from_zero_takes_all_its_steps(t_start: float, step: float, n: i
 
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"start": fb.Start(time=1e16), "t_end": 1e16 + 100},
-     r"step: must be at least 8 s, got 0.01, because times near 1e\+16 s are doubles 2 s apart"),
+     r"step: must be at least 8 s, got 0.01, because floating-point times near 1e\+16 s are 2 s apart"),
     ({"t_end": 1e18}, "step: must be at least 512 s, got 0.01"),
-    ({"t_end": 5e-324}, "t_end: lies 4.94e-324 s after the start at 0 s, next to nothing of a step of 0.01 s"),
+    ({"t_end": 5e-324}, "t_end: lies 4.94e-324 s after the start at 0 s, which is negligible against a step of 0.01 s"),
     ({"start": fb.Start(time=1.7e9), "t_end": 1.7e9 + 1, "tolerance": fb.StepControl(1e-3, min_step=1e-9)},
      "min_step: must be at least 9.54e-07 s, got 1e-09"),
     ({"start": fb.Start(time=1e17), "t_end": 1e17 + 64, "step": 1.0}, "step: must be at least 64 s, got 1")])
@@ -687,7 +688,7 @@ def test_time_function_that_fails_on_the_way_is_told_with_the_time() -> None:
     beam = straight("beam", (0, 0, 0), (3, 0, 0))
     load = fb.Load("pull", beam.end, force=(0, 0, 1), time=lambda t: 1.0 if t < 0.005 else 1 / 0)
     model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), load))
-    with pytest.raises(fb.SceneError, match="must not fail, at t = 0.005.* s it raises ZeroDivisionError"):
+    with pytest.raises(fb.SceneError, match="must not fail, but raises ZeroDivisionError at t = 0.005"):
         fb.simulate(model, t_end=0.01, step=1e-3, progress=False)
 
 
@@ -695,7 +696,7 @@ def test_time_function_that_fails_on_the_way_is_told_with_the_time() -> None:
 def test_callback_ends_the_run_with_a_true_answer_only(answer: Any) -> None:
     assert run(callback=lambda t, state: answer, every=1).events[-1]["kind"] == "stopped"
     assert run(callback=lambda t, state: None).t[-1] == 0.1
-    with pytest.raises(fb.SceneError, match=r"callback: must return True where the run is to end, else .*, got \(1, 2\)"):
+    with pytest.raises(fb.SceneError, match=r"callback: must return True to end the run, else .*, got \(1, 2\)"):
         run(callback=lambda t, state: np.array([1, 2]))
 
 

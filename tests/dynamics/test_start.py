@@ -50,8 +50,8 @@ def test_an_open_ball_joint_is_refused_with_its_name_and_size() -> None:
     model, bob = fb.compile_scene(scene), scene.bodies[1]
     state = model.state()
     state.q.reshape(-1, 4, 3)[at(model, bob), 0] += (0.0, 0.0, 0.3)
-    refused(model, state, r"start: body 'bob' \(hook\) stands 0.3 m off \(allowed: .*\); that is too much to be mended, or start "
-                          r"from a state of a run")
+    refused(model, state, r"start: body 'bob' \(hook\) stands 0.3 m off \(allowed: .*\); this is too large to be mended, or "
+                          r"start from a state of a run")
 
 
 def test_a_wrong_rigid_offset_is_refused_with_its_name_and_size() -> None:
@@ -116,12 +116,12 @@ def test_a_slider_off_its_beam_is_refused_with_its_size() -> None:
     state = model.state()
     state.s[0] += 0.01
     refused(model, state,
-            r"start: slider 'run': its point lies 0.01 m off .*; have it mended, with start=Start\(state, mend=True\)")
+            r"start: slider 'run': its point lies 0.01 m off .*; correct it with start=Start\(state, mend=True\)")
     state = model.state()
     state.q.reshape(-1, 4, 3)[-1, 0] += (0.0, 1.0, 0.0)
-    refused(model, state, r"start: slider 'run': its point lies 1 m off .*; that is too much to be mended")
+    refused(model, state, r"start: slider 'run': its point lies 1 m off .*; this is too large to be mended")
     refused(model, fb.Start(state, mend=True),
-            r"start: slider 'run': its point lies 1 m off .*; Start\(mend=True\) mends up to 0.03 m")
+            r"start: slider 'run': its point lies 1 m off .*; Start\(mend=True\) corrects errors up to 0.03 m")
     state = model.state()
     state.v.reshape(-1, 4, 3)[-1, 0] += (0.0, 50.0, 0.0)
     refused(model, state, r"start: slider 'run': the velocity of its point across the beam is 50 m/s off")
@@ -148,7 +148,7 @@ def test_a_support_holds_its_node_where_the_start_has_it_and_says_so() -> None:
     state = model.state()
     x = state.q.reshape(-1, 4, 3)[:, 0]
     x *= 1.01
-    says = "the support of beam 'rope' node 6 stands 0.03 m from its place in the model and holds it there"
+    says = "the support of beam 'rope' node 6 is 0.03 m away from its place in the model, and fixes the node at this distance"
     still = fb.solve_static(model, start=state)
     assert [e["text"] for e in still.events] == [says]
     np.testing.assert_allclose(still.state.q.reshape(-1, 4, 3)[-1, 0], (3.03, 0, 0), rtol=1e-15)
@@ -163,7 +163,7 @@ def test_paths_and_adjoint_runs_say_it_too() -> None:
     model = fb.compile_scene(fb.Scene(rope, fb.Clamp(rope.start), gravity=(0, 0, -1e-4)))
     state = model.state()
     state.q.reshape(-1, 4, 3)[:, 0] += (0, 0, 0.5)
-    says = "the support of beam 'rope' node 0 stands 0.5 m from its place in the model and holds it there"
+    says = "the support of beam 'rope' node 0 is 0.5 m away from its place in the model, and fixes the node at this distance"
     path = fb.solve_path(model, start=state, load_factor=0.0, most_points=3)
     assert [(e["kind"], e["time"], e["text"]) for e in path.events][0] == ("support", 0.0, says)
     assert [(e["kind"], e["text"]) for e in fb.adjoint_run(model, start=state, t_end=2 * H, step=H).events] == [("support", says)]
@@ -318,9 +318,9 @@ def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
         run.state_for(other)
     with pytest.raises(fb.SceneError, match="state_for: the nodes of beam 'rail' lie elsewhere"):
         run.state_for(fb.compile_scene(fb.Scene(straight("rail", (0, 0, 0), (4, 0, 0)))))
-    with pytest.raises(fb.SceneError, match="no beam, net, body or mass of scene .* has its name in this result"):
+    with pytest.raises(fb.SceneError, match="no beam, net, body or mass of scene .* has a name that occurs in this result"):
         run.state_for(fb.compile_scene(fb.Scene(straight("bar", (0, 0, 0), (3, 0, 0)))))
-    with pytest.raises(fb.SceneError, match="state_for: this result holds no state, files do not keep it"):
+    with pytest.raises(fb.SceneError, match="state_for: this result has no state, because files do not contain it"):
         fb.load_result(tmp_path / "run.h5").state_for(other)
     with pytest.raises(fb.SceneError, match="state_for: needs a compiled model"):
         run.state_for(bead())
@@ -348,7 +348,8 @@ def test_a_support_that_moves_begins_at_its_place_of_that_time_or_it_is_told(mot
     later = fb.simulate(model, t_end=0.5, step=0.01, progress=False)
     assert said(model, "support") == said(model, "support", start=fb.Start(later.state, time=0.5)) == []
     assert said(model, "support", start=later.checkpoint, t_end=0.51, step=0.01) == []
-    says = "prescribed motion 'lift' begins at t = .* s, where beam 'beam' .* is 0.025 m off its place at that time, and keeps"
+    says = ("prescribed motion 'lift' begins at t = .* s, but beam 'beam' .* is 0.025 m away from the prescribed place at that "
+            "time, and keeps")
     for options in (dict(start=later.state), dict(start=fb.Start(time=0.5))):
         text, = said(model, "support", **options)
         assert re.match(says, text)
@@ -375,7 +376,7 @@ def test_velocities_of_supports_that_move_are_told_and_mended() -> None:
     text, = said(model, "shock", start=state)
     assert text.startswith("the velocity of beam 'beam' node ") and "against that of prescribed motion 'lift', is 4.9 m/s" in text
     assert said(model, "shock", start=fb.Start(state, mend=True)) == []
-    assert "was mended" in said(model, "mended", start=fb.Start(state, mend=True))[0]
+    assert "was corrected" in said(model, "mended", start=fb.Start(state, mend=True))[0]
     run = fb.simulate(model, start=fb.Start(state, mend=True), t_end=0.5, step=H, progress=False)
     assert run.drift("balance") < 1e-12
     # as if it had begun with the velocity that the support gives
@@ -425,10 +426,10 @@ def test_a_start_from_an_equilibrium_says_that_it_is_at_rest_or_takes_velocities
     model = fb.compile_scene(scene)
     rest = fb.solve_static(model, held=True)
     text, = said(model, "start", start=rest.state)
-    assert text.startswith("the start is at rest, where the scene gives body 'body' 2.2 m/s: the run begins without it")
+    assert text.startswith("the start has zero velocities, but the scene gives body 'body' 2.2 m/s. The run begins at rest")
     assert said(fb.compile_scene(swinging()[0]), "start", start=rest.state) == [
-        "the start is at rest, where the scene gives point mass 'ring' 0.3 m/s: the run begins without it; take the velocities "
-        "of the scene with velocities=\"scene\" of simulate, or leave them out of the scene"]
+        "the start has zero velocities, but the scene gives point mass 'ring' 0.3 m/s. The run begins at rest; take the "
+        "velocities of the scene with Start(state, velocities=\"scene\"), or leave them out of the scene"]
     run = fb.simulate(model, start=fb.Start(rest.state, velocities="scene"), t_end=0.01, step=H, every=1,
                       observe=("energy", "velocity"))
     assert not run.events and run.drift("total") < 1e-12
@@ -439,7 +440,7 @@ def test_a_start_from_an_equilibrium_says_that_it_is_at_rest_or_takes_velocities
     ring = at(model, scene.masses[0])
     nodes, values, slopes = curve_at(model, 0, rest.state.s[0])
     np.testing.assert_allclose(run.velocities[0][ring], np.cross((0, 2.0, 0), q[ring]) + 0.3 * slopes @ q[nodes], atol=1e-12)
-    with pytest.raises(fb.SceneError, match="velocities: a checkpoint goes on with its own"):
+    with pytest.raises(fb.SceneError, match="velocities: a checkpoint keeps its own velocities"):
         fb.simulate(model, start=fb.Start(run.checkpoint, velocities="scene"), t_end=0.02, step=H)
 
 
@@ -449,7 +450,7 @@ def test_an_equilibrium_takes_the_state_of_a_start_and_mends_it_and_refuses_what
     state = model.state()
     state.q.reshape(-1, 4, 3)[at(model, scene.bodies[1]), 0] += (0.0, 0.0, 0.005)
     for analysis in (fb.solve_static, fb.relax):
-        with pytest.raises(fb.SceneError, match=r"mended, with start=Start\(state, mend=True\)"):
+        with pytest.raises(fb.SceneError, match=r"correct it with start=Start\(state, mend=True\)"):
             analysis(model, start=state)
         for start, says in ((fb.Start(state, time=1.0), "takes no time"), (fb.Start(time=1.0), "takes no time"),
                             (fb.Start(state, velocities="scene"), "no velocities"), (3, "must be a State")):

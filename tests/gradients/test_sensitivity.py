@@ -30,19 +30,20 @@ def bead(friction: Any = None, **forces: Any) -> fb.Scene:
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (dict(build=3, values={}), "build: must be a function of the parameters"),
+    (dict(build=3, values={}), "build: must be a function that takes the parameters"),
     (dict(build=lambda: 3, values={}), "build: must return a Scene, or a Scene and a mapping"),
     (dict(build=cantilever, values={"Q": 1.0}), "build: could not be called with 'Q'"),
     (dict(build=tip, values={"F": "much"}), "values: parameter 'F': must be a finite number"),
-    (dict(build=tip, values={"F": 0.0}), "parameter 'F' is 0, which says nothing about its size; give scale="),
+    (dict(build=tip, values={"F": 0.0}), "parameter 'F' is 0, so the size of a small change of it is unknown; give scale="),
     (dict(build=tip, values={"F": 1.0}, scale={"L": 1.0}), "scale: there is no parameter 'L'; values has 'F'"),
     (dict(build=tip, values={"F": 1.0}, backend="mumps"), "backend 'mumps' does not exist"),
     (dict(build=tip, values={"F": 1.0}, observe=("momentum",)), "observe"),
-    (dict(build=tip, values={"F": 1.0}, load_factor=0.5), "load_factor belongs to a state"),
+    (dict(build=tip, values={"F": 1.0}, load_factor=0.5), "load_factor needs the state that belongs to it"),
     (dict(build=tip, values={"F": 1.0}, held="ring"), "has no slider 'ring'"),
     (dict(build=lambda: bead(fb.Friction(0.3)), values={}), "slider 'run' has Coulomb friction"),
-    (dict(build=lambda n: tip(elements=round(n)), values={"n": 100.0}), "parameter 'n' changes what the scene is made of"),
-    (dict(build=lambda L: tip(L=round(L, 2)), values={"L": 3.0}), "no smooth function of parameter 'L'")])
+    (dict(build=lambda n: tip(elements=round(n)), values={"n": 100.0}), "parameter 'n' changes the parts, nodes, supports, "
+                                                                        "joints or points of the scene"),
+    (dict(build=lambda L: tip(L=round(L, 2)), values={"L": 3.0}), "does not depend smoothly on parameter 'L'")])
 def test_what_is_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
         fb.sensitivity(**arguments)
@@ -58,7 +59,7 @@ def test_user_forces_and_states_that_are_none() -> None:
         fb.sensitivity(pushed, {})
     scene, _ = tip()
     reference = fb.compile_scene(scene).state()
-    with pytest.raises(fb.SceneError, match="the state is no equilibrium: .* 'beam' .* unbalanced force of 20"):
+    with pytest.raises(fb.SceneError, match="the state is not an equilibrium: .* 'beam' .* unbalanced force of 20"):
         fb.sensitivity(tip, {"F": 20.0}, state=reference)
 
 
@@ -87,7 +88,7 @@ def test_what_is_handed_out_and_asked_for_wrongly() -> None:
         found.slider("ring")
     with pytest.raises(fb.SceneError, match="was not observed"):
         found.reaction(found.model.reaction_names[0])
-    with pytest.raises(fb.SceneError, match="needs weights of what it is the gradient of"):
+    with pytest.raises(fb.SceneError, match="needs weights of the quantity to differentiate"):
         found.gradient()
     with pytest.raises(fb.SceneError, match=r"gradient, point 'tip': needs weights \(3,\)"):
         found.gradient(points={"tip": 1.0})
@@ -121,11 +122,12 @@ def test_runs_that_have_no_adjoint_and_weights_that_are_none() -> None:
     model = fb.compile_scene(scene)
     with pytest.raises(fb.SceneError, match="is no whole number of steps"):
         fb.adjoint_run(model, t_end=0.105, step=0.01)
-    with pytest.raises(fb.SceneError, match="GB of memory, more than 4; keep a state of every 4000 steps by keep_every=4000"):
+    with pytest.raises(fb.SceneError, match="GB of memory, more than 4; keep the state of every 4000th step only, "
+                                            "keep_every=4000"):
         fb.adjoint_run(model, t_end=1e3, step=1e-4)
     run = fb.adjoint_run(model, t_end=0.02, step=0.01, points=points)
     assert run.t.size == 3 and run.point("tip").shape == run.velocity("tip").shape == (3, 3)
-    with pytest.raises(fb.SceneError, match="needs weights of what it is the gradient of"):
+    with pytest.raises(fb.SceneError, match="needs weights of the quantity to differentiate"):
         run.gradient()
     with pytest.raises(fb.SceneError, match=r"weights \(3,\) of the last row, or \(3, 3\) of all"):
         run.gradient(points={"tip": np.zeros((4, 3))})
@@ -163,7 +165,7 @@ def test_supports_that_move_are_refused() -> None:
         beam = straight("beam", (0, 0, 0), (3, 0, 0))
         return fb.Scene(beam, fb.PrescribedMotion("shake", beam.start, displacement=lambda t: (0, 0, t)))
 
-    with pytest.raises(fb.SceneError, match="supports that move have places of their own"):
+    with pytest.raises(fb.SceneError, match="derivatives by places of moving supports are not available"):
         fb.sensitivity(build, {})
 
 
@@ -178,7 +180,7 @@ def test_joints_that_are_given_are_refused() -> None:
     state = fb.compile_scene(build(1.0)).state()
     for call in (lambda: fb.sensitivity(build, {"EI": 1.0}),
                  lambda: fb.critical_sensitivity(build, {"EI": 1.0}, state=state, load_factor=1.0)):
-        with pytest.raises(fb.SceneError, match="joint 'turn'.* is given a value that may depend on them, which is not known"):
+        with pytest.raises(fb.SceneError, match="joint 'turn'.* has a prescribed value, which may depend on the parameters"):
             call()
 
 

@@ -192,5 +192,5 @@ def test_the_derivative_of_loads_that_follow_is_that_of_their_law() -> None:
     rng = np.random.default_rng(3)
     given, parameters = rng.standard_normal(18), rng.standard_normal(6)
     check_slopes("load", turning, turning_slopes, given, parameters, False)
-    with pytest.raises(fb.SceneError, match="its derivative gives"):
+    with pytest.raises(fb.SceneError, match="its derivative returns"):
         check_slopes("load", turning, lambda *x: turning_slopes(*x[:5], -x[5], x[6]), given, parameters, False)

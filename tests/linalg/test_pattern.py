@@ -159,7 +159,8 @@ def test_the_solver_of_a_scene_follows_its_fill() -> None:
 def test_a_net_of_beams_refuses_the_chain_solver() -> None:
     scene = net(55)
     assert compile_scene(scene).solver == "sparse"
-    with pytest.raises(SceneError, match="solver='chain' would fill the matrix: this scene is a net; use solver='auto'"):
+    with pytest.raises(SceneError, match="solver='chain' cannot solve this scene efficiently, because it is a net and its matrix "
+                                         "would fill; use solver='auto'"):
         compile_scene(scene, solver="chain")
 
 

@@ -198,7 +198,8 @@ def test_unknown_solver_is_refused() -> None:
 
 
 def test_chain_solver_is_refused_for_a_net() -> None:
-    with pytest.raises(fb.SceneError, match="solver='chain' would fill the matrix: this scene is a net; use solver='auto'"):
+    with pytest.raises(fb.SceneError, match="solver='chain' cannot solve this scene efficiently, because it is a net and its "
+                                            "matrix would fill; use solver='auto'"):
         fb.compile_scene(dense_net(), solver="chain")
 
 

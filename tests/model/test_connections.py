@@ -205,13 +205,13 @@ def test_rigidly_connected_masses_are_refused() -> None:
 def test_two_pins_on_one_rigid_set_are_refused() -> None:
     nodes = Nodes(NODE, NODE)
     nodes.held[:] = PINNED
-    with pytest.raises(SceneError, match="pin of node 1: it is rigidly connected to node 0 at a distance"):
+    with pytest.raises(SceneError, match="pin of node 1: a rigid connection joins it to node 0 at a distance"):
         nodes.connect(rigid=[(0, 1)])
 
 
 @pytest.mark.parametrize(("joints", "why"), [
-    ({"rigid": [(0, 1)], "balls": [(0, 1)]}, "rigid connections hold both of its sides together, so the joint does nothing; rem"),
-    ({"balls": [(0, 1), (1, 0)]}, "a second ball joint between the same rigid parts at the same point, beside ball 0-1")],
+    ({"rigid": [(0, 1)], "balls": [(0, 1)]}, "rigid connections join both of its sides already, so the joint has no effect; rem"),
+    ({"balls": [(0, 1), (1, 0)]}, "it joins the same rigid parts at the same point as ball 0-1, so it has no effect")],
     ids=["weld and ball", "twice"])
 def test_joints_that_do_nothing_are_refused(joints: dict, why: str) -> None:
     last = joints["balls"][-1]
@@ -231,7 +231,8 @@ def test_joints_that_close_loops_are_left_to_multipliers(joints: dict, loops: li
 def test_a_joint_between_held_parts_is_refused(mask: int) -> None:
     nodes = Nodes(NODE, NODE, NODE)
     nodes.held[[0, 2]] = mask
-    with pytest.raises(SceneError, match=r"ball 1-2: both sides are held \(node 1, node 2\), the joint does nothing; remove it"):
+    with pytest.raises(SceneError, match=r"ball 1-2: supports fix both sides \(node 1, node 2\), so the joint has no effect; "
+                                         r"remove it"):
         nodes.connect(balls=[(0, 1), (1, 2)])
 
 
@@ -249,9 +250,9 @@ def refusal(*parts: object) -> str:
 def test_scenes_name_the_joint_they_refuse() -> None:
     a, b = beam("a", (0, 0, 0), (1, 0, 0)), beam("b", (1, 0, 0), (2, 0, 0))
     text = refusal(a, b, Clamp(a.end), Pin(b.start), BallJoint(a.end, b.start, name="elbow"))
-    assert text.startswith("elbow: both sides are held (beam 'a' node 2, beam 'b' node 0)")
+    assert text.startswith("elbow: supports fix both sides (beam 'a' node 2, beam 'b' node 0)")
     text = refusal(a, b, RigidConnection(a.end, b.start), BallJoint(a.end, b.start, name="elbow"))
-    assert text.startswith("elbow: rigid connections hold both of its sides together, so the joint does nothing")
+    assert text.startswith("elbow: rigid connections join both of its sides already, so the joint has no effect")
     m, n = PointMass("m", mass=1.0, position=(0, 0, 0)), PointMass("n", mass=1.0, position=(1, 0, 0))
     assert "point mass 'm' and point mass 'n': point masses have no rotation" in refusal(m, n, RigidConnection(m, n))
 

@@ -177,10 +177,10 @@ WRONG = {
     "revolute joint: both sides are the ground": lambda: fb.RevoluteJoint(fb.GROUND, fb.GROUND.point((0, 0, 1)), axis=(0, 0, 1)),
     "say which point of it: GROUND.point": lambda: fb.Spring(fb.GROUND, BODY, stiffness=1.0),
     "clamp a PointMass": lambda: fb.BallJoint(fb.GROUND, BODY),
-    "point of the ground, which stands still": lambda: fb.Clamp(fb.GROUND.point((0, 0, 0))),
+    "point of the ground, which is fixed already": lambda: fb.Clamp(fb.GROUND.point((0, 0, 0))),
     "point mass 'mass' has no rotation": lambda: fb.RevoluteJoint(fb.GROUND, MASS, axis=(0, 0, 1)),
     "axis must not be zero": lambda: fb.PrismaticJoint(fb.GROUND, BODY, axis=(0, 0, 0)),
-    "arms of a cross are at a right angle": lambda: fb.UniversalJoint(BODY, OTHER, axis_a=(0, 0, 1), axis_b=(0, 1, 1)),
+    "the arms of a cross are perpendicular": lambda: fb.UniversalJoint(BODY, OTHER, axis_a=(0, 0, 1), axis_b=(0, 1, 1)),
     "stiffness must be a finite number >= 0": lambda: fb.RevoluteJoint(fb.GROUND, BODY, axis=(0, 0, 1), stiffness=-1.0),
     "torque must return a finite number": lambda: fb.RevoluteJoint(fb.GROUND, BODY, axis=(0, 0, 1), torque=lambda t: np.nan),
     "lie 0.5 m apart at t = 0": lambda: fb.Scene(BODY, OTHER, fb.RevoluteJoint(BODY, OTHER.point((-0.5, 0, 0)),
@@ -196,7 +196,7 @@ def test_errors_say_what_to_do(text: str) -> None:
 
 
 @pytest.mark.parametrize(("options", "joint", "text"), [
-    ({"order": 4}, {"friction": 1.0}, "order=4 has a step backward in time"),
+    ({"order": 4}, {"friction": 1.0}, "order=4 contains a step backward in time"),
     ({"method": "generalized_alpha"}, {"stiffness": 1.0},
      "does not know springs, dampers, motors, drives, friction and stops of joints")])
 def test_what_forces_in_joints_do_not_go_together_with(options: dict[str, Any], joint: dict[str, Any], text: str) -> None:

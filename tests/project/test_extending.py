@@ -240,15 +240,15 @@ def test_noun_checks_its_arguments() -> None:
 
 
 def test_noun_that_is_not_registered_is_refused() -> None:
-    with pytest.raises(fb.SceneError, match=r"tie of .*: a scene takes no Tie before fastbeam.extend.register_link\(Tie"):
+    with pytest.raises(fb.SceneError, match=r"tie of .*: Tie is not registered; call fastbeam.extend.register_link\(Tie"):
         fb.compile_scene(scene())
 
 
 @pytest.mark.parametrize(("table", "text"), [
-    (lambda ends: [1.0], "the table of Tie is list; it has to be a named tuple"),
+    (lambda ends: [1.0], "the table of Tie must be a named tuple of arrays, got list"),
     (lambda ends: Ties(np.ones((4, 2))[:, 0]), r"the table of Tie: stiffness is an array of float64, shape \(4,\); it has to be"),
     (lambda ends: Ties(np.ones(1, np.float32)), "stiffness is an array of float32"),
-    (lambda ends: Ties(1.0), "stiffness is float; it has to be a C-contiguous array"),
+    (lambda ends: Ties(1.0), "stiffness must be a C-contiguous array of float64 or int64, got float"),
     (lambda ends: Ties(np.ones(1)), "nothing assembles Ties; import the module")])
 @pytest.mark.usefixtures("registry")
 def test_table_that_kernels_cannot_take_is_refused(table: Any, text: str) -> None:
@@ -262,7 +262,7 @@ def test_what_is_no_link_is_not_registered() -> None:
     class Nameless(extend.Link):
         pass
 
-    for noun, text in ((fb.PointMass, "is no class derived from Link"), (extend.Link, "is no class"), (3, "is no class"),
+    for noun, text in ((fb.PointMass, "must be a class derived from Link"), (extend.Link, "is no class"), (3, "is no class"),
                        (Nameless, "Nameless.kind is 'link'")):
         with pytest.raises(TypeError, match=text):
             extend.register_link(noun, Ties)

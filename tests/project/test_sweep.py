@@ -105,7 +105,7 @@ def test_what_cannot_stand_in_a_table_is_a_failure() -> None:
     assert [row["error"] is None for row in table] == [False, False, False, False, True, True]
     assert "mapping of names to numbers" in table[0]["error"] and "has the name of another column" in table[1]["error"]
     row, = fb.sweep(bead, [{"rate": 1.0, "mass": 1.0}], workers=1)
-    assert row["error"].startswith("SceneError: build returned a scene, and run=")
+    assert row["error"].startswith("SceneError: build returned a scene, but no run arguments were given; add run=")
 
 
 @pytest.mark.parametrize(("cases", "said"), [
@@ -152,7 +152,7 @@ def test_files_of_something_else_are_not_touched(tmp_path: Path) -> None:
         fb.sweep(slow, {"a": [1]}, workers=1, file=path)
     with pytest.raises(fb.ResultFileError, match="another run"):
         fb.sweep(numbers, {"a": [1]}, run={"t_end": 1.0}, workers=1, file=path)
-    with pytest.raises(fb.SceneError, match="case 0 holds something that a file cannot keep"):
+    with pytest.raises(fb.SceneError, match="case 0 contains something that a file cannot store"):
         fb.sweep(numbers, [{"a": SECTION}], workers=1, file=path)
     (tmp_path / "text").write_text("no sweep")
     with pytest.raises(fb.ResultFileError, match="not an HDF5 file"):

@@ -262,11 +262,11 @@ def test_the_phase_of_a_complex_shape_is_seen(tmp_path: Path) -> None:
 
 def test_films_of_modes_that_will_not_do(tmp_path: Path) -> None:
     found = two_modes()
-    for arguments, message in ((dict(result=found, speed=1.0), "speed belongs to a Result"),
+    for arguments, message in ((dict(result=found, speed=1.0), "speed is for a Result"),
                                (dict(result=found, mode=2), "mode 2 does not exist: there are 2"),
                                (dict(result=found, mode=[]), "mode: names no mode"),
                                (dict(result=found, mode="first"), "mode: must be the number of a mode, from 0, or several"),
-                               (dict(result=pendulum(), mode=0), "mode belongs to modes, what fb.modes returns"),
+                               (dict(result=pendulum(), mode=0), "mode is for modes (the result of fb.modes)"),
                                (dict(result=pendulum(), decay=False), "decay belongs to modes"),
                                (dict(result=free_modes(np.zeros(0), np.zeros((0, 5, 3)))), "there are no modes to show"),
                                (dict(result=3), "must be a Result or Modes, got 3; what simulate")):

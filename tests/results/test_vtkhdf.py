@@ -222,7 +222,7 @@ def test_bad_places_and_results_without_shapes_are_refused(tmp_path: Path, monke
     run = flight()
     with pytest.raises(fb.SceneError, match=r"must end in .vtkhdf, got 'run.pvd'; .pvd and .vtu are older"):
         run.to_vtk(tmp_path / "run.pvd")
-    with pytest.raises(fb.SceneError, match=r"no snapshots, simulate\(..., snapshots=100\)"):
+    with pytest.raises(fb.SceneError, match=r"no snapshots; record some with simulate\(..., output=Output\(snapshots=100\)\)"):
         Result(t=[0.0]).to_vtk(tmp_path / "run.vtkhdf")
     with pytest.raises(fb.ResultFileError, match="create it first"):
         run.to_vtk(tmp_path / "none" / "run.vtkhdf")

@@ -289,8 +289,8 @@ def test_arc_and_helix_arguments_are_checked():
     (lambda t: (t, 0), {}, r"curve\(0\) must be 3 finite numbers, got \(0, 0\)"),
     (lambda t: (t, 0, np.inf), {}, r"curve\(0\) must be 3 finite numbers"),
     (lambda t: (1, 2, 3), {}, "the curve has no length"),
-    (lambda t: (t * t, 0, 0), {}, "the curve stands still at t=0; choose a parameter"),
-    (lambda t: (abs(t - 0.5), 0, 0), {}, r"the curve turns back on itself near t=0\.5"),
+    (lambda t: (t * t, 0, 0), {}, "the curve has zero speed at t=0; use a parameter"),
+    (lambda t: (abs(t - 0.5), 0, 0), {}, r"the curve reverses its direction near t=0\.5"),
     (helix_point, dict(frame=3), "frame must be a function"),
     (helix_point, dict(frame=helix_normal, d2=(1, 0, 0)), "give frame or d2, not both"),
 ])

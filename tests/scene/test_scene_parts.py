@@ -83,7 +83,7 @@ def test_slightly_rounded_directors_are_cleaned():
     (dict(inertia=(1, 1)), "inertia must be 3 finite principal moments or a finite 3 x 3 tensor"),
     (dict(inertia=(1, 1, np.nan)), "inertia must be 3 finite numbers"),
     (dict(inertia=(-1, 1, 1)), "inertia must not be negative, its smallest principal moment is -1 kg m"),
-    (dict(inertia=(1, 1, 3)), r"principal moments \(1, 1, 3\) kg m\^2 belong to no body"),
+    (dict(inertia=(1, 1, 3)), r"no body has the principal moments \(1, 1, 3\) kg m\^2"),
     (dict(inertia=[[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]), r"inertia must be symmetric, it deviates by 0\.5"),
     (dict(directors=2 * np.eye(3)), r"directors must be three orthonormal rows, they deviate by 3 \(allowed: 1e-6\)|1e-06"),
     (dict(directors=np.diag([1, 1, -1])), "directors are left-handed"),
@@ -127,7 +127,7 @@ def test_supports_say_what_they_take(kind):
 
 
 def test_pin_refuses_points_away_from_the_centre():
-    with pytest.raises(SceneError, match="a pin holds the centre of a body; for another point clamp a PointMass"):
+    with pytest.raises(SceneError, match="a pin fixes the centre of a body; for another point clamp a PointMass"):
         Pin(WHEEL.point((1, 0, 0)))
     assert Clamp(WHEEL.point((1, 0, 0))).at.owner is WHEEL
 
@@ -216,7 +216,7 @@ def test_rigid_motion_takes_one_several_or_all():
         RigidMotion("all")
     # a list that a filter left empty is not "everything"
     for nothing in ([], (), (x for x in ())):
-        with pytest.raises(SceneError, match="rigid motion: objects is empty, so it would move nothing; name the parts"):
+        with pytest.raises(SceneError, match="rigid motion: objects is empty; name the parts that move"):
             RigidMotion(nothing, velocity=(1, 0, 0))
     with pytest.raises(SceneError, match="rigid motion: about must be 3 finite numbers"):
         RigidMotion(about=None)

@@ -184,7 +184,8 @@ def test_slider_outside_its_beam(at):
 
 
 def test_slider_on_its_own_beam():
-    refused("slider 'loop': beam 'rail' node 4 .* belongs to the beam it slides on", RAIL, Slider("loop", RAIL.end, RAIL, at=0))
+    refused("slider 'loop': beam 'rail' node 4 .* belongs to the beam that it slides on", RAIL,
+            Slider("loop", RAIL.end, RAIL, at=0))
 
 
 def test_slider_off_the_curve_names_the_gap_and_the_cure():

@@ -89,10 +89,10 @@ def test_the_bore_is_as_long_as_an_element_by_default_and_the_model_says_so() ->
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    (dict(length=3.5), r"length=3.5 m of its bore exceeds that of beam 'rod', 3 m"),
+    (dict(length=3.5), r"the bore, length=3.5 m, is longer than beam 'rod', 3 m"),
     (dict(length=-1.0), r"length must be a finite number >= 0 m"),
     (dict(friction=0.1), r"friction=0.1 needs the length of the bore"),
-    (dict(axis=(0, 0, 0)), r"axis=\(0, 0, 0\) is no direction"),
+    (dict(axis=(0, 0, 0)), r"axis=\(0, 0, 0\) has no direction"),
     (dict(keyed="no"), "keyed must be True or False"),
     (dict(angle=1.0), "angle"),
 ])
@@ -216,7 +216,7 @@ def test_a_body_on_a_beam_however_little_curved_holds_a_sleeve(radius: float) ->
 def test_a_bore_that_is_round_off_is_refused(length: float) -> None:
     beam = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=SECTION, elements=4)
     body = fb.RigidBody("body", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0))
-    with pytest.raises(fb.SceneError, match="give length=0 for a sleeve that holds a single point, or a longer bore"):
+    with pytest.raises(fb.SceneError, match="give length=0 for a sleeve that acts at one point, or a longer bore"):
         fb.Sleeve("ring", body, beam, at=1.0, length=length)
 
 

@@ -77,11 +77,11 @@ def test_planar_structure_that_is_not_held_in_its_plane_is_refused() -> None:
 
 def test_message_in_space_names_the_plane_where_that_would_do() -> None:
     _, scene = on_two_pins()
-    with pytest.raises(fb.SceneError, match="1 of 6 .*; within its plane it is held: compile it with planar=True"):
+    with pytest.raises(fb.SceneError, match="1 of 6 .*; it is supported within its plane: compile the scene with planar=True"):
         fb.solve_static(fb.compile_scene(scene, planar=False))
     b, scene = on_two_pins()
     scene.add(fb.Load("aside", b.node(4), force=(0, 1, 0)))
-    with pytest.raises(fb.SceneError, match="it is not planar: the load on beam 'girder' node 4 points out of the plane"):
+    with pytest.raises(fb.SceneError, match="the scene is not planar: the load on beam 'girder' node 4 points out of the plane"):
         fb.solve_static(fb.compile_scene(scene))
 
 

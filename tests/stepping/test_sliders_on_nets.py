@@ -275,7 +275,7 @@ def test_a_border_that_the_memory_does_not_hold_is_refused(monkeypatch: pytest.M
     assert not model.by_rows and model.carriers is None
     Stepper(model, np.ones(1))
     monkeypatch.setattr(workspace, "physical_memory", lambda: 1e5)
-    with pytest.raises(fb.SceneError, match=r"sliders and 0 joints with multipliers take a dense matrix of \d+") as caught:
+    with pytest.raises(fb.SceneError, match=r"sliders and 0 joints with multipliers need a dense matrix of \d+") as caught:
         fb.simulate(model, t_end=0.01, step=0.01)
     assert "condense=True" in str(caught.value) and "GB" in str(caught.value)
     # carriers have no border

@@ -171,16 +171,17 @@ def test_what_is_refused() -> None:
     refused("need both build=..., a function that builds the scene, and values=", build=build)
     refused("need both build=", values=values)
     refused("build must be a function", build=3, values=values)
-    refused("with these values it does not build the scene of the run", build=build, values={**values, "x": 2.5})
-    refused("has to return the points too", build=lambda **given: build(**given)[0], values=values)
-    refused("parameter 'step' is 0, which says nothing", build=lambda step, **given: build(**given),
+    refused("with these values it returns another scene than that of the run", build=build, values={**values, "x": 2.5})
+    refused("must return the points too", build=lambda **given: build(**given)[0], values=values)
+    refused("parameter 'step' is 0, so the size of a small change of it is unknown", build=lambda step, **given: build(**given),
             values={**values, "step": 0.0})
-    refused("is no smooth function of parameter 'x'", build=lambda **given: build(**{**given, "x": round(given["x"], 2)}),
+    refused("does not depend smoothly on parameter 'x'", build=lambda **given: build(**{**given, "x": round(given["x"], 2)}),
             values=values)
-    refused("parameter 'foot' changes what the scene is made of", values=values, build=lambda **given: (
+    says = "parameter 'foot' changes the parts, nodes, supports, joints or points of the scene"
+    refused(says, values=values, build=lambda **given: (
         lambda found: (found[0].add(fb.PointMass("more", mass=1.0, position=(0, 0, 1))) if given["foot"] != 0.3 else found[0],
                        found[1]))(build(**given)))
-    refused("need all steps of the run; leave keep_every out", fb.adjoint_run(model, t_end=0.05, step=STEP, points=points,
+    refused("need the states of all steps; leave keep_every out", fb.adjoint_run(model, t_end=0.05, step=STEP, points=points,
                                                                               keep_every=2), build=build, values=values)
 
 

@@ -215,7 +215,7 @@ def moving(**more: Any) -> fb.Model:
     (lambda: fails(lambda t, state: 1 / 0), "since must not fail"),
     (lambda: fails(lambda t, state: np.nan), "since must return a finite number"),
     (lambda: moving(displacement=None, position=lambda t: (0, 0, t)), "give displacement instead of position"),
-    (lambda: fb.solve_static(moving(), at_time=1.0, held=True), "takes hold in a run"),
+    (lambda: fb.solve_static(moving(), at_time=1.0, held=True), "engages in a run"),
     (lambda: fb.simulate(falling()[0], t_end=0.1, step=0.01, order=4), "lets go or takes hold"),
     (lambda: fb.simulate(falling()[0], t_end=0.1, step=0.01, method="midpoint"), "supports that let go or take hold"),
     (lambda: fb.relax(falling()[0]), "lets go or takes hold")])

@@ -339,7 +339,7 @@ BODY = body("block", (0, 0, 0))
     (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), angle=1.0), "angle must be two of them"),
     (lambda: fb.PlanarJoint(fb.GROUND, BODY, "c", normal=(0, 0, 1), along=(1, 0, 1)), "does not lie in the plane"),
     (lambda: fb.CylindricalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), angle=1.0, friction=(1.0, 0.0)),
-     "angle of cylindrical joint 'c': angle= says how it moves, whatever that takes, so friction="),
+     "angle of cylindrical joint 'c': angle= prescribes its motion whatever the force, so friction="),
     (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), stops=(None, fb.Stops(0.1, 0.2))),
      "second angle of universal joint 'c': stops from 0.1 to 0.2 rad exclude its start"),
     (lambda: fb.SphericalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), cone=fb.Stops(-0.1, 0.2)), "write fb.Stops.end="),

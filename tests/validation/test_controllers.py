@@ -89,7 +89,7 @@ def test_a_run_from_a_checkpoint_is_the_same() -> None:
 
 def test_what_a_controller_cannot_do_is_said() -> None:
     model, cart = cart_on_control()
-    with pytest.raises(fb.SceneError, match="whole number of them"):
+    with pytest.raises(fb.SceneError, match="whole number of steps"):
         run(model, cart, 1.0, 0.013)
     with pytest.raises(fb.SceneError, match="step control"):
         run(model, cart, 1.0, PERIOD, tolerance=1e-6)

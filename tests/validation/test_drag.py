@@ -156,7 +156,7 @@ def test_a_stiff_rod_at_rest_in_a_wind_has_the_force_of_its_inclination(planar: 
     winds = (fb.Drag("on rod", rod, normal=n, tangential=t, linear=c, air=air, time=lambda t: 2.0 * t),
              fb.Drag("on ball", ball, normal=n, linear=c, air=air))
     model = fb.compile_scene(fb.Scene(rod, ball, fb.Clamp(rod.start), fb.RigidConnection(rod.end, ball), *winds), planar=planar)
-    with pytest.raises(fb.SceneError, match="say with at_time"):
+    with pytest.raises(fb.SceneError, match="give the time with at_time"):
         fb.solve_static(model)
     rest = fb.solve_static(model, at_time=0.5, levels=(0.5,), observe=("reaction", "section"), points={"root": rod.start})
     along = air @ way * way
@@ -211,5 +211,5 @@ def test_equilibria_in_a_wind_have_derivatives() -> None:
     for name, size in (("c", 1e-4), ("speed", 3e-3)):
         ends = [tip(**{**at, name: at[name] + sign * size}).point("tip")[-1] for sign in (1.0, -1.0)]
         np.testing.assert_allclose(slopes.point("tip")[name], (ends[0] - ends[1]) / (2.0 * size), rtol=0, atol=1e-6)
-    with pytest.raises(fb.SceneError, match="moments or moving air act"):
+    with pytest.raises(fb.SceneError, match="moments or moving air make"):
         slopes.frequencies()

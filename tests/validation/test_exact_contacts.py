@@ -229,7 +229,7 @@ def test_a_cable_slides_through_a_ring_to_its_exact_place() -> None:
 
 def test_beads_that_meet_are_refused_and_one_that_is_held_is_passed_by_none() -> None:
     """Two that are free would rest at the same place; beside one that is held the other rests on its side."""
-    with pytest.raises(fb.ConvergenceError, match="slider '.*' stands at the same place as slider '.*', at s = 3.2 m, where"):
+    with pytest.raises(fb.ConvergenceError, match="slider '.*' is at the same place as slider '.*', at s = 3.2 m, where"):
         fb.solve_static(arc_model(1.0, other=4.4), contacts="exact", load_step=0.5)
     found = [fb.solve_static(arc_model(first, other=4.4), contacts="exact", load_step=0.5, held="two") for first in (0.6, 1.0)]
     assert found[0].state.s[0] == pytest.approx(found[1].state.s[0], abs=1e-5) and found[0].state.s[0] > 3.2

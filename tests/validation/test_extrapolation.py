@@ -144,14 +144,14 @@ def test_runs_that_differ_too_much_are_told() -> None:
     model, _ = bar(1e-5)
     run = fourth(model, 20.0, 400)
     assert [event["kind"] for event in run.events] == ["extrapolation"] and run.info["difference"] > 0.05
-    assert "take smaller steps" in run.events[0]["text"]
+    assert "use smaller steps" in run.events[0]["text"]
 
 
 @pytest.mark.parametrize(("name", "options"), [
     ("tolerance", {"tolerance": 1e-6}), ("callback", {"callback": lambda t, state: None}),
     ("checkpoint", {"output": fb.Output(checkpoint="run.check")})])
 def test_what_needs_one_state_on_the_way_is_refused(name: str, options: dict[str, Any]) -> None:
-    with pytest.raises(fb.SceneError, match=f"{name}: order=4 with what dissipates"):
+    with pytest.raises(fb.SceneError, match=f"{name}: order=4 with dissipation"):
         fb.simulate(bar(0.02)[0], t_end=0.1, step=0.01, order=4, progress=False, **options)
 
 

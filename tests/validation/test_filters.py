@@ -116,7 +116,7 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit_and_step_control_books_what
     rest = fb.simulate(model, t_end=0.6, start=half.checkpoint, **options)
     assert all(np.array_equal(a, b) for a, b in zip(whole.state, rest.state))
     assert np.array_equal(whole.series["filter_loss"][-1], rest.series["filter_loss"][-1])
-    with pytest.raises(fb.SceneError, match="the checkpoint carries"):
+    with pytest.raises(fb.SceneError, match="the checkpoint has"):
         fb.simulate(model, t_end=0.6, start=half.checkpoint, step=0.01, progress=False)
     run = fb.simulate(model, t_end=0.5, step=0.01, method=fb.Method(rho_inf=0.5), tolerance=1e-5, progress=False)
     assert run.info["accepted"] > 5 and run.drift("balance") < ROUND_OFF
@@ -140,7 +140,7 @@ def test_equilibria_stay() -> None:
 
 
 @pytest.mark.parametrize(("damping", "options", "says"), [
-    (0.0, {"order": 4}, "order=2"), (0.01, {}, "has damping of its own"), (0.0, {"observe": ("reaction",)}, "'reaction'"),
+    (0.0, {"order": 4}, "order=2"), (0.01, {}, "has material damping"), (0.0, {"observe": ("reaction",)}, "'reaction'"),
     (0.0, {"method": fb.Method("midpoint", rho_inf=0.5)}, "not to 'midpoint'"),
     (0.0, {"method": fb.Method(rho_inf=1.5)}, "must lie in")])
 def test_what_filters_do_not_go_together_with_is_refused(damping: float, options: dict[str, Any], says: str) -> None:

@@ -205,11 +205,11 @@ def test_cables_of_a_net_bring_a_node_to_its_place() -> None:
     (["hot"], {}, "conditions: must be a mapping of quantities"),
     (["hot"], None, "conditions: must be a mapping of quantities"),
     (["hot"], {("joint", "x"): "a"}, "conditions: the value of"),
-    (["hot"], {("tip", "x"): 1.1}, "'tip' is no name in points="),
+    (["hot"], {("tip", "x"): 1.1}, "'tip' is not a name in points="),
     (["hot"], {("joint", "w"): 1.1}, "'joint' has no 'w'"),
     (["hot"], {"run": 1.1}, "has no slider 'run'"),
     (["hot"], {(lambda state: 0.0): 1.1}, "is a function, whose derivative is not known"),
-    (["hot"], {("joint", "x"): 1.1, ("hot", "N"): 1.0}, "2 conditions need as many unknown lengths, got 1; name more beams"),
+    (["hot"], {("joint", "x"): 1.1, ("hot", "N"): 1.0}, "as many unknown lengths as conditions, 2, got 1; name more beams"),
     (["hot", "cold"], {("joint", "x"): 1.1}, "got 2; name fewer beams"),
     (["hot"], {("joint", "y"): 0.1}, "no length moves y at 'joint' at the start"),
     (["hot", "cold"], {("hot", "N"): 1.0, ("cold", "N"): 1.0}, "lengths of beam 'hot', beam 'cold' may change together")])
@@ -226,7 +226,7 @@ def test_beams_of_other_scenes_and_those_that_hold_nothing_are_refused() -> None
     free = fb.Beam.straight("free", (0, 1, 0), (1, 1, 0), section=section(), elements=1)
     more = fb.compile_scene(fb.Scene(*beams, free, fb.RigidConnection(beams[0].end, beams[1].start), fb.Clamp(beams[0].start),
                                      fb.Clamp(beams[1].end), fb.Clamp(free.start)), planar=True)
-    with pytest.raises(fb.SceneError, match="the length of beam 'free' moves none of the conditions"):
+    with pytest.raises(fb.SceneError, match="the length of beam 'free' affects none of the conditions"):
         fb.find_lengths(more, ["hot", "free"], {("joint", "x"): 1.1, ("hot", "N"): 1.0}, points=points)
 
 

@@ -83,7 +83,7 @@ def test_a_ring_under_pressure_has_its_hoop_force() -> None:
 
 def test_what_cannot_follow_is_refused() -> None:
     bead = fb.PointMass("bead", mass=1.0, position=(0, 0, 0))
-    with pytest.raises(fb.SceneError, match="no triad that turns"):
+    with pytest.raises(fb.SceneError, match="no directors that turn"):
         fb.Load("push", bead, force=(1, 0, 0), follower=True)
     rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2, degree=2)
     with pytest.raises(fb.SceneError, match="are 3 numbers"):

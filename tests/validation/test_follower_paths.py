@@ -188,7 +188,7 @@ def test_a_load_that_follows_from_one_time_to_another() -> None:
     np.testing.assert_allclose(part.state.q.reshape(-1, 12)[-1, :3], half, atol=1e-11)
     with pytest.raises(fb.SceneError, match="the start carries loads already"):
         fb.solve_path(model, at_time=(1.5, 3.0))
-    with pytest.raises(fb.SceneError, match="say with at_time="):
+    with pytest.raises(fb.SceneError, match="give the time with at_time="):
         fb.solve_path(model)
 
 
@@ -202,7 +202,7 @@ def test_a_law_of_ones_own_grows_along_a_path_where_it_is_a_load() -> None:
         fb.Load("push", rod.end, force=(0, 0, 0.1)))) for grows in (True, False))
     path = fb.solve_path(model, at_time=1.5)
     np.testing.assert_allclose(path.state.q, fb.solve_static(model, at_time=1.5).state.q, atol=1e-11)
-    with pytest.raises(fb.SceneError, match="user force 'law' has a law of its own"):
+    with pytest.raises(fb.SceneError, match="user force 'law' has a user-defined law"):
         fb.solve_path(model, at_time=(0.0, 1.0))
     # levels of statics: half of what grows, all of what does not
     for one, share in ((model, 0.5), (stays, 1.0)):

@@ -160,7 +160,7 @@ def test_a_path_goes_through_the_limit_points_of_a_law() -> None:
     np.testing.assert_allclose(10.0 * x - 30.0 * x**2 + 20.0 * x**3, path.series["load_factor"], rtol=0, atol=1e-11)
     limits = [e["load_factor"] for e in path.info["critical_points"]]
     np.testing.assert_allclose(limits, np.array([1.0, -1.0]) * 10.0 / np.sqrt(108.0), rtol=1e-10)
-    with pytest.raises(fb.SceneError, match="two times of at_time= tell no path"):
+    with pytest.raises(fb.SceneError, match="force between two times of at_time= is not determined"):
         fb.solve_path(model, at_time=(0.0, 1.0))
 
 
@@ -169,7 +169,7 @@ def test_what_does_not_know_force_elements_says_so() -> None:
     for call, says in ((lambda: fb.sensitivity(lambda k: guided(k, 0.0, 20.0, 0.0), {"k": 100.0}),
                         "derivatives with force element 'soft' are"),
                        (lambda: fb.adjoint_run(model, t_end=0.1, step=0.01), "force element"),
-                       (lambda: fb.solve_static(model, steady=fb.Spin(1.0)), "'soft' is not known in a steady motion")):
+                       (lambda: fb.solve_static(model, steady=fb.Spin(1.0)), "steady motions do not support .*'soft'")):
         with pytest.raises(fb.SceneError, match=says):
             call()
 

@@ -225,7 +225,7 @@ def test_an_equilibrium_at_a_given_angle_is_that_of_a_beam_clamped_at_this_angle
     held = found[0][2]
     with pytest.raises(fb.SceneError, match="stands at 0.7 rad, its given angle at t = 0 s is 0 rad"):
         run(held, 0.1, 0.01, start=found[0][0].state)
-    with pytest.raises(fb.SceneError, match="say with at_time"):
+    with pytest.raises(fb.SceneError, match="give the time with at_time"):
         fb.solve_static(held)
 
 
@@ -407,7 +407,7 @@ def test_the_recipe_runs() -> None:
 # ---------------------------------------------------------------------------------------------------------------- refusals
 @pytest.mark.parametrize(("options", "text"), [
     ({"angle": 0.0, "torque": 1.0}, "torque= changes nothing"), ({"angle": 0.0, "speed": 1.0}, "angle= and speed= both"),
-    ({"speed": 1.0, "stiffness": 3.0}, "speed= says how it moves, whatever that takes, so stiffness="),
+    ({"speed": 1.0, "stiffness": 3.0}, "speed= prescribes its motion whatever the force, so stiffness="),
     ({"angle": 0.0, "damping": 3.0}, "damping= changes nothing"), ({"angle": 0.0, "friction": 3.0}, "friction= changes nothing"),
     ({"angle": 0.0, "stops": fb.Stops(-1, 1, stiffness=1.0)}, "stops= changes nothing"),
     ({"stops": fb.Stops(0.1, 1, stiffness=1.0)}, "stops from 0.1 to 1.0 rad exclude its start")])
@@ -432,17 +432,17 @@ def test_runs_refuse_what_they_do_not_know() -> None:
         arm(speed=3.0)
     with pytest.raises(fb.SceneError, match="friction of revolute joint .pivot. would put energy in"):
         run(arm(friction=0.1), 0.1, 0.01, order=4)
-    with pytest.raises(fb.SceneError, match="solve_path knows no friction of joints"):
+    with pytest.raises(fb.SceneError, match="solve_path does not support friction of joints"):
         fb.solve_path(arm(friction=0.1))
     for options in ({"friction": 0.1}, {"angle": 0.0}, {"stops": fb.Stops(-1, 1, stiffness=1.0)}):
         with pytest.raises(fb.SceneError, match="use the default method"):
             run(arm(**options), 0.1, 0.01, method="midpoint")
-    for options, text in (({"friction": 0.1}, "knows no friction of joints"),
-                          ({"angle": 0.0}, "joint 'pivot' is given as a function")):
+    for options, text in (({"friction": 0.1}, "does not support friction of joints"),
+                          ({"angle": 0.0}, "joint 'pivot' has a value prescribed as a function")):
         with pytest.raises(fb.SceneError, match=text):
             fb.relax(arm(**options))
-    with pytest.raises(fb.SceneError, match="joint 'pivot' is given a value that may depend on them"):
+    with pytest.raises(fb.SceneError, match="joint 'pivot' has a prescribed value, which may depend on the parameters"):
         fb.sensitivity(_driven_by, {"angle": 0.1})
     loaded = arm(angle=0.5)
-    with pytest.raises(fb.SceneError, match="solve_path: joints stay where they stand"):
+    with pytest.raises(fb.SceneError, match="solve_path: joints keep their angles and distances"):
         fb.solve_path(loaded)

@@ -413,12 +413,12 @@ def test_the_recipe_runs() -> None:
 
 # ---------------------------------------------------------------------------------------------------------------- refusals
 @pytest.mark.parametrize(("options", "text"), [
-    ({"coefficient": 0.1}, "give its radius= too"), ({"radius": 0.1}, "radius= belongs to friction by the load"),
-    ({"length": 0.1}, "length= belongs to friction by the load"),
+    ({"coefficient": 0.1}, "needs its radius; give radius="), ({"radius": 0.1}, "radius= is part of friction by the load"),
+    ({"length": 0.1}, "length= is part of friction by the load"),
     ({"angle": 0.0, "coefficient": 0.1, "radius": 0.1}, "coefficient= changes"),
     ({"angle": 0.0, "drive": fb.Drive(force=1.0)}, "drive= changes nothing"),
     ({"drive": fb.Drive(speed=1.0)}, "is angle= or speed= of the joint"),
-    ({"stops": fb.Stops(0.1, 0.2)}, "exclude its start"), ({"drive": 3.0}, "drive must be a Drive")])
+    ({"stops": fb.Stops(0.1, 0.2)}, "must enclose its"), ({"drive": 3.0}, "drive must be a Drive")])
 def test_what_contradicts_each_other_is_refused(options: dict[str, Any], text: str) -> None:
     with pytest.raises(fb.SceneError, match=text):
         arm(**options)
@@ -432,8 +432,8 @@ def test_what_does_not_go_with_stops_friction_and_drives_says_so() -> None:
                         (driven, "the drive of revolute joint 'pivot', which depends on its rate, would")):
         with pytest.raises(fb.SceneError, match=text):
             run(model, 0.1, 0.01, order=4)
-    for model, text in ((stopped, "knows no rigid stops of joints; leave it out, give the stops a stiffness"),
-                        (driven, "takes no motors and drives"), (rubbing, "knows no friction of joints")):
+    for model, text in ((stopped, "does not support rigid stops of joints; leave it out, give the stops a stiffness"),
+                        (driven, "does not support motors and drives"), (rubbing, "does not support friction of joints")):
         with pytest.raises(fb.SceneError, match=text):
             fb.relax(model)
     with pytest.raises(fb.SceneError, match="numba cannot compile its drive's force.t, s, rate."):

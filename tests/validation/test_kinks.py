@@ -36,7 +36,7 @@ def test_a_rope_that_goes_slack_is_told_with_its_time() -> None:
     model = bouncing({"stiffness": 100.0, "tension_only": True})
     event, = told(run(model, 0.4, 0.01))
     assert event["time"] == pytest.approx(0.05 * np.pi, abs=0.011)
-    assert event["text"].startswith("spring 'rope' passes a kink of its law, at the elongation 0 m near t = 0.15")
+    assert event["text"].startswith("spring 'rope' passes a kink of its force law, at the elongation 0 m near t = 0.15")
     assert "power 3 of the step" in event["text"] and "order=2" in event["text"]
     # before it nothing, with order 2 nothing, under step control nothing
     assert told(run(model, 0.15, 0.01)) == [] == told(run(model, 0.4, 0.01, order=2))
@@ -148,7 +148,7 @@ def test_an_elastic_stop_of_a_joint_is_told(damping: float) -> None:
     model = arm(stops=fb.Stops(None, 1.0, stiffness=500.0), damping=damping)
     event, = told(run(model, 0.7, 0.005))
     text = event["text"]
-    assert text.startswith("revolute joint 'pivot' meets or leaves an elastic stop, at the angle 1 rad near t = "), text
+    assert text.startswith("revolute joint 'pivot' reaches or leaves an elastic stop, at the angle 1 rad near t = "), text
     angle = run(model, 0.7, 0.005, every=1).joint("pivot")["angle"]
     met = 0.005 * int(np.argmax(angle > 1.0))
     assert event["time"] == pytest.approx(met, abs=0.0051)
@@ -165,7 +165,7 @@ def bead(**options: Any) -> fb.Model:
 def test_an_elastic_stop_of_a_slider_is_told() -> None:
     model = bead(stops=fb.Stops(1.0, 2.5, stiffness=200.0))
     event, = told(run(model, 0.5, 0.01))
-    assert event["text"].startswith("slider 'run' meets or leaves an elastic stop, s = 2.5 m near t = 0.3")
+    assert event["text"].startswith("slider 'run' reaches or leaves an elastic stop, s = 2.5 m near t = 0.3")
     assert event["time"] == pytest.approx(0.5 / 1.5, abs=0.011)
     assert told(run(model, 0.3, 0.01)) == []
 
@@ -181,7 +181,7 @@ def test_a_ball_that_is_thrown_up_turns_around_in_air() -> None:
     model, limit = thrown((0, 0, 4.0), normal=0.1), np.sqrt(0.5 * G / 0.1)
     event, = told(run(model, 0.8, 0.01))
     assert event["time"] == pytest.approx(limit / G * np.arctan(4.0 / limit), abs=0.011)
-    assert event["text"].startswith("drag 'air' on point mass 'ball': the velocity against the air turns around near t = 0.3")
+    assert event["text"].startswith("drag 'air' on point mass 'ball': the velocity relative to the air changes sign near t = 0.3")
     assert "power 3 of the step" in event["text"]
 
 
@@ -215,7 +215,7 @@ def test_beams_turn_around_across_and_along() -> None:
         return np.outer(np.cos(np.pi * s / 2.0), (0.5, 0.0, 0.0))
 
     event, = told(run(rod(sway, normal=0.1), 2.0, 0.01))
-    assert event["text"].startswith("drag 'air' on beam 'rod': the velocity across the beam against the air turns around")
+    assert event["text"].startswith("drag 'air' on beam 'rod': the velocity across the beam relative to the air changes sign")
     event, = told(run(rod(shuttle, tangential=0.1), 0.2, 0.001))
     assert "along the beam" in event["text"]
     assert told(run(rod(shuttle, linear=0.1), 0.2, 0.001)) == []

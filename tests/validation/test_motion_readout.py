@@ -307,7 +307,7 @@ def test_what_was_not_recorded_is_refused_with_its_name():
     for name, kind in (("spin", "spin"), ("orientation", "orientation"), ("acceleration", "acceleration")):
         with pytest.raises(fb.SceneError, match=rf"observe=\('{kind}'"):
             getattr(result, name)("bob")
-    with pytest.raises(fb.SceneError, match="leave 'acceleration' out, or method"):
+    with pytest.raises(fb.SceneError, match="leave 'acceleration' out, or leave method out"):
         fb.simulate(model, t_end=0.01, step=1e-3, points={"bob": bob}, observe=("acceleration",), method="generalized_alpha")
     shown = fb.simulate(model, t_end=0.01, step=1e-3, points={"bob": bob}, observe=("orientation", "acceleration")).to_dataframe()
     assert {"point_directors[bob].d1.x", "point_acceleration[bob].z"} <= set(shown.columns)

@@ -185,7 +185,7 @@ def test_a_support_whose_velocity_jumps_at_a_row_of_its_table_is_told(kind: str)
     told = [event for event in run.events if event["kind"] == "kink"]
     assert len(told) == (kind == "linear")
     if told:
-        assert told[0]["time"] == 0.02 and "'shake' (displacement): the rate of its table jumps by 0.5 per s" in told[0]["text"]
+        assert told[0]["time"] == 0.02 and "'shake' (displacement): the slope of its table jumps by 0.5 per s" in told[0]["text"]
 
 
 def still(t: float) -> tuple[float, float, float]:
@@ -212,12 +212,12 @@ def both(one: str, other: str) -> fb.Scene:
 
 @pytest.mark.parametrize(("make", "says"), [
     (lambda: scene_of(position=lambda t: (1, 0, 0)), "lies 1 m from"), (twice, "moves the same node"),
-    (tied, "move that instead"), (scene_of, "give position or displacement"),
+    (tied, "move that node instead"), (scene_of, "give position or displacement"),
     (lambda: scene_of(position=still, displacement=still), "not both"),
     (lambda: scene_of(displacement=lambda t: (t, 0)), "3 finite numbers"),
     (lambda: scene_of(displacement=still, axes="x"), "must return a finite number, one for each of axes='x', got"),
     (lambda: scene_of(displacement=lambda t: t, axes="xy"), "must return 2 finite numbers, one for each of axes='xy', got 0"),
-    (lambda: scene_of(displacement=lambda t: 0.0, axes="w"), "must name axes of space"),
+    (lambda: scene_of(displacement=lambda t: 0.0, axes="w"), "must name axes of the global frame"),
     (lambda: scene_of(position=lambda t: 1.0, axes="y"), "lies 1 m from"),
     (lambda: both("xy", "y"), "moves the same node along the same axis"),
     (lambda: scene_of(displacement=lambda t: 1 / t), "must not fail"),
@@ -339,7 +339,7 @@ def test_a_support_that_begins_with_a_velocity_alone_is_told_of() -> None:
     # what stands still is taken along at once
     pushed, _ = model(lambda t: 0.4 * t)
     still = fb.simulate(pushed, start=model(lambda t: 2e3 * t * t)[0].state(), t_end=2e-6, step=1e-6, progress=False)
-    assert [event["text"] for event in still.events if "takes its node along at once" in event["text"]
+    assert [event["text"] for event in still.events if "moves its node with a velocity jump" in event["text"]
             and event["kind"] == "shock"]
 
 

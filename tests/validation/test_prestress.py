@@ -123,7 +123,7 @@ def test_net_with_prestressed_cables_and_its_beams() -> None:
 @pytest.mark.parametrize(("changes", "message"), [
     ({"prestrain": 0.1, "prestress": 5.0}, "give prestrain or prestress, not both"),
     ({"prestrain": 1.0}, "prestrain must be a finite number >= -10 and <= 0.99"),
-    ({"prestress": 3e5}, "strains it by 1.5, so that without stress it would have no length"),
+    ({"prestress": 3e5}, "gives it a prestrain of 1.5, so its unstressed length would not be positive"),
     ({"prestress": np.nan}, "prestress must be a finite number")])
 def test_what_no_beam_can_have_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
@@ -178,7 +178,7 @@ def test_net_of_force_densities_is_in_equilibrium_as_it_is_drawn() -> None:
     ({"densities": [1.0]}, "densities: must be a finite number in N/m or 2 of them"),
     ({"edges": [(1, 1), (0, 2)]}, "with itself"),
     ({"densities": [0.0, 1.0]}, "no cables with a density lead from node 0|from node 2|from node 1"),
-    ({"densities": [1.0, -1.0]}, "tension and pressure cancel"), ({"loads": np.ones((2, 3))}, "forces of all 3 nodes")])
+    ({"densities": [1.0, -1.0]}, "tension and compression cancel"), ({"loads": np.ones((2, 3))}, "forces of all 3 nodes")])
 def test_force_densities_that_have_no_shape(changes: dict[str, Any], message: str) -> None:
     arguments = dict(nodes=[(0, 0, 0), (2, 0, 0), (1, 1, 0)], edges=[(0, 2), (1, 2)], densities=[3.0, 1.0], pins=[0, 1])
     if "densities" in changes and changes["densities"][0] == 0.0:

@@ -137,5 +137,5 @@ def test_what_has_kinks_in_time_is_refused() -> None:
         pivot = fb.RevoluteJoint(fb.GROUND, arm.point((-0.5, 0, 0)), "pivot", axis=(0, 1, 0), **options)
         with pytest.raises(fb.SceneError, match="order=4"):
             fb.simulate(fb.compile_scene(fb.Scene(arm, pivot)), t_end=0.1, step=0.01, order=4, observe=("reaction",))
-    with pytest.raises(fb.SceneError, match="reactions are those of the conserving step; leave out method"):
+    with pytest.raises(fb.SceneError, match="reactions are available for the conserving step only; leave out method"):
         fb.simulate(pendulum(), t_end=0.1, step=0.01, order=4, method="midpoint", observe=("reaction",))

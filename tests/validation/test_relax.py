@@ -148,12 +148,12 @@ def test_what_never_rests_says_so_and_brings_what_there_is() -> None:
     with pytest.raises(fb.ConvergenceError, match="did not come to rest in 200 steps, 0 swings") as caught:
         fb.relax(model, most_steps=200)
     assert caught.value.result.info["steps"] == 200 and caught.value.state is not None
-    with pytest.raises(fb.SceneError, match="nothing holds it"):
+    with pytest.raises(fb.SceneError, match="it is not supported"):
         flying = fb.Beam.straight("flying", (0, 0, 0), (1, 0, 0), section=ROPE, elements=2)
         fb.relax(fb.compile_scene(fb.Scene(flying, gravity=DOWN)))
     bead, wire = fb.PointMass("bead", mass=1.0), fb.Beam.straight("wire", (0, 0, 0), (1, 0, -1), section=ROPE, elements=2)
     sliding = fb.Scene(wire, bead, fb.Slider("ride", bead, wire, at=0.3), fb.Clamp(wire.start), fb.Clamp(wire.end), gravity=DOWN)
-    with pytest.raises(fb.ConvergenceError, match="slider 'ride' runs off its beam on the way to rest"):
+    with pytest.raises(fb.ConvergenceError, match="slider 'ride' leaves its beam during relaxation"):
         fb.relax(fb.compile_scene(sliding))
 
 
@@ -193,7 +193,7 @@ def test_a_cable_on_two_pins_hangs_in_a_wind_from_the_side_where_statics_refuse_
             fb.DistributedLoad("wind", cable, force=load) for load in loads)))
 
     aslant = hung(9.81, (0.0, wind, 0.0))
-    with pytest.raises(fb.SceneError, match=r"can turn about \(1, 0, 0\) .* \(relax finds how it hangs\)"):
+    with pytest.raises(fb.SceneError, match=r"can turn about \(1, 0, 0\) .* \(relax finds the shape in which it hangs\)"):
         fb.solve_static(aslant)
     found = fb.relax(aslant).state.q.reshape(-1, 4, 3)[:, 0]
     # the equilibrium in a plane, under both loads together, turned into theirs

@@ -352,15 +352,15 @@ def test_what_springs_refuse() -> None:
 
     for arguments, text in [
             ({}, "give either stiffness= .N/m. or table=, both are missing"),
-            ({"stiffness": 1.0, "table": ([0, 1], [0, 1])}, "both are there"),
+            ({"stiffness": 1.0, "table": ([0, 1], [0, 1])}, "got both"),
             ({"table": ([0, 1, 1], [0, 1, 2])}, "elongation 2 is 1 m after 1 m"),
             ({"table": ([0, 1], [0, 1, 2])}, "got 2 elongations and 3 forces"),
             ({"table": ([0], [0])}, "got 1 elongations and 1 forces"),
             ({"table": ([0, np.nan], [0, 1])}, "finite"),
             ({"table": [[0, 1]]}, "must be two rows"),
-            ({"table": ([0, 1], [0, 1]), "tension_only": True}, "a table says itself where there is no force"),
+            ({"table": ([0, 1], [0, 1]), "tension_only": True}, "a table defines one-sided behaviour itself"),
             ({"stiffness": 1.0, "tension_only": True, "compression_only": True}, "leave no force"),
-            ({"stiffness": 1.0, "interpolation": "spline"}, "belongs to a table"),
+            ({"stiffness": 1.0, "interpolation": "spline"}, "is for a table only"),
             ({"table": ([0, 1], [0, 1]), "interpolation": "cubic"}, "choose 'linear' or 'spline'"),
             ({"stiffness": 1.0, "damping": -1.0}, "damping must be a finite number >= 0 N s/m")]:
         with pytest.raises(fb.SceneError, match=text):

@@ -127,7 +127,7 @@ def test_an_interval_of_load_factors_in_which_a_bead_sticks(planar: Any) -> None
     # beyond an angle of friction nothing pushes it up, and where the loads are looked at only so far it sticks there
     jammed = fb.stick_interval(pushed(2.0, planar), "s", at_time=(0.0, 1.0), load_factor=10.0, within=(-5.0, 1000.0))
     assert jammed.high == np.inf and jammed.low == -np.inf
-    with pytest.raises(fb.ConvergenceError, match="no equilibrium is found at load factor 30"):
+    with pytest.raises(fb.ConvergenceError, match="no equilibrium was found at load factor 30"):
         fb.stick_interval(pushed(0.2, planar), "s", at_time=(0.0, 1.0), load_factor=30.0, within=(0.0, 100.0))
 
 

@@ -53,7 +53,7 @@ def test_a_motor_turns_an_arm_to_where_its_spring_holds_it(planar: Any) -> None:
     found = fb.modes(model, n=1, state=result.state, at_time=0.7, planar=True if planar == "auto" else None)
     stiffness = 12.0 + 0.5 * G * np.sin(exact)
     np.testing.assert_allclose(found.frequencies[0], np.sqrt(stiffness / 0.28) / (2 * np.pi), rtol=1e-9)
-    with pytest.raises(fb.SceneError, match=r"say with at_time="):
+    with pytest.raises(fb.SceneError, match=r"give the time with at_time="):
         fb.solve_static(model)
 
 

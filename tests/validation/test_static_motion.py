@@ -70,9 +70,11 @@ def test_paths_and_relax_move_supports_as_statics_do() -> None:
         np.testing.assert_allclose(found.point("middle")[-1], level, rtol=0, atol=1e-11)
     for call in (lambda: fb.solve_path(model, at_time=1.0, start=half.state),
                  lambda: fb.relax(model, at_time=1.0, start=half.state)):
-        with pytest.raises(fb.SceneError, match="'turn': at the start supports stand elsewhere than their functions have them"):
+        with pytest.raises(fb.SceneError, match="'turn': at the start these supports are not at the places that their functions "
+                                                "prescribe"):
             call()
-    with pytest.raises(fb.SceneError, match="moves between the times of at_time=, and moves= with the load factor too"):
+    with pytest.raises(fb.SceneError, match="moves between the times of at_time=, and supports in moves= with the load factor "
+                                            "too"):
         fb.solve_path(model, at_time=(0.5, 1.0), start=half.state, moves={beam.start: (0, 0, 0.1)})
 
 
@@ -144,7 +146,7 @@ def test_a_gripper_that_turns_and_turns_back_leaves_nothing_behind() -> None:
     # a state with a turn more than the function has is told of
     long = at(4.0)
     run = fb.simulate(model, start=fb.Start(long.state, time=0.0, mend=True), t_end=0.02, step=0.01)
-    assert "is 9 rad off its place at that time" in next(x["text"] for x in run.events if x["kind"] == "support")
+    assert "is 9 rad away from the prescribed place at that time" in next(x["text"] for x in run.events if x["kind"] == "support")
 
 
 def test_rotation_matrices_cannot_tell_turns_and_jumps_are_refused() -> None:
@@ -162,7 +164,7 @@ def test_rotation_matrices_cannot_tell_turns_and_jumps_are_refused() -> None:
         fb.simulate(jumps, t_end=1.0, step=0.01)
     # the same triad, a turn less
     _, wraps = gripped(lambda t: (5.0 * t - (2.0 * np.pi if t > 0.4 else 0.0)) * ALONG)
-    with pytest.raises(fb.SceneError, match="let a rotation vector grow beyond a turn"):
+    with pytest.raises(fb.SceneError, match="let a rotation vector grow beyond a full turn"):
         fb.solve_static(wraps, at_time=1.0)
 
 
@@ -336,5 +338,5 @@ def test_the_end_of_a_rod_is_pushed_and_turned_whatever_the_load_steps(kind: str
         shapes.append(fb.solve_path(model, at_time=(0.0, 1.0), points={"mid": rod.at(0.5)}).point("mid")[-1])
     np.testing.assert_allclose(shapes, np.broadcast_to(shapes[0], np.shape(shapes)), rtol=0, atol=1e-12)
     if turn == 0.9:
-        with pytest.warns(fb.ResultWarning, match="no equilibrium was found next to the one before"):
+        with pytest.warns(fb.ResultWarning, match="no equilibrium was found near the one before"):
             fb.solve_static(model, at_time=1.0, load_step=0.5, smallest_step=0.2)

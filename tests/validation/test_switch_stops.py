@@ -205,8 +205,8 @@ def test_what_is_refused() -> None:
     bead, on = fb.PointMass("bead", mass=1.0), fb.Switch("w", [a, b])
     for message, more in (("none of the tracks", {"stops": fb.Stops(end=("x", 0.2))}),
                           ("beyond beam 'b'", {"lock": fb.Lock(at=(b, 1.5))}),
-                          ("exclude its place", {"stops": fb.Stops(end=0.3)}),
-                          ("exclude its place", {"stops": fb.Stops(end=(a, 0.3))}),
+                          ("must enclose its place", {"stops": fb.Stops(end=0.3)}),
+                          ("must enclose its place", {"stops": fb.Stops(end=(a, 0.3))}),
                           ("needs a rigid stop", {"lock": fb.Lock("end")}),
                           ("begins at position", {"drive": fb.Drive(position=lambda t: 0.2)})):
         with pytest.raises(fb.SceneError, match=message):
@@ -221,5 +221,5 @@ def test_what_is_refused() -> None:
         fb.Stops(start=(a, 0.5), end=("a", 0.2))
     ring = [fb.Beam.arc(name, (0, 2.0 * k, 0), (1 - 2 * k, 0, 0), (0, 1 - 2 * k, 0), radius=1.0, angle=np.pi, elements=4,
                         section=STIFF) for k, name in enumerate("ud")]
-    with pytest.raises(fb.SceneError, match="another leads on"):
+    with pytest.raises(fb.SceneError, match="another track follows"):
         fb.Slider("s", bead, on=fb.Switch("r", ring), at=0.5, release=fb.Release("end"))

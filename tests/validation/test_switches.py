@@ -161,7 +161,7 @@ def test_step_control_over_corners() -> None:
 
 def test_beyond_a_right_angle_the_run_says_so() -> None:
     model = fb.compile_scene(corner(150.0, "switch")[0])
-    with pytest.raises(fb.ConvergenceError, match="does not get over the corner between the tracks 'b0' and 'b1'") as caught:
+    with pytest.raises(fb.ConvergenceError, match="cannot pass the corner between the tracks 'b0' and 'b1'") as caught:
         run(model, 1.0)
     assert caught.value.result.drift("total") < 1e-12 and 0.9 < caught.value.state.s[0] < 1.0
 
@@ -274,7 +274,7 @@ def test_what_is_refused() -> None:
     for message, tracks, choose in (("several tracks", [a, b, d], None), ("choose names 'x'", [a, b, d], {"s": "x"}),
                                     ("growing times", [a, b, d], [(1.0, "b"), (0.5, "d")]),
                                     ("two arguments", [a, b], lambda t: "b"),
-                                    ("closed", [fb.Path("p", [a, b], closed=True)], None), ("one name", [a, a], None),
+                                    ("closed", [fb.Path("p", [a, b], closed=True)], None), ("the same name", [a, a], None),
                                     ("empty", [], None), ("list of beams", a, None)):
         with pytest.raises(fb.SceneError, match=message):
             fb.Switch("w", tracks, choose=choose)
@@ -283,9 +283,10 @@ def test_what_is_refused() -> None:
     for message, more in (("none of the tracks", {"at": 1.5}), ("one_sided", {"at": 0.5, "one_sided": (0, 0, 1)})):
         with pytest.raises(fb.SceneError, match=message):
             fb.Slider("s", bead, on=on, **more)
-    with pytest.raises(fb.SceneError, match="switch 'points': choose names 'S0', which is no slider on it; its sliders are 's0'"):
+    with pytest.raises(fb.SceneError, match="switch 'points': choose names 'S0', which is not a slider on it; its sliders are "
+                                            "'s0'"):
         fb.compile_scene(yard(choose={"S0": "side"})[0])
-    with pytest.raises(fb.SceneError, match="nothing joins them"):
+    with pytest.raises(fb.SceneError, match="meet without a joint"):
         fb.compile_scene(fb.Scene(a, b, c, bead, fb.Slider("s", bead, on=on, at=0.5)))
     with pytest.raises(fb.SceneError, match="not on switch"):
         fb.Crossing("x", on, d, at=(0.5, 0.5))

@@ -45,7 +45,7 @@ def test_a_pin_is_not_turned() -> None:
     rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=SOFT, elements=4)
     pin = fb.Pin(rod.end)
     model = fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), pin))
-    with pytest.raises(fb.SceneError, match="moves= turns beam 'rod' node 12, whose triad no support holds"):
+    with pytest.raises(fb.SceneError, match="moves= turns beam 'rod' node 12, but no support fixes its rotation"):
         fb.solve_path(model, moves={pin: (0, 0, 0, 1.0, 0, 0)})
     with pytest.raises(fb.SceneError, match="must be 3 finite numbers, m, or 6 with a rotation vector, rad, got"):
         fb.solve_path(model, moves={pin: (0, 0, 0, 1.0)})
@@ -56,7 +56,7 @@ def test_a_support_at_a_point_of_a_body() -> None:
     rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=SOFT, elements=2)
     clamp = fb.Clamp(hub.point((0.3, 0, 0)))
     model = fb.compile_scene(fb.Scene(hub, rod, clamp, fb.RigidConnection(hub, rod.start)))
-    with pytest.raises(fb.SceneError, match="a support there holds the whole body; name body 'hub'"):
+    with pytest.raises(fb.SceneError, match="a support there fixes the whole body; name body 'hub'"):
         fb.solve_path(model, moves={clamp: (0, 0, 0, 0, 0, 1.0)})
     assert fb.solve_path(model, moves={hub: (0, 0, 0, 0, 0, 1.0)}).series["load_factor"][-1] == 1.0
 

@@ -174,7 +174,7 @@ def test_nothing_twists_in_a_plane_whose_scene_has_an_interval_in_space(planar: 
     model = shaft(torque=0.0, clamped=True, planar=planar)
     assert model.plane is not None
     if planar is True:
-        with pytest.raises(fb.SceneError, match="'s: twist': nothing twists in a plane"):
+        with pytest.raises(fb.SceneError, match="'s: twist': beams do not twist in a plane"):
             fb.stick_interval(model, "s: twist")
     else:
         held = fb.stick_interval(model, "s: twist", within=(0.5, 2.0))
@@ -182,7 +182,7 @@ def test_nothing_twists_in_a_plane_whose_scene_has_an_interval_in_space(planar: 
 
 
 def test_a_torque_that_nothing_resists_is_named() -> None:
-    with pytest.raises(fb.ConvergenceError, match="'s: twist' slips beyond its friction there, and nothing else resists"):
+    with pytest.raises(fb.ConvergenceError, match="'s: twist' slips beyond its friction there, and no other force resists"):
         fb.solve_static(shaft(torque=0.5))
 
 

@@ -155,7 +155,7 @@ def test_what_does_not_fit_is_refused():
     def not_compiled(t, position, directors, velocity, spin, parameters, force, moment):
         force[0] = {"a": 1.0}.get("b", open)  # noqa: SIM115
 
-    for law, text in ((broken, "its law failed at the start, IndexError"), (not_finite, "has to give finite numbers"),
+    for law, text in ((broken, "its law failed at the start, IndexError"), (not_finite, "must return finite numbers"),
                       (not_compiled, "numba cannot compile its law")):
         with pytest.raises(fb.SceneError, match=text):
             fb.compile_scene(fb.Scene(ball, fb.UserForce("own", ball, law)))

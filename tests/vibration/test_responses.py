@@ -33,16 +33,17 @@ def response(**changes: Any) -> Any:
     ({"frequencies": [-1.0]}, "frequencies: must be 1 to 1000000 numbers >= 0 Hz"),
     ({"frequencies": []}, "frequencies: must be 1 to"),
     ({"base": None}, "nothing excites the scene"),
-    ({"base": {}}, "base= names no support"),
+    ({"base": {}}, "base= is an empty mapping"),
     ({"base": (1, 2)}, "base= must be 3 finite numbers"),
     ({"base": ("a", 0, 0)}, "base= must be a finite number, which may be complex"),
-    ({"base": {"clamp": (1, 0, 0)}}, "base= maps supports"),
+    ({"base": {"clamp": (1, 0, 0)}}, "base= must map supports"),
     ({"base": {fb.PointMass("m", mass=1.0, position=(0, 0, 0)): (1, 0, 0)}}, "is not in scene 'cantilever'"),
     ({"loads": "wind"}, "has no load 'wind'; its loads: 'tip'"),
     ({"loads": 3.0}, "loads: must be a Load"),
     ({"loads": [3.0]}, "loads: must be a Load"),
     ({"loads": {"tip": "much"}}, "the factor of load 'tip' must be a finite number"),
-    ({"loads": fb.Load("x", straight("other", (0, 0, 0), (1, 0, 0)).end, force=(1, 0, 0))}, "acts on what is not in scene"),
+    ({"loads": fb.Load("x", straight("other", (0, 0, 0), (1, 0, 0)).end, force=(1, 0, 0))}, "acts on a part that is not in "
+                                                                                            "scene"),
     ({"loss_factor": -1.0}, "loss_factor: must be a finite number >= 0"),
     ({"load_factor": 1.0}, "frequency_response: the state is no equilibrium")])
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
@@ -69,7 +70,7 @@ def test_what_a_response_says_and_draws() -> None:
         found.point("top")
     with pytest.raises(fb.SceneError, match="frequency 16 does not exist"):
         found.shape(16)
-    with pytest.raises(fb.SceneError, match="ask for them with shapes=True"):
+    with pytest.raises(fb.SceneError, match=r"use frequency_response\(shapes=True\)"):
         response().shape(0)
     with pytest.raises(fb.SceneError, match="the response has no points"):
         fb.plot_response(response())
@@ -80,7 +81,7 @@ def test_what_a_response_says_and_draws() -> None:
 
 
 def test_undamped_resonance_and_free_motion_are_no_answers() -> None:
-    with pytest.raises(fb.ConvergenceError, match="is the frequency of a mode without damping"):
+    with pytest.raises(fb.ConvergenceError, match="is the frequency of an undamped mode"):
         response(frequencies=fb.modes(model(), load_factor=0.0, n=1).frequencies)
 
 
@@ -91,9 +92,9 @@ def test_free_scenes_are_pushed_by_what_vibrates() -> None:
     push = fb.DistributedLoad("push", beam, force=(2.0, 0, 0))
     found = fb.frequency_response(compiled, [0.001], loads=push, points={"tip": beam.end})
     assert found.point("tip")[0, 0] == pytest.approx(-2.0 / (2e-3 * np.pi)**2, rel=1e-6)
-    with pytest.raises(fb.SceneError, match="at frequency 0 nothing holds the scene against the loads"):
+    with pytest.raises(fb.SceneError, match="at frequency 0 the scene has no static equilibrium under the loads"):
         fb.frequency_response(compiled, [0.0], loads=push)
-    with pytest.raises(fb.SceneError, match="has none that holds a position"):
+    with pytest.raises(fb.SceneError, match="but none in scene .* fixes a position"):
         fb.frequency_response(compiled, [1.0], base=(1, 0, 0))
 
 
@@ -107,7 +108,7 @@ def test_moving_air_and_moments_are_refused() -> None:
     rest = fb.solve_static(turned)
     with pytest.raises(fb.SceneError, match="damped=True needs a symmetric stiffness"):
         fb.modes(turned, state=rest.state, damped=True)
-    with pytest.raises(fb.SceneError, match="damping_ratio= needs independent modes"):
+    with pytest.raises(fb.SceneError, match="damping_ratio= needs a symmetric stiffness"):
         fb.frequency_response(turned, [1.0], state=rest.state, base=(1, 0, 0), damping_ratio=0.01)
     found = fb.frequency_response(turned, [1.0], state=rest.state, base=(0, 0, 1), loss_factor=0.01, points={"tip": beam.end})
     assert np.all(np.isfinite(found.point("tip")))

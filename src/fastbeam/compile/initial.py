@@ -31,9 +31,9 @@ BENDS = 1e-6
 # smallest strain of waves from a support with an initial velocity that raises an event
 LEAST_SHOCK = 1e-9
 # remedies for velocities that do not agree
-TOGETHER = "give parts that hang together one RigidMotion, or velocities that agree"
-FROM_REST = "let its function begin with rate zero, give the parts that it moves their velocities (RigidMotion)"
-OF_SLIDERS = "give its point the velocity of the beam there and its speed along the beam as rate="
+TOGETHER = "give connected parts one RigidMotion, or velocities that agree"
+FROM_REST = "let its function begin with zero velocity, or give the parts that it moves their velocities (RigidMotion)"
+OF_SLIDERS = "give its point the velocity of the beam there, and its sliding speed as rate="
 
 
 class Mismatch(NamedTuple):
@@ -83,8 +83,8 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
         worst = max(wrong, key=_speed_of)
         if worst.speed > 1e-10 * scale + NO_VELOCITY:
             if not scene.project_velocities:
-                raise SceneError(f"{worst.what}: the initial velocities violate it by {worst.amount}; {worst.remedy}, or let "
-                                 "Scene(..., project_velocities=True) find rigid motions of the parts that agree")
+                raise SceneError(f"{worst.what}: the initial velocities violate it by {worst.amount}; {worst.remedy}, or use "
+                                 "Scene(..., project_velocities=True), which finds compatible rigid motions of the parts")
             if scene.winches:
                 refuse(list(told(Analysis.PROJECTION, [Hoists(scene.winches)])), worst.what)
             given = v, omega
@@ -92,14 +92,14 @@ def initial_rates(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             left = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving), key=_speed_of,
                        default=Mismatch("", 0.0, "", ""))
             if left.speed > 1e-7 * max(scale, _speed(nodes, v, omega)):
-                raise SceneError(f"{left.what}: no initial velocities agree with all connections, supports and sliders, "
-                                 f"{left.amount} remain; change the rate of a slider or leave a support out")
+                raise SceneError(f"{left.what}: no initial velocities satisfy all connections, supports and sliders; "
+                                 f"{left.amount} remain after projection. Change the rate of a slider, or remove a support")
             changed = _change(nodes, given, (v, omega), energies)
             before, (rate, where) = strain_rates(nodes, elements, *given)[0], strain_rates(nodes, elements, v, omega)
             if rate > before + BENDS * _speed(nodes, v, omega) / _size(nodes):
-                changed += (f"; no rigid motions of the parts agree, so {nodes.labels[where]} begins with a rate of strain of "
-                            f"{rate:.3g} 1/s, which sends waves through it: give its velocities as a field (InitialVelocity), or "
-                            "let motions of supports and drives begin at rest")
+                changed += (f"; no rigid motions of the parts are compatible, so {nodes.labels[where]} begins with a strain rate "
+                            f"of {rate:.3g} 1/s, which sends waves through it. Give its velocities as a field (InitialVelocity), "
+                            "or let motions of supports and drives begin at rest")
             notes.append(("projected", changed))
     # fixed nodes stand still exactly, prescribed ones move as prescribed, also after a projection: no step would correct them
     for x, of, which in ((v, moving[0], held_axes(joints.held) & ~tied[:, None]),
@@ -140,11 +140,10 @@ def _shock(nodes: NodeList, elements: list[Elements], motion: PrescribedMotion, 
     if strain <= LEAST_SHOCK:
         return []
     much = " and ".join([f"{velocity:.3g} m/s"] * (velocity > 0.0) + [f"{spin:.3g} rad/s"] * (spin > 0.0))
-    return [("shock", f"{motion.label} begins with {much} that the scene gives neither {nodes.labels[at]} nor "
-                      f"the nodes next to it: waves go out from there, with strains of about {strain:.1g} (velocity over speed "
-                      "of waves), whose fronts no mesh resolves; let its function begin with rate zero, give its beam the "
-                      "velocity (RigidMotion, InitialVelocity), or let Scene(..., project_velocities=True) find rigid motions "
-                      "that agree")]
+    return [("shock", f"{motion.label} begins with {much}, but {nodes.labels[at]} and the nodes next to it do not. This velocity "
+                      f"jump sends waves with strains of about {strain:.1g} (velocity over wave speed), whose fronts no mesh "
+                      "resolves. Let its function begin with zero velocity, give its beam the velocity (RigidMotion, "
+                      "InitialVelocity), or use Scene(..., project_velocities=True)")]
 
 
 def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Array], energies: tuple[float, float]) -> str:
@@ -155,8 +154,8 @@ def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Arr
     much = moved[k] > 1e-10 * turned[i] * _size(nodes)
     what = f"{moved[k]:.6g} m/s at {nodes.labels[k]}" if much else f"{turned[i]:.6g} rad/s at {nodes.labels[i]}"
     before, after = energies
-    return (f"the initial velocities were projected: they change by up to {what}, the kinetic energy from {before:.6g} to "
-            f"{after:.6g} J")
+    return (f"the initial velocities were projected: velocities change by up to {what}, and the kinetic energy changes from "
+            f"{before:.6g} to {after:.6g} J")
 
 
 def _speed(nodes: NodeList, v: Array, omega: Array) -> float:
@@ -192,8 +191,8 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
         gap = float(np.linalg.norm(nodes.phi[point] - curve))
         if not (isinstance(mass, PointMass) and mass.position is None) and gap > 1e-9 * slider.beam.length:
             raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off the discrete curve of "
-                             f"{slider.beam.label} at={slider.at:.6g}: the interpolation of a curved beam meets its shape at the "
-                             "nodes only; start at a node, use more elements or a higher degree, or slide a PointMass without "
+                             f"{slider.beam.label} at={slider.at:.6g}. The interpolation of a curved beam is exact at its nodes "
+                             "only. Start at a node, use more elements or a higher degree, or slide a PointMass without "
                              "position")
         nodes.phi[point] = curve
     for slider, (number, values, _, point) in zip(scene.sliders, lines):
@@ -201,18 +200,17 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
             continue
         gap = float(np.linalg.norm(nodes.phi[point] - values @ nodes.phi[number]))
         if gap > 1e-12 * (slider.beam.length + float(np.max(np.abs(nodes.phi[point])))):
-            raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} "
-                             f"at={slider.at:.6g} where another slider puts it; give positions and at= with all digits, at nodes "
-                             "of curved beams")
+            raise SceneError(f"slider {slider.name!r}: another slider places {slider.point} {gap:.3g} m off {slider.beam.label} "
+                             f"at={slider.at:.6g}; give positions and at= with all digits, and on curved beams start at nodes")
     moved = {line[3] for slider, line in zip(scene.sliders, lines) if not slider.starts_off}
     for ball in scene.balls:
         a, b = nodes.number(ball.a), nodes.number(ball.b)
         gap = float(np.linalg.norm(nodes.phi[a] - nodes.phi[b]))
         round_off = 32.0 * float(np.finfo(float).eps * np.max(np.abs(nodes.phi)))
         if {a, b} & moved and gap > 4e-9 * _size(nodes) + round_off:
-            raise SceneError(f"{ball.name}: the slider of {nodes.labels[a if a in moved else b]} puts it {gap:.3g} m away "
-                             "from the other side, on the discrete curve of a beam, which meets its shape at the nodes only; "
-                             "join there, or use more elements or a higher degree")
+            raise SceneError(f"{ball.name}: the slider of {nodes.labels[a if a in moved else b]} places it {gap:.3g} m away from "
+                             "the other side of the joint. It lies on the discrete curve of a beam, which is exact at the nodes "
+                             "only. Join there, or use more elements or a higher degree")
 
 
 def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:

@@ -157,11 +157,11 @@ def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
         `noun` is no class derived from `Link`, has no `kind`, or is registered already; `table` cannot be called.
     """
     if not (isinstance(noun, type) and issubclass(noun, Link)) or noun is Link:
-        raise TypeError(f"register_link: {noun!r} is no class derived from Link")
+        raise TypeError(f"register_link: {noun!r} must be a class derived from Link")
     if not isinstance(noun.kind, str) or noun.kind == Link.kind:
-        raise TypeError(f"register_link: {noun.__name__}.kind is {noun.kind!r}; it has to be a text for messages")
+        raise TypeError(f"register_link: {noun.__name__}.kind must be a text for messages, got {noun.kind!r}")
     if not callable(table):
-        raise TypeError(f"register_link: the table of {noun.__name__} is {table!r}; it has to be a function of Ends")
+        raise TypeError(f"register_link: the table of {noun.__name__} must be a function of Ends, got {table!r}")
     if any(entry.noun is noun for entry in REGISTRY):
         raise TypeError(f"register_link: {noun.__name__} is registered already")
     REGISTRY.append(Entry(noun, table))
@@ -237,10 +237,10 @@ class Passes:
             if k not in self._told:
                 self._told.add(k)
                 self._event({"kind": "unresolved", "time": time,
-                             "text": f"{self._lines.names[k]}: its ends pass each other between {self._last[1]} and {where}, and "
-                                     "its force acts on the other side from there on; one that pushes alone may have none left. "
-                                     "Start from a shape on the right side (start=), make it stiffer or longer, or see in a run "
-                                     "(simulate) whether it is pushed through"})
+                             "text": f"{self._lines.names[k]}: its ends pass each other between {self._last[1]} and {where}. "
+                                     "From there on its force acts in the opposite direction, or vanishes if it acts in one "
+                                     "direction only. Start from a shape on the right side (start=), make it stiffer or longer, "
+                                     "or check with simulate whether it snaps through"})
         self._last = q.copy(), where
 
 
@@ -251,13 +251,13 @@ def _tested(entry: Entry, table: Any) -> Any:
     """
     who = f"the table of {entry.noun.__name__}"
     if not (isinstance(table, tuple) and hasattr(table, "_fields")):
-        raise TypeError(f"{who} is {type(table).__name__}; it has to be a named tuple of arrays")
+        raise TypeError(f"{who} must be a named tuple of arrays, got {type(table).__name__}")
     for name, x in zip(table._fields, table):
         if not isinstance(x, np.ndarray) or x.dtype not in (np.float64, np.int64) or not x.flags.c_contiguous:
             found = f"an array of {x.dtype}, shape {x.shape}" if isinstance(x, np.ndarray) else type(x).__name__
-            raise TypeError(f"{who}: {name} is {found}; it has to be a C-contiguous array of float64 or int64")
+            raise TypeError(f"{who}: {name} must be a C-contiguous array of float64 or int64, got {found}")
     if not assemble.covers(type(table)):
-        raise TypeError(f"{who}: nothing assembles {type(table).__name__}; import the module with "
+        raise TypeError(f"{who}: {type(table).__name__} has no assemble function; import the module with "
                         f"@assemble.register({type(table).__name__}), which serves all methods")
     return table
 
@@ -280,8 +280,8 @@ class Links:
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
             if type(x) not in known and not isinstance(x, AxisJoint):
-                raise SceneError(f"{label_of(x)}: a scene takes no {type(x).__name__} before "
-                                 f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
+                raise SceneError(f"{label_of(x)}: {type(x).__name__} is not registered; call "
+                                 f"fastbeam.extend.register_link({type(x).__name__}, ...) before it is added to a scene")
         with_axes = [x for x in scene.links if isinstance(x, AxisJoint)]
         # joints with axes, their nodes and directions
         ends = nodes.ends(with_axes)

@@ -53,7 +53,7 @@ TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, DistanceJoint, 
          Bushing, InitialVelocity, RigidMotion, MovingMesh)
 
 # reason why scenes with moving meshes have no tables of a plane
-IN_SPACE = "moving meshes run in space"
+IN_SPACE = "moving meshes are available in space only"
 
 
 @dataclass(frozen=True)
@@ -63,18 +63,19 @@ class Moving(Feature):
     key, title, order, is_told_first = "moving", "elements that move (MovingMesh)", 100, True
     lacks = (
         Lack((Analysis.PLANAR,), "elements that move", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
-        Lack((Analysis.COMPARED,), "elements that move", "moving mesh with slider {name!r}: {who} knows no elements that move",
+        Lack((Analysis.COMPARED,), "elements that move", "moving mesh with slider {name!r}: {who} does not support moving "
+                                                         "elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
         Lack((*AT_REST, Analysis.TRAVEL), "elements that move",
-             "moving mesh with slider {name!r}: equilibria and modes know no elements that move",
-             "compile the scene without MovingMesh, contacts='exact' of solve_static has no mesh either",
+             "moving mesh with slider {name!r}: equilibria and modes do not support moving elements",
+             "compile the scene without MovingMesh; solve_static(contacts='exact') has no mesh error at contacts either",
              lambda moving, asked: moving.names),
         Lack((Analysis.FILTERED,), "elements that move",
              "rho_inf: moving mesh with slider {name!r}: strains of elements that move are not filtered",
              "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
         Lack((Analysis.POINT_INSIDE,), "points inside",
-             "point {who!r}: the elements of {name} move, and no node stays at a material point inside",
-             "observe its start or end, or what slides on it",
+             "point {who!r}: the elements of {name} move, so no node stays at a material point inside",
+             "observe its start or end, or a point that slides on it",
              lambda moving, asked: [asked.part.label] * moving.has(asked.model.numbers.first.get(asked.part))),
         without_adjoint("elements that move"))
 
@@ -138,10 +139,10 @@ class Moving(Feature):
             end = "start" if gap == 0 else "end"
             near = float(table.length[1])
             return {"slider": name, "end": end, "s": s, "text": f"slider {name!r} came nearer than {near:.3g} m to the {end} of "
-                    "its beam, where elements of its moving mesh vanish"}
+                                                                "its beam, where the length of a moving element vanishes"}
         other = self.names[first + gap - 1]
-        return {"slider": name, "end": other, "s": s, "text": f"sliders {other!r} and {name!r} met, between which elements of "
-                "their moving mesh vanish"}
+        return {"slider": name, "end": other, "s": s, "text": f"sliders {other!r} and {name!r} met, so the length of the moving "
+                                                              "elements between them vanishes"}
 
     def add_motion(self, model: Any, state: State, out: Array) -> None:
         """Add the kinetic energy and the momenta of all moving beams."""
@@ -255,31 +256,30 @@ def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
     who = f"compile_scene: {parts[0].label}"
     beams = [part.beam for part in parts]
     if len(set(beams)) < len(beams):
-        raise SceneError(f"{who}: there are two moving meshes of one beam; name all its sliders in one")
+        raise SceneError(f"{who}: a beam has two moving meshes; name all its sliders in one MovingMesh")
     for slider in scene.sliders:
         if sum(slider in part.sliders for part in parts) != 1:
-            raise SceneError(f"{who}: slider {slider.name!r} belongs to none, or to several; scenes with moving meshes have no "
-                             "sliders on meshes that stand still: name it in a MovingMesh, or use with_moving_meshes(scene)")
+            raise SceneError(f"{who}: slider {slider.name!r} belongs to no MovingMesh, or to several. In a scene with moving "
+                             "meshes each slider needs exactly one: name it in a MovingMesh, or use with_moving_meshes(scene)")
     for part in parts:
         for slider in part.sliders:
             if slider not in scene.sliders:
                 raise SceneError(f"{part.label}: slider {slider.name!r} is not in {scene.label}; add it to the scene")
             if any(slider.point.owner is beam for beam in beams) and not _is_end(slider.point):
-                raise SceneError(f"{part.label}: slider {slider.name!r}: {slider.point} is a node of a mesh that moves itself; "
-                                 "slide its ends, or nodes of other beams")
+                raise SceneError(f"{part.label}: slider {slider.name!r}: {slider.point} is an inner node of a beam with a moving "
+                                 "mesh; slide its ends, or nodes of other beams")
     for x in scene.parts:
         if type(x) not in TAKEN and not isinstance(x, Sleeve):
-            raise SceneError(f"{who}: a scene with moving meshes takes no {getattr(x, 'kind', type(x).__name__)} "
-                             f"{getattr(x, 'name', '')!r}; leave it out, or the moving mesh")
+            raise SceneError(f"{who}: scenes with moving meshes do not support {getattr(x, 'kind', type(x).__name__)} "
+                             f"{getattr(x, 'name', '')!r}; leave it out, or leave the moving mesh out")
         if isinstance(x, Load) and x.follower:
-            raise SceneError(f"{who}: load {x.name!r} turns with what it acts on, which scenes with moving meshes do not know; "
-                             "leave follower out")
+            raise SceneError(f"{who}: scenes with moving meshes do not support follower load {x.name!r}; leave follower out")
         if isinstance(x, Pin | Clamp) and (x.until is not None or x.since is not None):
-            raise SceneError(f"{who}: {x.name!r} lets go or takes hold, which scenes with moving meshes do not know; leave until "
-                             "and since out")
+            raise SceneError(f"{who}: {x.name!r} is released or engages during the run, which scenes with moving meshes do not "
+                             "support; leave until and since out")
         for node in _inner(x, beams):
-            raise SceneError(f"{who}: {x.kind} {getattr(x, 'name', '')!r} is at {node}, which moves over the beam; only its ends "
-                             "can be held, joined and loaded")
+            raise SceneError(f"{who}: {x.kind} {getattr(x, 'name', '')!r} is at {node}, which moves along the beam; only the "
+                             "ends of this beam can be supported, joined and loaded")
 
 
 def _inner(part: Any, beams: list[Beam]) -> list[Any]:

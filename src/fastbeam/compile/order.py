@@ -135,7 +135,8 @@ class Blocks:
         del final
         self.pattern: Pattern = widen(among_ends, level, joints.row_root)
         if solver == "chain" and self.pattern.plan is None:
-            raise SceneError("compile_scene: solver='chain' would fill the matrix: this scene is a net; use solver='auto'")
+            raise SceneError("compile_scene: solver='chain' cannot solve this scene efficiently, because it is a net and its "
+                             "matrix would fill; use solver='auto'")
         self.root = joints.row_root
         self.base = self.pattern.keys.size
         self.n_blocks = self.base + self.raw.size

@@ -79,7 +79,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
         _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked, nodes)
     along = some_axes * normal
     _refuse(np.linalg.norm(along - (along @ normal)[:, None] * normal, axis=1), TOLERANCE,
-            "the support of {} holds axes that are oblique to the plane", unpacked, partly)
+            "the support of {} fixes axes that are oblique to the plane", unpacked, partly)
     for x, why, nodes in across:
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
         _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked, nodes)
@@ -98,7 +98,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors, singles, single)
     check_state(unpacked.state.q, unpacked.state.v, plane, unpacked.numbered.length)
     _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
-            "the section of {} does not stand upright on the plane", unpacked)
+            "the section of {} is not perpendicular to the plane", unpacked)
     return plane
 
 
@@ -115,7 +115,7 @@ def _vectors(unpacked: Unpacked) -> tuple[list[_Vectors], list[_Vectors]]:
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
     length = unpacked.numbered.length
     loads = unpacked.loads.each(unpacked.joints.row_root)
-    within = [_Vectors(q[:, 0] - q[0, 0], "{} lies out of the plane of other nodes"),
+    within = [_Vectors(q[:, 0] - q[0, 0], "{} does not lie in the plane of the other nodes"),
               _Vectors(v[:, 0], "the initial velocity of {} points out of the plane"),
               _Vectors(unpacked.gravity[None], "gravity points out of the plane"),
               *(_Vectors(x[:, :3], PUSHED, nodes) for x, nodes in loads)]
@@ -130,14 +130,14 @@ def _vectors(unpacked: Unpacked) -> tuple[list[_Vectors], list[_Vectors]]:
         within.append(_Vectors(unpacked.dragged.air, "the air at {} moves out of the plane", unpacked.dragged.node))
     if unpacked.prescribed is not None:
         for way, axes in unpacked.prescribed.directions(len(q)):
-            within.append(_Vectors(way, "the motion of {} leaves the plane"))
+            within.append(_Vectors(way, "the motion of {} leads out of the plane"))
             across.append(_Vectors(axes, "the rotation of {} is not about the normal of the plane"))
     pushed, twisted = _following(unpacked.numbered.links.loaded, q, length)
     within += [_Vectors(x, PUSHED) for x in pushed]
     across += [_Vectors(x, TURNED) for x in twisted]
     for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
-        within.append(_Vectors(pushes, f"{on} pushes {{}} out of the plane"))
-        across.append(_Vectors(turns, f"{on} turns {{}} about an axis that is not the normal of the plane"))
+        within.append(_Vectors(pushes, f"{on} exerts a force on {{}} out of the plane"))
+        across.append(_Vectors(turns, f"{on} exerts a moment on {{}} about an axis that is not the normal of the plane"))
     return within, across
 
 
@@ -207,12 +207,12 @@ def _normal(within: list[Array], across: list[Array], triad: Array, some_axes: A
             return min((d for d in triad if np.linalg.norm(np.cross(d, directions[2])) < noise),
                        key=lambda d: -abs(d @ directions[2]), default=directions[2])
     if not size[0] > 0.0:
-        raise NotPlanar("a single point at rest has no plane")
+        raise NotPlanar("a single point without velocity or load defines no plane")
     # everything on one line: any plane through it that the first triad allows
     for d in sorted(triad[::-1], key=lambda d: round(float(np.sum((some_axes * d)**2)), 9)):
         if abs(d @ directions[0]) < TOLERANCE:
             return d
-    raise NotPlanar("everything lies on one line, and the triads are oblique to it")
+    raise NotPlanar("everything lies on one line, and the directors are oblique to it")
 
 
 def _axes(normal: Array) -> Array:
@@ -265,7 +265,7 @@ def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> Non
                                    for x, y in ((within, within), (beyond, beyond), (beyond, within)))
             scale = np.einsum("eaa,ebb->eab", outer, inner)
             refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(1, 2)),
-                   "the section of {} couples strains in the plane with others", first)
+                   "the section of {} couples in-plane strains with out-of-plane strains", first)
         # curvatures times the size of the scene are strains
         e0 = elements.reference_strains[some] * np.repeat((1.0, unpacked.numbered.length), 3)
         beyond = np.repeat(beyond, np.diff(np.append(first, some.size)), axis=0)
@@ -294,7 +294,7 @@ def _ties(unpacked: Unpacked, plane: Plane, state: State) -> Array:
     slave = ties.owner
     arm = np.einsum("ei,ei->e", ties.offset, plane.factor[ties.target])
     up = np.einsum("ei,ei->e", ties.offset, plane.normal[ties.target])
-    _refuse(np.abs(up), TOLERANCE * unpacked.numbered.length, "{} is connected at an offset out of the plane", unpacked, slave)
+    _refuse(np.abs(up), TOLERANCE * unpacked.numbered.length, "{} is connected with an offset out of the plane", unpacked, slave)
     u = state.q.reshape(-1, 2, 2)[:, 1] @ np.array([1.0, 1j])
     turn = _snapped(u[slave] * np.conj(u[ties.target]))
     return np.where(ties.kind == TRIAD, turn, arm)

@@ -58,15 +58,15 @@ def with_moving_meshes(scene: Scene) -> Scene:
     on: dict[Beam, list[Slider]] = {}
     for slider in scene.sliders:
         if not isinstance(slider.beam, Beam) or isinstance(slider.beam, Path):
-            raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; elements of single beams "
-                             "move, not those of paths, switches and nets")
+            raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; moving meshes need single "
+                             "beams, not paths, switches or beams of nets")
         check_acting("with_moving_meshes", slider)
         element = slider.beam.length / slider.beam.n_elements
         own = isinstance(slider, Sleeve) and slider.length and not has_coulomb(slider)
         if own and abs(slider.length - element) > 1e-12 * element:
-            raise SceneError(f"with_moving_meshes: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m, and "
-                             "elements that move end at one point of it; leave length out, give length=0, or compile the scene "
-                             "as it is")
+            raise SceneError(f"with_moving_meshes: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m, but a "
+                             "moving mesh needs a sleeve that acts at one point. Leave length out, give length=0, or compile "
+                             "the scene as it is")
         on.setdefault(slider.beam, []).append(slider)
     for some in on.values():
         check_places("with_moving_meshes", some[0].beam, some)

@@ -70,7 +70,7 @@ def _joined(scene: Scene, model: Model) -> Iterator[Line]:
                                 f"{_plural(masses, 'point mass').replace('masss', 'masses')}")
     loops = sum(link.law.is_vector for link in model.kept) - sum(getattr(link, "is_pinned", False) for link in scene.links)
     if loops:
-        yield "closed loops", f"{_plural(loops, 'ball joint')} held by multipliers"
+        yield "closed loops", f"{_plural(loops, 'ball joint')} with Lagrange multipliers"
     for noun, count in Counter(type(link).kind for link in scene.links).items():
         yield noun + "s", f"{_plural(count, noun)} between two points"
     if model.n_rows < model.n_nodes:
@@ -79,7 +79,7 @@ def _joined(scene: Scene, model: Model) -> Iterator[Line]:
         yield "ties", f"{_plural(model.ties.slave.size, 'node')} eliminated by rigid or ball connections"
     run = _solved(model)
     if run.held is not None:
-        yield "supports", f"{_plural(run.n_held, 'unknown')} held, eliminated"
+        yield "supports", f"{_plural(run.n_held, 'unknown')} fixed, eliminated"
 
 
 def _loads(scene: Scene, model: Model) -> Iterator[Line]:
@@ -163,7 +163,7 @@ def _together(scene: Scene, model: Model) -> Iterator[Line]:
     for i, j, distance in near[:4]:
         yield "NOT JOINED", f"{model.labels[i]} and {model.labels[j]} lie {distance:.2g} m apart without a joint"
     if len(near) > 4:
-        yield "NOT JOINED", f"nor are {_plural(len(near) - 4, 'other end')} that all but touch something"
+        yield "NOT JOINED", f"nor are {_plural(len(near) - 4, 'other end')} that almost touch something"
 
 
 def _has_loads(scene: Scene) -> bool:

@@ -76,8 +76,8 @@ def _of_path(scene: Scene, nodes: NodeList, path: Path, kind: str) -> Track:
     for j, (one, other) in enumerate(joints):
         a, b = nodes.number(one), nodes.number(other)
         if not together.joined(a, b):
-            raise SceneError(f"{path.label}: {one} and {other} meet, but nothing joins them, so they would move apart; join them "
-                             "by a RigidConnection or a BallJoint, or take beams of a net that share a node")
+            raise SceneError(f"{path.label}: {one} and {other} meet without a joint, so they would move apart; join them by a "
+                             "RigidConnection or a BallJoint, or use beams of a net that share a node")
         # a hinge may turn at any time
         kink = turns[j][0] * tangents[a] - turns[j][1] * tangents[b]
         smooth[j] = kind == "c1" and together.turn_alike(a, b) and float(np.linalg.norm(kink)) < STRAIGHT
@@ -137,8 +137,8 @@ def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Trac
     together = _Together(scene, nodes)
     for one, other in switch.joints():
         if not together.joined(nodes.number(one), nodes.number(other)):
-            raise SceneError(f"{switch.label}: {one} and {other} meet, but nothing joins them, so they would move apart; join "
-                             "them by a RigidConnection or a BallJoint, or take beams of a net that share a node")
+            raise SceneError(f"{switch.label}: {one} and {other} meet without a joint, so they would move apart; join them by a "
+                             "RigidConnection or a BallJoint, or use beams of a net that share a node")
     width, size = (max(track.basis.coef.shape[k] for track in tracks) for k in (1, 2))
     ends, first, count, coef = [np.zeros(1)], [], [], []
     node = 0

@@ -277,8 +277,8 @@ def points_of(load: DistributedLoad, which: int, ends: Array) -> Points:
     while a.size:
         if a.size > MOST_PIECES:
             raise SceneError(f"{load.kind} {load.name!r}: {('force', 'moment')[which]}(s) changes too often along "
-                             f"{load.beam.label} to be integrated; it has to give the same numbers at the same s, smooth but "
-                             "for some jumps and kinks")
+                             f"{load.beam.label} to be integrated. It must return the same numbers at the same s, and be smooth "
+                             "except for a few jumps and kinks")
         middle = 0.5 * (a + b)
         left, right = look(a, middle), look(middle, b)
         halves = [np.concatenate(x, axis=1) for x in zip(left, right)]

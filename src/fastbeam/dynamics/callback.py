@@ -26,7 +26,7 @@ def time_functions(model: Model) -> list[tuple[str, Callable[[float], Any]]]:
         if slider.drive is not None and not slider.drive.takes_state:
             add(f"the drive of slider {slider.name!r}", slider.drive, "position", "speed", "force")
     for part in () if model.motions is None else model.motions.holds.parts:
-        out.extend((f"what is given to {part.label}", x) for x in (part.motor, part.place, part.speed))
+        out.extend((f"the prescribed value of {part.label}", x) for x in (part.motor, part.place, part.speed))
         if part.drive is not None and not part.drive.takes_state:
             add(f"the drive of {part.label}", part.drive, "position", "speed", "force")
     if model.dragged is not None:
@@ -43,7 +43,7 @@ def given_places(model: Model) -> list[tuple[str, Any]]:
         if slider.drive is not None and slider.drive.is_prescribed:
             out.append((f"the drive of slider {slider.name!r} (position)", slider.drive.position))
     for part in () if model.motions is None else model.motions.holds.parts:
-        out.append((f"what is given to {part.label}", part.place))
+        out.append((f"the prescribed value of {part.label}", part.place))
     for motion in () if model.prescribed is None else model.prescribed.motions:
         out += [(f"{motion.label} ({name})", getattr(motion, name)) for name in ("displacement", "position", "rotation")]
     scene = getattr(model.uneliminated, "scene", None)
@@ -87,17 +87,17 @@ class Callback:
         before = self._values(times)
         answer = self.function(t, state)
         if not (answer is None or isinstance(answer, (bool, np.bool_))):
-            raise SceneError(f"callback: must return True where the run is to end, else False or None, got {shown(answer)} at "
-                             f"t = {t:.6g} s")
+            raise SceneError(f"callback: must return True to end the run, else False or None, got {shown(answer)} at t = {t:.6g} "
+                             "s")
         after = self._values(times)
         if after != before and not self.found:
             k = next(k for k, (x, y) in enumerate(zip(before, after)) if x != y)
             name, at = self.timed[k // 2][0], times[k % 2]
             if self._values(times) == after:
-                self.found = (f"the callback at t = {t:.6g} s changed {name}: its time function gave {before[k]} at t = {at:.6g} "
-                              f"s before the call and {after[k]} after it")
+                self.found = (f"the callback at t = {t:.6g} s changed {name}: its time function returned {before[k]} at t = "
+                              f"{at:.6g} s before the call, and {after[k]} after it")
             else:
-                self.found = f"{name}: its time function gives different values at the same time, t = {at:.6g} s"
+                self.found = f"{name}: its time function returns different values at the same time, t = {at:.6g} s"
         return bool(answer)
 
     def _values(self, times: tuple[float, float]) -> list[str]:

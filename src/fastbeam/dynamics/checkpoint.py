@@ -142,10 +142,10 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
 
     version = first[len(MAGIC):].strip()
     if not version.isdigit():
-        raise refuse("damaged, its version is no number")
+        raise refuse("damaged, its version is not a number")
     if int(version) != VERSION:
-        raise refuse(f"format version {int(version)}, this fastbeam reads {VERSION}; install "
-                     f"{'a newer' if int(version) > VERSION else 'an older'} fastbeam")
+        raise refuse(f"format version {int(version)}, but this fastbeam reads {VERSION}; install "
+                     f"{('a newer' if int(version) > VERSION else 'an older')} fastbeam")
     if hashlib.sha256(first + line + body[:-DIGEST]).digest() != body[-DIGEST:]:
         raise refuse(f"damaged or truncated, the checksum of its {size} bytes is wrong")
     try:
@@ -163,9 +163,9 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
     if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[0] % 12 \
             or sizes[5] and (sizes[5] < sizes[3] or (sizes[5] - sizes[3]) % 6) \
             or sizes[7] and (sizes[7] % 2 or sizes[7] < 2 * sizes[2]):
-        raise refuse(f"damaged, arrays of {sizes} numbers are no state")
+        raise refuse(f"damaged, arrays of {sizes} numbers do not form a state")
     if not times["step"] > 0.0 or steps < 0 or not all(x is None or x > 0.0 for x in (next_step, last_step)):
-        raise refuse("damaged, a step is not > 0")
+        raise refuse("damaged, a step size is not > 0")
     numbers = np.frombuffer(body[:-DIGEST], dtype="<f8").astype(np.float64)
     if not np.isfinite(numbers).all():
         raise refuse("holds values that are not finite")
@@ -189,7 +189,7 @@ def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False
         if check_new("checkpoint", path, named, overwrite):
             with path.open("rb") as file:
                 if file.read(len(MAGIC)) not in (MAGIC, b""):
-                    raise ResultFileError(f"checkpoint '{named}': holds something else than a checkpoint; choose another path")
+                    raise ResultFileError(f"checkpoint '{named}': the file exists and is not a checkpoint; choose another path")
         if probe:
             fresh = _temporary_name(path)
             fresh.open("wb").close()
@@ -225,8 +225,8 @@ def _replace(path: Path, data: bytes) -> None:
                 fresh.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was; choose another "
-                              "path") from error
+        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier checkpoint there is unchanged. "
+                              "Choose another path") from error
     if hasattr(os, "O_DIRECTORY"):
         # the file itself is safe without this
         with suppress(OSError):
@@ -313,16 +313,16 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
     SceneError
     """
     if not t_end > now:
-        raise SceneError(f"t_end: must lie after the start at {now:g} s, got {t_end:g}")
+        raise SceneError(f"t_end: must be greater than the time of the start, {now:g} s, got {t_end:g}")
     if t_end - now <= _unclear(now, t_end, step) * step:
-        raise SceneError(f"t_end: lies {t_end - now:.3g} s after the start at {now:g} s, next to nothing of a step of "
-                         f"{step:g} s; give a later t_end, or a smaller step")
+        raise SceneError(f"t_end: lies {t_end - now:.3g} s after the start at {now:g} s, which is negligible against a step "
+                         f"of {step:g} s; give a later t_end, or a smaller step")
     far = max(abs(now), abs(t_end))
     spacing = float(np.spacing(far))
     if not step >= RESOLVED * spacing:
-        raise SceneError(f"{name}: must be at least {RESOLVED * spacing:.3g} s, got {step:g}, because times near {far:g} s are "
-                         f"doubles {spacing:.3g} s apart; count time from the start of the run (t = 0), take larger steps, "
-                         "or end earlier")
+        raise SceneError(f"{name}: must be at least {RESOLVED * spacing:.3g} s, got {step:g}, because floating-point times near "
+                         f"{far:g} s are {spacing:.3g} s apart. Count time from the start of the run (t = 0), take larger "
+                         "steps, or end earlier")
 
 
 def start_clock(model: Model, start: Any, time: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
@@ -337,11 +337,11 @@ def start_clock(model: Model, start: Any, time: float | None, step: float, contr
         t = 0.0 if time is None else time
         return start, Clock(t, t, step, step, t)
     if time is not None:
-        raise SceneError(f"start: the checkpoint stands at t = {start.t:.6g} s; leave the time of Start out")
+        raise SceneError(f"start: the checkpoint belongs to t = {start.t:.6g} s; leave the time of Start out")
     if start.fingerprint != model.fingerprint:
         raise SceneError(f"start: the checkpoint belongs to another model (scene {start.scene!r}, {start.state.q.size // 12} "
-                         f"nodes) than {model.scene_name!r} with {model.n_nodes} nodes, or was made by another version or on "
-                         "another machine; compile the same scene, or go on at your own risk with "
+                         f"nodes) than {model.scene_name!r} with {model.n_nodes} nodes, or another version or machine wrote it. "
+                         "Compile the same scene, or continue without this check from "
                          "start=Start(checkpoint.state, time=checkpoint.t)")
     before = None if start.mean_force is None else start.mean_force.copy()
     began = start.t if start.began is None else start.began

@@ -12,8 +12,8 @@ Array = np.ndarray
 # steps ahead and back are this share of the others: their forces are as good as the state
 PART = 0.25
 # what rows hold, for the result
-AT_ROWS = ("mean of the steps before and after a row; from short steps ahead or back at both ends of the run and beside a "
-           "shorter step; second order; NaN where these fail")
+AT_ROWS = ("mean of the steps before and after a row, second-order accurate. At both ends of the run, and next to a shorter "
+           "step, from short extra steps ahead or back; NaN where these fail")
 AT_END = "at the time of the row"
 # sizes of steps that are equal; and those from which forces alternate alike, such as a last step that takes a sliver along
 EQUAL, ALIKE = 1e-9, 0.02

@@ -58,13 +58,13 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
     sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
     cause, advice = _cause(stepper, outcome, h)
     if not np.isfinite(size) and outcome.status in (SINGULAR, NOT_FINITE):
-        cause = (f"on the way the axis was compressed to nothing near {model.node_label(node)}, where strains have no meaning, "
-                 "or numbers ran away from there")
+        cause = (f"during the iteration the axis was compressed to zero length near {model.node_label(node)}, where strains are "
+                 "undefined, or values there became infinite")
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     spinning, spin = stepper.largest_spin()
     if spin * h > LARGE_TURN:
-        shown += (f"; {model.node_label(spinning)} turns with {spin:.3g} rad/s, that is by {spin * h:.3g} rad in this step of "
-                  f"{h:.3g} s, which may be too far: up to {LARGE_TURN} rad are safe, here steps up to {LARGE_TURN / spin:.2g} s")
+        shown += (f"; {model.node_label(spinning)} turns with {spin:.3g} rad/s, which is {spin * h:.3g} rad in this step of "
+                  f"{h:.3g} s. Turns up to {LARGE_TURN} rad a step are safe, here steps up to {LARGE_TURN / spin:.2g} s")
     error = ConvergenceError(
         f"step {step} at t = {t:.6g} s: {cause}; increments {shown or 'none'}; largest at {worst}; the last good state is in "
         f".state, everything computed in .result. {advice}",
@@ -77,19 +77,19 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
     """Tell why a step failed, and what to do."""
     spent = used_up(stepper.model, stepper.state, h) if outcome.status == SINGULAR else ""
     if spent:
-        return spent, "End the run before, give more rope, or brake the drum (tension=, inertia=)"
+        return spent, "End the run earlier, give more rope, or brake the drum (tension=, inertia=)"
     run_out = vanishing(stepper.model, stepper.state, h)
     if run_out.size:
         found = stepper.model.moving.at_end(int(run_out[0]), stepper.state.q)
-        return f"in this step {found['text'].replace('came', 'comes')}", "Use steps that are shorter than its way there"
+        return f"in this step {found['text'].replace('came', 'comes')}", "Use smaller steps"
     names, contact = stepper.model.constraint_names, stepper.contact
     if outcome.status == SLIDER_END and 0 <= outcome.slider < stepper.model.n_sliders:
         begin, end = stepper.model.limits_at(stepper.state.s, stepper.state.history)[outcome.slider]
         s = float(stepper.state.s[outcome.slider])
         which = "end" if end - s < s - begin else "start"
-        return (f"{names[outcome.slider]} comes to the {which} of its {stepper.model.track} in this step, where the motion ends",
+        return (f"{names[outcome.slider]} reaches the {which} of its {stepper.model.track} in this step, where its motion ends",
                 "End before that time (t_end=...)")
-    others, smaller = "supports, connections or other sliders hold", "Try a smaller step, or step control with tolerance=..."
+    others, smaller = "supports, connections or other sliders", "Try a smaller step, or step control with tolerance=..."
     if outcome.status == BORDER_SINGULAR:
         # a negative size is the number of the slider
         cause = f"the equations of {names[int(-min(outcome.sizes)) - 1]} are singular"
@@ -97,13 +97,13 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
             # far from a solution a singular border says nothing about the scene
             return cause, smaller
         # known is only that no force moves the parts towards each other
-        return (f"{cause}: no force of it moves anything, as where {others} it already",
-                "Leave out one of what holds it, or give what it joins mass and room to move.")
+        return (f"{cause}: its constraint force moves nothing, for example because {others} fix both sides already",
+                "Remove one of these constraints, or give the parts that it joins mass and freedom to move.")
     last = [x for x in outcome.sizes if x > 0.0][-1:]
     if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9 and np.any(contact.remaining > 0.0):
         k = int(np.argmax(contact.remaining))
-        return (f"the gap of {names[k]} does not close, {contact.remaining[k]:.2g} m are left: {others} almost the same "
-                "motion", "Move them apart, or raise augmentation=...")
+        return (f"the gap of {names[k]} does not close, {contact.remaining[k]:.2g} m are left: {others} constrain almost the "
+                "same motion", "Move them apart, or raise augmentation=...")
     return MEANING.get(outcome.status, "failed"), smaller
 
 
@@ -293,7 +293,7 @@ class StepSizes:
             if h <= self.smallest * (1.0 + 1e-12):
                 if np.isfinite(error):
                     raise ConvergenceError(f"step {step} at t = {t:.6g} s: the local error {error:.3g} exceeds the tolerance "
-                                           f"{self.tolerance:g} at the smallest step {h:.3g} s; lower min_step or raise "
+                                           f"{self.tolerance:g} at the smallest step {h:.3g} s; reduce min_step, or increase "
                                            "tolerance", step=step, time=t, state=start[0])
                 raise failure(stepper, halves if whole.status == OK else whole, t, step, h)
             h = max(self.smallest, shorter)

@@ -96,10 +96,10 @@ class Corners:
             if is_sharp and (failed or is_short):
                 self.stepper.load(start)
                 raise ConvergenceError(
-                    f"step {step} at t = {t:.6g} s: {slider.kind} {slider.name!r} does not get over the corner between the "
-                    f"tracks {switch.tracks[number].name!r} and {track!r}; the last good state is in .state, everything computed "
-                    "in .result. Beyond a right angle nothing carries a slider on: round the corner by an arc; below it a "
-                    "smaller step may help",
+                    f"step {step} at t = {t:.6g} s: {slider.kind} {slider.name!r} cannot pass the corner between the tracks "
+                    f"{switch.tracks[number].name!r} and {track!r}; the last good state is in .state, everything computed in "
+                    ".result. At a corner sharper than a right angle no force carries a slider on: replace the corner by an "
+                    "arc. At a blunter corner a smaller step may help",
                     step=step, time=t, state=self.stepper.copy_state())
         return found
 

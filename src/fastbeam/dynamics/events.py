@@ -136,8 +136,8 @@ class Encounters:
         for k in [k for k, told in self.control.passed.items() if not told][:MOST_NAMED]:
             self.control.passed[k] = True
             self.event({"kind": "unresolved", "time": t + size,
-                        "text": f"{self.model.lines.names[k]}: its ends pass each other in a step of {size:.3g} s, the smallest, "
-                                f"that ends at t = {t + size:.6g} s: its force at short lengths is missed; lower min_step"})
+                        "text": f"{self.model.lines.names[k]}: its ends pass each other in the smallest step, {size:.3g} s, that "
+                                f"ends at t = {t + size:.6g} s, so its force at short lengths is not resolved; reduce min_step"})
         if saved is not None:
             outcome, _ = self.looked_at(saved, outcome, t + size, self.clock.before)
         return size, proposed, outcome
@@ -269,11 +269,11 @@ class Encounters:
             self.watch.blow(k if self.model.moving is None else self.model.moving.names.index(name), name, t, self.step)
         if self.impacts.number <= MOST_NAMED:
             self.event({"kind": "impact", "time": t, kind: name, "end": end,
-                        "text": f"{kind} {name!r} met its stop at the {end} at t = {t:.6g} s"})
+                        "text": f"{kind} {name!r} hit its stop at the {end} at t = {t:.6g} s"})
         if self.impacts.dulled > DULLED:
             self.event({"kind": "unresolved", "time": t, kind: name, "text": (
-                f"{kind} {name!r} met its stop at the {end} a second time within a step, at t = {t:.6g} s, and stays there: "
-                f"that takes {100.0 * self.impacts.dulled:.2g} % of the kinetic energy, which restitution= leaves; take "
+                f"{kind} {name!r} hit its stop at the {end} a second time within one step, at t = {t:.6g} s, and stays there. "
+                f"This dissipates {100.0 * self.impacts.dulled:.2g} % of the kinetic energy, which restitution= would keep; use "
                 "smaller steps")})
 
     def count_from(self, t: float) -> None:

@@ -27,7 +27,7 @@ NEAR = 0.05
 
 
 # for messages: the runs that need two
-WHICH = "order=4 with what dissipates, or with 'reaction' observed, extrapolates two runs"
+WHICH = "order=4 with dissipation, or with 'reaction' observed, extrapolates from two runs"
 
 
 def extrapolates(model: Model, observed: Collection[str] = ()) -> bool:
@@ -46,7 +46,7 @@ def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any) -> None:
     """
     given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint)) if x is not None]
     if given:
-        raise SceneError(f"{given[0]}: {WHICH}, and there is no {given[0]} between them; leave it out, or use order=2")
+        raise SceneError(f"{given[0]}: {WHICH}, and has no {given[0]} for the extrapolated run; leave it out, or use order=2")
 
 
 def between(coarse: Array, fine: Array) -> Array:
@@ -143,7 +143,7 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     events = [*fine.events, *(event for event in coarse.events if (event["kind"], event["text"]) not in known)]
     if not info["difference"] <= NEAR:
         text = (f"order=4: the runs with steps of {step:g} and {0.5 * step:g} s differ by {info['difference']:.2g} of the size "
-                "of the scene, too much for their difference to tell the error of both; take smaller steps, or a shorter run")
+                "of the scene. This difference is too large to estimate the error of both; use smaller steps, or a shorter run")
         events.append({"kind": "extrapolation", "time": t_end, "text": text})
     velocities, spins = (None if b is None else between(a[shapes[0]], b[shapes[1]]) for a, b in (
         (coarse.velocities, fine.velocities), (coarse.spins, fine.spins)))
@@ -171,9 +171,8 @@ def ended_alone(error: BaseException, runs: list[Result], step: float, output: O
     if not isinstance(result, Result):
         return error
     second = len(runs) > 0 and result is not runs[0]
-    text = (f"this is the {'second' if second else 'first'} of the two runs that order=4 with what dissipates extrapolates, "
-            "alone: "
-            f"steps of {(0.5 if second else 1.0) * step:g} s, errors of second order")
+    text = (f"this is the {('second' if second else 'first')} of the two runs that order=4 with dissipation extrapolates, "
+            f"without the other: steps of {(0.5 if second else 1.0) * step:g} s, errors of second order")
     result.events.append({"kind": "extrapolation", "time": float(result.t[-1]), "text": text})
     if output.file is not None:
         try:

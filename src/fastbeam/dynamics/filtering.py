@@ -38,13 +38,14 @@ def check_filtered(order: int, model: Model, observe: Any) -> None:
     SceneError
     """
     if order != 2:
-        raise SceneError("rho_inf: what is dissipated in a step goes with odd powers of it, so that the order is 2; use order=2, "
-                         "or leave rho_inf out")
+        raise SceneError("rho_inf: filters limit the order to 2, because the dissipated energy has odd powers of the step; use "
+                         "order=2, or leave rho_inf out")
     require(Analysis.FILTERED, model)
     if model.simo is None and model.green is None:
-        raise SceneError("rho_inf: the scene has no beams, whose strains it is that are filtered; leave it out")
+        raise SceneError("rho_inf: it filters strains of beams, and the scene has no beams; leave it out")
     if "reaction" in observe:
-        raise SceneError("rho_inf: reactions are those of steps without filters; leave 'reaction' out of observe, or rho_inf")
+        raise SceneError("rho_inf: reactions are available for steps without filters only; leave 'reaction' out of observe, or "
+                         "leave rho_inf out")
 
 
 def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], lost: Array) -> StrainFilter:

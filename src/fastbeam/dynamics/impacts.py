@@ -62,8 +62,8 @@ class Impacts:
             return
         self.times = np.full((self.count, 2), NEVER) if times is None else np.array(times, dtype=float)
         if self.times.shape != (self.count, 2):
-            raise SceneError(f"start: the checkpoint holds times of impacts of shape {self.times.shape}, scene "
-                             f"{model.scene_name!r} needs {(self.count, 2)}; take a checkpoint of this model")
+            raise SceneError(f"start: the checkpoint has impact times of shape {self.times.shape}, but scene "
+                             f"{model.scene_name!r} needs {(self.count, 2)}; use a checkpoint of this model")
 
     def is_rigid(self, state: State, k: int, at_end: bool) -> bool:
         """Return whether coordinate k of `Bounded` has a rigid stop at this end."""

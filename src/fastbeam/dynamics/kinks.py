@@ -164,7 +164,7 @@ class Turning:
                 first = int(np.flatnonzero(hit & (self.part == k))[0])
                 where = f" {name} the beam" if self.slender[first, 0] else ""
                 out.append((t + h * float(when[first]),
-                            f"{self.labels[k]}: the velocity{where} against the air turns around", 3))
+                            f"{self.labels[k]}: the velocity{where} relative to the air changes sign", 3))
         return out
 
 
@@ -198,8 +198,8 @@ class Kinks:
     def look(self, t: float, state: State) -> Sequence[dict[str, Any]]:
         """Return events {'kind', 'time', 'text'} of the row at time t, s; state: in space. They are kept in `events`, too."""
         found = [{"kind": "order", "time": at,
-                  "text": f"{text} near t = {at:.6g} s, where the motion has a kink: order 4 is lost there, errors behind it go "
-                          f"with the power {order} of the step; take smaller steps there, or order=2, which costs less"}
+                  "text": f"{text} near t = {at:.6g} s, where the motion has a kink. Order 4 is lost there: errors after it are "
+                          f"of order {order} in the step. Use smaller steps there, or order=2, which costs less"}
                  for group in self.groups for at, text, order in group.look(t, state)]
         self.events += found
         return found
@@ -213,7 +213,7 @@ def _springs(model: Model) -> list[Scalars]:
     rows = [x for x in model.spring_rows if isinstance(x, SpringRows)]
     out = []
     for springs in rows:
-        parts = [Quantity(f"{label} passes a kink of its law, at the elongation", "m", borders)
+        parts = [Quantity(f"{label} passes a kink of its force law, at the elongation", "m", borders)
                  for label, borders in zip(springs.labels, springs.kinks())]
         chosen = [k for k, part in enumerate(parts) if part.borders]
         if chosen:
@@ -259,5 +259,5 @@ def _joint_stops(model: Model) -> list[Scalars]:
 
 
 def _stopped(who: str, where: str, unit: str, ends: Array) -> Quantity:
-    return Quantity(f"{who} meets or leaves an elastic stop, {where}", unit,
+    return Quantity(f"{who} reaches or leaves an elastic stop, {where}", unit,
                     tuple((float(x), 3) for x in ends if np.isfinite(x)))

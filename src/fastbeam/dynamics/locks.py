@@ -225,8 +225,8 @@ class Locking:
         if place.off > ON_AXIS * float(self.model.slider_lengths[k]):
             state = State(*(x.copy() for x in state))
             state.history[HISTORY * k + PASSED] = 1.0
-            return state, {"kind": "missed", **event, "text": f"slider {name!r} passes {place.off:.3g} m beside its beam at t = "
-                                                              f"{t:.6g} s"}
+            return state, {"kind": "missed", **event, "text": f"slider {name!r} passes its beam at a distance of {place.off:.3g} "
+                                                              f"m at t = {t:.6g} s"}
         restitution = 0.0 if awaited.rests else self.sliders[k].one_sided.restitution
         state, loss, stays = land(self.model, state, k, place, restitution, t)
         kind, what = ("landed", "is back on") if stays else ("impact", "bounces off")
@@ -242,8 +242,8 @@ class Locking:
         except Refusal as refusal:
             raise SceneError(f"{slider.kind} {slider.name!r}: {noun}: {what} {refusal}") from refusal.__cause__
         if found is None:
-            raise SceneError(f"{slider.kind} {slider.name!r}: {noun}: {what} must return a finite number, or True or False; at "
-                             f"t = {t:.6g} s, s = {s:.6g} m, rate = {rate:.6g} m/s it does not")
+            raise SceneError(f"{slider.kind} {slider.name!r}: {noun}: {what} must return a finite number, or True or False, but "
+                             f"does not at t = {t:.6g} s, s = {s:.6g} m, rate = {rate:.6g} m/s")
         return found
 
     def _support_asked(self, awaited: Awaited, state: State, t: float) -> float:
@@ -251,12 +251,12 @@ class Locking:
         try:
             found = awaited.when(t, State(*(x.copy() for x in state)))
         except Exception as error:
-            text = f"{what} must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
+            text = f"{what} must not fail, but raises {type(error).__name__} at t = {t:.6g} s: {error}"
             raise SceneError(f"{name}: {text}") from error
         value = (1.0 if found else -1.0) if isinstance(found, (bool, np.bool_)) else real(found)
         if value is None or not np.isfinite(value):
-            raise SceneError(f"{name}: {what} must return a finite number, or True or False; at t = {t:.6g} s it returns "
-                             f"{shown(found)}")
+            raise SceneError(f"{name}: {what} must return a finite number, or True or False, but returns {shown(found)} at t = "
+                             f"{t:.6g} s")
         return value
 
     # --- what happens -------------------------------------------------------------------------------------------------
@@ -326,8 +326,7 @@ class Locking:
         """Return the event of slider k, which left the track of this number for the one on which it is in a state."""
         name, s, own = self.model.names["sliders"][k], float(state.s[k]), self.model.along_of(state.history)[k]
         return {"kind": "switched", "time": t, "slider": name, "s": s, "way": float(s + own[OFFSET]), "track": track, "loss": 0.0,
-                "text": f"slider {name!r} goes on from {self.sliders[k].beam.tracks[number].name!r} to {track!r} at t = "
-                        f"{t:.6g} s"}
+                "text": f"slider {name!r} passes from {self.sliders[k].beam.tracks[number].name!r} to {track!r} at t = {t:.6g} s"}
 
     def move_on(self, state: State, k: int, number: int, at_end: bool, track: str) -> float:
         """Count the arc length of slider k, which leaves the track of this number, on another; return by how much it falls."""
@@ -359,11 +358,11 @@ class Locking:
         own[k, SIGN] = own[k, AGAINST] = own[k, STICKS] = 0.0
         if awaited.action == LOCK:
             own[k, HELD], own[k, LOCK_LOSS] = LOCKED, own[k, LOCK_LOSS] + loss
-            text = f"slider {name!r} is locked at s = {s:.6g} m from t = {t:.6g} s on, {loss:.3g} J are lost"
+            text = f"slider {name!r} is locked at s = {s:.6g} m from t = {t:.6g} s on; the impact dissipates {loss:.3g} J"
         elif awaited.action == UNLOCK:
             own[k, HELD] = FREE
             self._begin_at_rest(state, own[k], k, s)
-            text = f"slider {name!r} is let go at s = {s:.6g} m at t = {t:.6g} s"
+            text = f"slider {name!r} is released at s = {s:.6g} m at t = {t:.6g} s"
         else:
             own[k, HELD] = OFF
             if awaited.action == LIFT:
@@ -379,10 +378,10 @@ class Locking:
         if of.off(self.model.own(state.history, "released"))[k]:
             state, loss = catch(self.model, state, k, t)
             return state, {"kind": "caught", "time": t, "support": name, "loss": loss,
-                           "text": f"{name} takes hold at t = {t:.6g} s, {loss:.3g} J are lost"}
+                           "text": f"{name} engages at t = {t:.6g} s; the impact dissipates {loss:.3g} J"}
         state = State(*(x.copy() for x in state))
         state.history[self.model.place("released") + k] += 1.0
-        return state, {"kind": "let go", "time": t, "support": name, "text": f"{name} lets go at t = {t:.6g} s"}
+        return state, {"kind": "let go", "time": t, "support": name, "text": f"{name} is released at t = {t:.6g} s"}
 
     def _let_go_of_stop(self, state: State, k: int) -> float:
         """Move a slider that lifts off out of its elastic stop; return the energy that the stop loses, J: it swings back by

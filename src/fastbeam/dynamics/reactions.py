@@ -252,11 +252,11 @@ class ReactingStepper(Stepper):
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, **more)
         if self.method.name != "energy_momentum":
-            raise SceneError("observe: reactions are those of the conserving step; leave out method, or 'reaction'")
+            raise SceneError("observe: reactions are available for the conserving step only; leave out method, or 'reaction'")
         if self.weights.size > 1:
-            raise SceneError("observe: reactions with order=4 are extrapolated from two runs, not over friction, rigid stops, "
-                             "drives with a limit, switches, locks and supports that let go (theory.md 6); use order=2, or "
-                             "leave out 'reaction'")
+            raise SceneError("observe: with order=4 reactions are extrapolated from two runs, which friction, rigid stops, force "
+                             "limits of drives, switches, locks and released supports do not allow (theory.md 6); use order=2, "
+                             "or leave out 'reaction'")
         self.reactions = Reactions(self)
 
     def cut(self, sections: Sequence[Sections | None]) -> None:

@@ -71,9 +71,9 @@ def _asked(one: Any, now: Now, memory: Array) -> float:
         found = one.law(now, memory)
     except Exception as error:
         text = f"{type(error).__name__}: {str(error)[:200]}"
-        raise SceneError(f"{one.label}: its law failed at t = {now.t:.6g} s, {text}") from error
+        raise SceneError(f"{one.label}: its law failed at t = {now.t:.6g} s: {text}") from error
     if not np.isfinite(memory).all():
-        raise SceneError(f"{one.label}: its memory is no longer finite at t = {now.t:.6g} s")
+        raise SceneError(f"{one.label}: its memory has values that are not finite at t = {now.t:.6g} s")
     return float(take(Number(), f"{one.label}: its law at t = {now.t:.6g} s", found))
 
 
@@ -104,8 +104,8 @@ class Sampling:
         for one in self.controllers:
             ratio = one.period / step
             if abs(ratio - round(ratio)) > NOW * ratio or round(ratio) < 1:
-                raise SceneError(f"{one.label}: period={one.period:.6g} s is {ratio:.6g} steps of {step:.6g} s; it has to be a "
-                                 "whole number of them, so that its times are ends of steps")
+                raise SceneError(f"{one.label}: period={one.period:.6g} s is {ratio:.6g} steps of {step:.6g} s; it must be a "
+                                 "whole number of steps, so that each sampling time is the end of a step")
         points = {(k, name): node for k, one in enumerate(self.controllers) for name, node in one.points.items()}
         flat = {f"{k} {name}": node for (k, name), node in points.items()}
         self._observer = Observer(model, ("slider", "joint", "spring", "velocity"), flat)

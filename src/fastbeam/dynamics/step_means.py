@@ -95,5 +95,5 @@ def measuring(make: type[Stepper], method: Scheme, points: PointRows) -> Any:
     """
     if method.at_end and points.acceleration:
         raise SceneError(f"observe: accelerations are means of the steps around a row, which method {method.name!r} does not "
-                         "have; leave 'acceleration' out, or method")
+                         "support; leave 'acceleration' out, or leave method out")
     return type(f"Measured{make.__name__}", (MeasuredSteps, make), {})

@@ -48,8 +48,9 @@ from fastbeam.stepping.outcome import Outcome
 from fastbeam.stepping.stepper import Stepper
 
 Array = np.ndarray
-AFTER_BLOWS = (". Before, sliders went over kinks of what they run on, as blows whatever the step (events 'unresolved' have "
-               "places and forces), and their waves run on: weld the beams there, let them bend, or give their sections damping=")
+AFTER_BLOWS = (". Before this, sliders passed kinks of their contact curves, which acts as an impact whatever the step (see "
+               "events 'unresolved' for places and forces). The waves from it continue: weld the beams there, let them bend, or "
+               "give their sections damping=")
 
 
 @regrouped("0.2", OLD)
@@ -147,8 +148,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     first, said = begin.state, []
     if begin.velocities == "scene" and state is not None:
         if isinstance(first, Checkpoint):
-            raise SceneError("velocities: a checkpoint goes on with its own; Start(checkpoint.state, velocities=\"scene\") takes "
-                             "those of the scene")
+            raise SceneError("velocities: a checkpoint keeps its own velocities; Start(checkpoint.state, velocities=\"scene\") "
+                             "takes those of the scene")
         first, said = with_velocities_of_scene(model, state, clock.now)
         state = first
     check_times(clock.now, t_end, step)
@@ -279,12 +280,13 @@ class _Run(Encounters):
         known = self.callback.found
         stop = self.callback(t, size, self.stepper.copy_state())
         if self.callback.found != known:
-            text = f"{self.callback.found}. What a callback sets acts a step late, so that errors are of first order"
+            text = f"{self.callback.found}. Values set by a callback act one step late, so errors are of first order"
             if self.control is not None:
                 raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, make it a function of time "
-                                       "alone, or use a Controller or a law of your own inside the step", step=self.steps,
+                                       "alone, or use a Controller or a user-defined law, which are evaluated inside the "
+                                       "step", step=self.steps,
                                        time=t, state=self.stepper.copy_state())
-            self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
+            self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how large they are"})
         return stop
 
     # --- the run ------------------------------------------------------------------------------------------------------

@@ -59,10 +59,11 @@ class Watch:
         for beam in massless[:MOST_NAMED]:
             self.event({"kind": "massless", "time": self.t_start,
                         "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
-                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+                                "its own axis. Outside a plane its directors may spin at random; give the section rotary "
+                                "inertia"})
         if len(massless) > MOST_NAMED:
             self.event({"kind": "massless", "time": self.t_start,
-                        "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
+                        "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and no support of their spin"})
 
     def tables(self) -> None:
         """Add an event for each place that is given by a table whose rate jumps during the run."""
@@ -71,9 +72,10 @@ class Watch:
                 at, jump = largest_kink(function, self.t_start, self.t_end)
                 if jump > 0.0:
                     self.event({"kind": "kink", "time": at,
-                                "text": f"{who}: the rate of its table jumps by {jump:.3g} per s at t = {at:.6g} s, a blow in "
-                                        "one step, and forces alternate from step to step afterwards; give the Signal "
-                                        "interpolation='cubic' or 'pchip', or damping to what follows"})
+                                "text": f"{who}: the slope of its table jumps by {jump:.3g} per s at t = {at:.6g} s. The jump "
+                                        "acts as an impact within one step, and forces alternate from step to step afterwards. "
+                                        "Give the Signal interpolation='cubic' or 'pchip', or give damping to the parts that it "
+                                        "moves"})
 
     def order(self, t: float) -> None:
         """Add events where a run with order 4 passed a kink since the last row."""
@@ -88,7 +90,7 @@ class Watch:
             self._turns_are_resolved = False
             self.event({"kind": "unresolved", "time": t,
                         "text": f"{self.model.node_label(node)} turns by {turn:.3g} rad in a step of {h:.3g} s that ends at t = "
-                                f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
+                                f"{t:.6g} s: invariants are conserved, but the rotation is not resolved; use a smaller step"})
 
     def friction(self, t: float, h: float) -> None:
         """Add an event where a step since the last row has missed Coulomb's law, once a run and coordinate."""
@@ -100,9 +102,9 @@ class Watch:
                         continue
                     self._missed.add(name)
                     self.event({"kind": "unresolved", "time": t,
-                                "text": f"{name} jams in a step of {h:.3g} s at or before t = {t:.6g} s, and no motion with "
-                                        "Coulomb's law was found: its friction there is another, and how far it moves depends "
-                                        "on the step; use a smaller step"})
+                                "text": f"{name} jams in a step of {h:.3g} s at or before t = {t:.6g} s: no motion that "
+                                        "satisfies Coulomb's law was found. Its friction force deviates from that law there, "
+                                        "and the distance that it slides depends on the step; use a smaller step"})
 
     def blow(self, k: int, name: str, t: float, h: float) -> None:
         """Add an event where steps of size h do not resolve the wave that the impact of slider k, or contact k of moving meshes,
@@ -115,10 +117,10 @@ class Watch:
         if h > time:
             self._struck[k] = MOST_BLOWS
             self.event({"kind": "unresolved", "time": t,
-                        "text": f"slider {name!r} meets a rigid stop at t = {t:.6g} s: the wave that "
-                                f"this sends along the beam takes its momentum within m/sqrt(EA rhoA) = {time:.2g} s, which "
-                                f"steps of {h:.3g} s do not resolve. How fast it bounces back depends on the step, up to as if "
-                                f"there were no wave; use steps below {0.3 * time:.1g} s, or an elastic stop, stiffness="})
+                        "text": f"slider {name!r} hits a rigid stop at t = {t:.6g} s. The stress wave in the beam takes over its "
+                                f"momentum within m/sqrt(EA rhoA) = {time:.2g} s, which steps of {h:.3g} s do not resolve. Its "
+                                "rebound velocity depends on the step, up to that without a wave. Use steps below "
+                                f"{0.3 * time:.1g} s, or an elastic stop, stiffness="})
 
     def drift(self, t: float, result: Result, conserved: Iterable[str]) -> None:
         """Add an event where the conserving step did not conserve: then its equations were not solved."""
@@ -127,9 +129,9 @@ class Watch:
                 drift = result.drift(name) if name in result.series else 0.0
                 if not drift <= LARGEST_DRIFT:
                     self.event({"kind": "drift", "time": t,
-                                "text": f"{name} should be constant and drifted by {drift:.2g} of its size: do not trust this "
-                                        "run; use a smaller step, bring the scene near the origin and at rest, and compare "
-                                        "with solver='sparse', eliminate_inner=False"})
+                                "text": f"{name} should be constant but drifted by {drift:.2g} of its size: do not trust this "
+                                        "run. Use a smaller step, place the scene near the origin and at rest, and compare with "
+                                        "solver='sparse', eliminate_inner=False"})
 
     def is_due(self, t: float, steps: int) -> bool:
         """Return whether the shape of a row is checked."""

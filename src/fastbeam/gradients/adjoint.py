@@ -275,11 +275,12 @@ class AdjointRun(Doubts):
             The tangent of a step is singular.
         """
         if not points and not velocities:
-            raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
+            raise SceneError("gradient: needs weights of the quantity to differentiate, as in gradient(points={'tip': (0, 0, "
+                             "1)})")
         if self._undecided is not None:
             k, name = self._undecided
             raise SceneError(f"gradient: in the step from t = {self.t[k]:.6g} s neither slipping nor sticking of slider {name!r} "
-                             "solved the equations; what was taken between them (theory.md 5.6) has no derivative; use smaller "
+                             "solves the equations. The compromise taken there (theory.md 5.6) has no derivative; use smaller "
                              "steps, or smoothing= in its friction")
         rows = self._rows_of(points or {}, False) | self._rows_of(velocities or {}, True)
         wanted = [Weights(*self._points[name], weights, is_rate) for (name, is_rate), weights in rows.items()]
@@ -325,15 +326,16 @@ class AdjointRun(Doubts):
             raise SceneError("gradient: derivatives by parameters need both build=..., a function that builds the scene, and "
                              "values={...}, its parameters")
         if self._every < self.t.size - 1:
-            raise SceneError("gradient: derivatives by parameters of build need all steps of the run; leave keep_every out")
+            raise SceneError("gradient: derivatives by parameters of build need the states of all steps; leave keep_every out")
         assert self._stretch is not None
         forces = self.model.slider_forces
         held = np.zeros(0, np.int64)
         if forces is not None:
             held = np.flatnonzero(forces.hold_by_friction & np.any(self._stretch.sign == 0, axis=0))
         if held.size:
-            raise SceneError(f"gradient: friction holds slider {self.model.names['sliders'][held[0]]!r} in some steps; of such "
-                             "runs there are no derivatives by parameters of build here, but those by sections, masses and loads")
+            raise SceneError(f"gradient: friction holds slider {self.model.names['sliders'][held[0]]!r} in some steps. For such "
+                             "runs derivatives by parameters of build are not available, only those by sections, masses and "
+                             "loads")
         return RunFamily(self.model, dict.fromkeys(name for name, _ in rows), build, values, scale)
 
     def _found(self, sums: Sums, by: dict[str, float]) -> RunGradient:
@@ -417,13 +419,13 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     require(Analysis.ADJOINT, model)
     n = round(t_end / step)
     if n < 1 or abs(n * step - t_end) > 1e-9 * t_end:
-        raise SceneError(f"adjoint_run: t_end={t_end:g} s is no whole number of steps of {step:g} s")
+        raise SceneError(f"adjoint_run: t_end={t_end:g} s must be a whole number of steps of {step:g} s")
     every = n if keep_every == 1 else min(keep_every, n)
     # shapes, velocities and increments; of a state that is kept also what the first guess of the next step takes
     size = 20.0 * model.q0.size * ((every + 1) + 1.6 * (ceil(n / every) if every < n else 0))
     if size > MOST:
         least = ceil(sqrt(1.6 * n))
-        advice = f"keep a state of every {least} steps by keep_every={least}" if every == n else "run in parts"
+        advice = f"keep the state of every {least}th step only, keep_every={least}" if every == n else "divide the run into parts"
         raise SceneError(f"adjoint_run: {n} steps of {model.n_nodes} nodes take {size / 1e9:.3g} GB of memory, more than "
                          f"{MOST / 1e9:g}; {advice}")
     notes = list(model.notes)

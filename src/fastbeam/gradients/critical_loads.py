@@ -114,8 +114,8 @@ class _Critical:
         more = of_row.size - right.size
         x = saddle.solve(of_row * np.concatenate((right, [last], np.zeros(more - 1))), transposed)
         if x is None or saddle.is_singular:
-            raise ConvergenceError("critical_sensitivity: the tangent is singular in several directions at once, whose loads "
-                                   "have no derivatives of their own", state=self.base.state)
+            raise ConvergenceError("critical_sensitivity: the tangent is singular in several directions at once; the load of "
+                                   "such a multiple critical point has no derivative", state=self.base.state)
         x = of_column * x
         return x[:-more], float(x[-more])
 
@@ -195,10 +195,10 @@ def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: St
             return _slopes(_Critical(base, plus, backend), family, factors, load_factor)
         except (OutOfPlane, _NotCritical):
             continue
-    raise SceneError("critical_sensitivity: the state is no critical point of this load_factor; find it with path = "
+    raise SceneError("critical_sensitivity: the state is not a critical point at this load_factor; find it with path = "
                      "fb.solve_path(model, stop_at='limit' or 'bifurcation') and give state=path.state, "
-                     "load_factor=path.series['load_factor'][-1]; a limit point at a kink of the law of a force, where a stop "
-                     "or a rope lets go, has no critical direction")
+                     "load_factor=path.series['load_factor'][-1]. A limit point at a kink of a force law, where a stop or a rope "
+                     "loses contact, has no critical direction")
 
 
 def _slopes(point: _Critical, family: Family, factors: Callable[..., Array], load_factor: float) -> CriticalSlopes:
@@ -238,8 +238,8 @@ def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_f
     """
     base = point.base
     if not point.is_symmetric:
-        raise SceneError("critical_sensitivity: a bifurcation whose tangent is not symmetric, because moments or moving air act, "
-                         "has no derivatives here; compile with planar=True, or use solve_path at two values")
+        raise SceneError("critical_sensitivity: derivatives at a bifurcation need a symmetric tangent, but moments or moving air "
+                         "make it unsymmetric; compile with planar=True, or use solve_path at two values")
     step = SHARE * (abs(load_factor) or 1.0)
 
     def along(way: Array, size: float, loads: bool) -> float:
@@ -251,6 +251,6 @@ def _by_load(point: _Critical, own: Model, factors: Callable[..., Array], load_f
 
     by_load = along(point.solved(point.loads), step, True)
     if abs(along(point.null, SHARE, False)) > ASYMMETRIC * abs(by_load) * (abs(load_factor) or 1.0):
-        raise SceneError("critical_sensitivity: branches cross obliquely at this bifurcation, on both sides of its load; its "
-                         "derivatives are not there. Use solve_path at two values")
+        raise SceneError("critical_sensitivity: branches cross obliquely at this bifurcation, on both sides of its load. "
+                         "Derivatives are not available for this type; use solve_path at two values")
     return by_load

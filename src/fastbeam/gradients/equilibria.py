@@ -124,9 +124,9 @@ class Sensitivity(Doubts):
         rest = self._solved(family.slope(name, [x.unbalanced() for x in around]))
         size, error = (float(np.linalg.norm(base.weighed(x))) for x in (way, rest))
         if error > WORST * size > 0.0 and base.size_of(rest) * family.steps[name] > AT_REST:
-            raise ConvergenceError(f"sensitivity: derivatives by parameter {name!r} are off by a share of {error / size:.2g}: "
-                                   "the scene answers too strongly to changes of it for differences of this size; give a "
-                                   "smaller scale={...}", state=self.state)
+            raise ConvergenceError(f"sensitivity: derivatives by parameter {name!r} have a relative error of {error / size:.2g}, "
+                                   "because the scene reacts too strongly to differences of this size; give a smaller "
+                                   "scale={...}", state=self.state)
         rows = self._slopes_of(name, around, flat)
         rows |= {key: explicit[key] + x for key, x in self._linear.along(way).items() if key in explicit}
         return Slopes(unbalanced, explicit, way, rows, error / size if size else 0.0)
@@ -134,8 +134,8 @@ class Sensitivity(Doubts):
     def _solved(self, right: Array) -> Array:
         x = self._solver.solve(right)
         if x is None or self._solver.is_singular:
-            raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular, so that it has no derivatives: it "
-                                   "is a limit or bifurcation point, or a part can move freely; fb.modes(model, state=...) shows "
+            raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular, so derivatives do not exist. It is "
+                                   "a limit or bifurcation point, or a part can move freely; fb.modes(model, state=...) shows "
                                    "which", state=self.state)
         return x
 
@@ -165,8 +165,8 @@ class Sensitivity(Doubts):
     def _series(self, key: str, which: int | None = None) -> dict[str, Array]:
         """Return derivatives of one series, or one of its columns, by all parameters."""
         if self._slopes and key not in next(iter(self._slopes.values())).rows:
-            raise SceneError(f"sensitivity: {key!r} was not observed; give observe=(...) of {', '.join(map(repr, OBSERVED))}, "
-                             "and points from build")
+            raise SceneError(f"sensitivity: {key!r} was not observed; give observe=(...) from {', '.join(map(repr, OBSERVED))}, "
+                             "and let build return points")
         return {name: x.rows[key] if which is None else x.rows[key][which] for name, x in self._slopes.items()}
 
     def _index(self, noun: str, names: Sequence[str], label: str) -> int:
@@ -268,7 +268,7 @@ class Sensitivity(Doubts):
         objective = Objective(self._linear, points, sliders, contact_forces, strain_energy)
         adjoint = self._solver.solve(objective.slope(), transposed=True)
         if adjoint is None or self._solver.is_singular:
-            raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular, so that it has no derivatives",
+            raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular, so derivatives do not exist",
                                    state=self.state)
         by = {name: float(objective.explicit(x.explicit) + adjoint @ x.unbalanced) for name, x in self._slopes.items()}
         base = self._base
@@ -302,7 +302,8 @@ class Sensitivity(Doubts):
         base, family = self._base, self._family
         flat = self.model.asked_for_plane if planar is None else planar
         if flat and base.stepper.plane is None:
-            raise SceneError(f"planar=True: scene {self.model.scene_name!r} does not stay in a plane, or a parameter leads out")
+            raise SceneError(f"planar=True: scene {self.model.scene_name!r} does not stay in a plane, or a parameter moves it "
+                             "out of the plane")
         found = Linearised(base.stepper.model, base.state, base.sliding, base.factors, flat, n, self._backend,
                            (float(base.stepper.law_work[0]), float(base.stepper.law_work[1])))
 
@@ -389,7 +390,8 @@ def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str
     result = None
     if state is None:
         if load_factor != 1.0:
-            raise SceneError("sensitivity: load_factor belongs to a state; give state=..., or scale the loads in build")
+            raise SceneError("sensitivity: load_factor needs the state that belongs to it; give state=..., or scale the loads in "
+                             "build")
         result = solve_static(model, at_time=at_time, held=held, backend=backend, points=family.points)
         state = result.state
     else:
@@ -422,13 +424,15 @@ def _at_rest(base: Response) -> Response:
         saddle, right = base.linearised()
         x = saddle.solve(right)
         if x is None:
-            raise ConvergenceError("sensitivity: the tangent of the equilibrium cannot be solved", state=base.state)
+            raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular and cannot be "
+                                   "solved", state=base.state)
         size = base.size_of(x)
         if not size <= AT_REST:
             worst = int(np.argmax(np.abs(right[:base.nodes])))
-            raise SceneError(f"sensitivity: the state is no equilibrium: nodes would go on by {size:.2g} of the size of the "
-                             f"scene, and {base.label(worst)} has an unbalanced force of {abs(right[worst]):.3g}; find it with "
-                             "fb.solve_static(model), and give the load_factor and at_time that it has")
+            raise SceneError(f"sensitivity: the state is not an equilibrium: unbalanced forces would move nodes by {size:.2g} of "
+                             f"the size of the scene, and {base.label(worst)} has an unbalanced force of "
+                             f"{abs(right[worst]):.3g}. Find the equilibrium with fb.solve_static(model), and give its "
+                             "load_factor and at_time")
         if not last:
             base.go(x)
     return base

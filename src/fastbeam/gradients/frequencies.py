@@ -58,15 +58,16 @@ class Linearised:
         self._stays, self._at = ~sliding, at
         self.about = self._linearised(model, state, factors, flat)
         if not np.any(self.about.mass.diagonal() > 0.0):
-            raise SceneError("frequencies: nothing that may move has a mass; give sections rhoA, or bodies")
+            raise SceneError("frequencies: no part that can move has mass; give sections rhoA, or add bodies")
         pencil, _ = self.about.assembled()
         if not pencil.is_symmetric:
-            raise SceneError("frequencies: the stiffness of this equilibrium is not symmetric, because moments or moving air act "
-                             "on it; their derivatives are not there. Use fb.modes at two values")
+            raise SceneError("frequencies: derivatives need a symmetric stiffness, but moments or moving air make that of this "
+                             "equilibrium unsymmetric; use fb.modes at two values")
         try:
             found = lowest(pencil, max(n, LEAST), backend)
         except SingularError:
-            raise ConvergenceError("frequencies: the modes were not found: stiffness and masses are singular together",
+            raise ConvergenceError("frequencies: the modes were not found, because stiffness and mass matrices are singular in a "
+                                   "common direction",
                                    state=state) from None
         self.k = self.about.free.size
         self.values = found.values

@@ -71,7 +71,8 @@ class Objective:
         self.s = _weights("slider", runs, sliders, ())
         self.forces = _weights("slider", runs, contact_forces, (3,))
         if not (points or sliders or contact_forces or strain_energy):
-            raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
+            raise SceneError("gradient: needs weights of the quantity to differentiate, as in gradient(points={'tip': (0, 0, "
+                             "1)})")
 
     def slope(self) -> Array:
         """Return the derivative by the unknowns [n]."""

@@ -31,7 +31,7 @@ FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 def which_build(value: Any) -> Build:
     """Check that an argument is a function. Raises Refusal."""
     if not callable(value) or isinstance(value, type):
-        raise Refusal(f"must be a function of the parameters by their names that returns a scene, got {shown(value)}")
+        raise Refusal(f"must be a function that takes the parameters by their names and returns a scene, got {shown(value)}")
     return value
 
 
@@ -59,8 +59,8 @@ class Family:
         for name, value in values.items():
             size = abs(scale.get(name, value))
             if size == 0.0:
-                raise SceneError(f"{self._who}: parameter {name!r} is 0, which says nothing about its size; give "
-                                 f"scale={{{name!r}: ...}}, a change that matters in its unit")
+                raise SceneError(f"{self._who}: parameter {name!r} is 0, so the size of a small change of it is unknown; give "
+                                 f"scale={{{name!r}: ...}}, a relevant change in its unit")
             self.steps[name] = SHARE * size
         scene, points = self.called({})
         # the model for whoever solves, and the one in whose tables nothing is eliminated
@@ -114,9 +114,9 @@ class Family:
     def check_alike(self, name: str, is_alike: bool) -> None:
         """Refuse a parameter around whose value the scene has other parts. Raises SceneError."""
         if not is_alike:
-            raise SceneError(f"{self._who}: parameter {name!r} changes what the scene is made of (parts, nodes, supports, joints "
-                             "or points), so there is no derivative; let build return the same parts with the same elements for "
-                             "all values near the given ones")
+            raise SceneError(f"{self._who}: parameter {name!r} changes the parts, nodes, supports, joints or points of the "
+                             "scene, so no derivative exists. Let build return the same parts with the same elements for all "
+                             "values near the given ones")
 
     @staticmethod
     def is_alike(base: Model, other: Model) -> bool:
@@ -139,9 +139,9 @@ class Family:
         six = np.asarray(six, dtype=float)
         fine, coarse = (weights * np.tensordot(w, six, 1) for w in (SIXTH, FOURTH))
         if not np.linalg.norm(fine - coarse) <= SMOOTH * np.linalg.norm(fine) + noise:
-            raise SceneError(f"{self._who}: the scene is no smooth function of parameter {name!r} near {self.values[name]:g}: "
-                             "differences of order 4 and 6 disagree; look for steps and kinks in what build does with it "
-                             "(rounding, min, max), or give a smaller scale={...}")
+            raise SceneError(f"{self._who}: the scene does not depend smoothly on parameter {name!r} near {self.values[name]:g}: "
+                             "differences of order 4 and 6 disagree. Look for jumps and kinks in build (rounding, min, max), or "
+                             "give a smaller scale={...}")
 
 
 class _Itself:

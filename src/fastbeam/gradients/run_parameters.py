@@ -45,11 +45,11 @@ class RunFamily:
         off = max((float(np.max(np.abs(x - y), initial=0.0)) for x, y in ((found.q0, model.q0), (found.s0, model.s0))),
                   default=0.0) if same else np.inf
         if not off <= SAME * model.length:
-            raise SceneError("gradient, build: with these values it does not build the scene of the run; give the values of the "
-                             "run, and let it return the same parts")
+            raise SceneError("gradient, build: with these values it returns another scene than that of the run; give the values "
+                             "of the run, and let build return the same parts")
         missing = [name for name in self._names if name not in self._family.points]
         if missing:
-            raise SceneError(f"gradient, build: has to return the points too, (scene, points); there is no {missing[0]!r}")
+            raise SceneError(f"gradient, build: must return the points too, (scene, points); {missing[0]!r} is missing")
 
     def by(self, name: str, run: Backward, part: Stretch, wanted: Mapping[tuple[str, bool], Array], at_reference: bool) -> float:
         """Return the derivative by a parameter of a number of a run.
@@ -80,7 +80,7 @@ class RunFamily:
         weights = [Weights(*places[name], rows, is_rate) for (name, is_rate), rows in wanted.items()]
         own = Backward(model, False, float(run.times[0]), run.h, run.times.size, weights, [])
         if not np.array_equal(own.core.pattern.row_of, run.core.pattern.row_of):
-            raise SceneError("gradient: build returns scenes with other connections between their parts")
+            raise SceneError("gradient: build returns scenes with different connections between their parts")
         moved = along(run, own, part)
         out = -own.unbalanced(moved, *run.solutions)
         value = sum(float(np.einsum("ma,tmac,tc->", x.shares, (moved.v if x.is_rate else moved.q).reshape(

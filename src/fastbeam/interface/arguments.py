@@ -330,7 +330,7 @@ class Listing:
         items = []
         for k, item in enumerate(value):
             if k == self.most:
-                raise Refusal(f"must be {self.need}, at most {self.most}, got more")
+                raise Refusal(f"must be {self.need}, at most {self.most}, got more than that")
             items.append(self.of(item))
         return tuple(items)
 
@@ -346,7 +346,7 @@ class Names:
             raise Refusal(f"{self.need}, got {shown(value)}")
         wrong = [key for key in value if not isinstance(key, str) or not key.strip()]
         if wrong:
-            raise Refusal(f"{self.need}; {shown(wrong[0])} is no name")
+            raise Refusal(f"{self.need}; {shown(wrong[0])} is not a name")
         return dict(value)
 
 

@@ -94,7 +94,7 @@ def deprecated(since: str, /, *, instead: str = "", **renamed: str) -> Callable[
         @wraps(call)
         def warned(*args: Any, **given: Any) -> Any:
             if instead:
-                _warn(f"{name} is going; write {instead}", since, 3)
+                _warn(f"{name} is deprecated; write {instead}", since, 3)
             for old, new in renamed.items():
                 if old in given:
                     if new in given:

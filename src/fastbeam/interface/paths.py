@@ -18,7 +18,7 @@ def check_regular(noun: str, path: Path, named: Path) -> None:
     if stat.S_ISDIR(mode):
         raise ResultFileError(f"{noun} '{named}': is a folder; give the name of a file")
     if not stat.S_ISREG(mode):
-        raise ResultFileError(f"{noun} '{named}': is a device, pipe or socket and no file; choose another path")
+        raise ResultFileError(f"{noun} '{named}': is a device, pipe or socket, not a file; choose another path")
 
 
 def check_new(noun: str, path: Path, named: Path, overwrite: bool) -> bool:

@@ -48,7 +48,7 @@ def doubts(events: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a line for every event that makes numbers untrustworthy; the first few are shown."""
     found = [f"{event['kind']}: {event.get('text', '')}" for event in events if event.get("kind") in KINDS]
     more = [f"and {len(found) - MOST} more like these in .events"] if len(found) > MOST else []
-    return [f"not to be trusted, {line}" for line in found[:MOST]] + more
+    return [f"unreliable result, {line}" for line in found[:MOST]] + more
 
 
 def warns(function: T) -> T:

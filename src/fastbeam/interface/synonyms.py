@@ -275,7 +275,7 @@ def instead(unknown: str, names: list[str]) -> str:
         which = f"; use {meant}" if "=" in meant or meant in names else f"; give {meant}"
         return which + next((f", {what}" for words, what in CONVERTED.get(meant, {}).items() if _is_among(unknown, words)), "")
     if unknown.lower() in ABSENT:
-        return "; fastbeam does not do that, docs/limits.md says what to do instead"
+        return "; fastbeam does not support this, docs/limits.md lists alternatives"
     close = nearest(unknown, names, CLOSE)
     return f"; did you mean {close}?" if close else f"; it takes {listed(names)}"
 

@@ -83,26 +83,26 @@ def always(*names: str) -> Callable[[Any, Asked], Iterable[str]]:
 
 def unknown_to_methods(what: str, names: Callable[[Any, Asked], Iterable[str]] | None = None) -> Lack:
     """Declare that only the conserving step supports a feature."""
-    return Lack((Analysis.COMPARED,), what, "{who} does not know {names}", "use the default method", names or always(what))
+    return Lack((Analysis.COMPARED,), what, "{who} does not support {names}", "use the default method", names or always(what))
 
 
 def timed_loads(names: Callable[[Any, Asked], Iterable[str]]) -> Lack:
     """Declare that equilibria need a time."""
-    return Lack((Analysis.TIMELESS_LOADS,), "functions of time", "{who}: loads have time functions",
-                "say with at_time=... where to evaluate them", names)
+    return Lack((Analysis.TIMELESS_LOADS,), "functions of time", "{who}: loads have time functions, so a time is needed",
+                "give the time with at_time=...", names)
 
 
 def without_adjoint(what: str, names: Callable[[Any, Asked], Iterable[str]] | None = None) -> Lack:
     """Declare that steps with a feature have no adjoint."""
-    return Lack((Analysis.ADJOINT,), what, "{who}: steps with {names} have no adjoint here", "use differences of runs",
+    return Lack((Analysis.ADJOINT,), what, "{who}: the adjoint does not support {names}", "use differences of runs",
                 names or always(what))
 
 
 def dissipating(what: str, names: Callable[[Any, Asked], Iterable[str]], *, kinked: bool = False) -> Lack:
     """Declare that steps backward in time would put energy in; kinked: two runs cannot be extrapolated either."""
     return Lack((Analysis.ORDER_4 if kinked else Analysis.COMPOSED,), what,
-                "order=4 has a step backward in time, in which {names} would put energy in, and what rubs, hits or is locked has "
-                "kinks in time, over which two runs cannot be extrapolated either", "use order=2", names)
+                "order=4 contains a step backward in time, in which {names} would add energy. Friction, impacts and locks also "
+                "have kinks in time, which the extrapolation from two runs does not allow", "use order=2", names)
 
 
 def told(analysis: Analysis, features: Iterable[Any], asked: Asked | None = None) -> Iterator[tuple[Lack, list[str]]]:

@@ -163,8 +163,8 @@ def _held_roots(held: Array, touched: Array, root_of: Array, offset: Array, labe
     pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
     np.bitwise_or.at(out, root_of[pinned], held[pinned])
     for k in pinned[np.any(offset[pinned], axis=1) & (out[root_of[pinned]] & HOLD_TRIAD == 0)]:
-        raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root_of[k]]} at a distance, together they are "
-                         "more than one pin; clamp it, or pin only one of them")
+        raise SceneError(f"pin of {labels[k]}: a rigid connection joins it to {labels[root_of[k]]} at a distance, where both "
+                         "pins together constrain more than one; clamp it, or pin only one of them")
     return out
 
 
@@ -180,8 +180,8 @@ def _check_held_joints(trees: _Trees, ball: Array, out: Connections, name: Calla
         axes = "".join(x for i, x in enumerate(AXES) if fixed[k] >> i & 1)
         along = "" if fixed[k] == HOLD_POSITION else f" along {axes}"
         sides = ", ".join(labels[trees.root_of[x]] for x in (a[k], b[k]))
-        raise SceneError(f"{name(int(out.loops[k]))}: both sides are held{along} ({sides}), the joint does nothing"
-                         f"{along and ' there'}; remove {'' if along else 'it or '}one of the supports")
+        raise SceneError(f"{name(int(out.loops[k]))}: supports fix both sides{along} ({sides}), so the joint has no "
+                         f"effect{along and ' there'}; remove {('' if along else 'it or ')}one of the supports")
 
 
 def _fixed_axes(trees: _Trees, nodes: Array, held: Array) -> Array:
@@ -318,13 +318,13 @@ def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callab
         before = first.setdefault((min(a, b), max(a, b)), [])
         before.append(j)
         if a == b:
-            raise SceneError(f"{name(j)}: rigid connections hold both of its sides together, so the joint does nothing; remove "
+            raise SceneError(f"{name(j)}: rigid connections join both of its sides already, so the joint has no effect; remove "
                              "it")
         if sets.join(a, b):
             continue
         if any(np.array_equal(_sides(offset, ball[j], a, local[j]), _sides(offset, ball[k], a, local[k])) for k in before[:-1]):
-            raise SceneError(f"{name(j)}: a second ball joint between the same rigid parts at the same point, beside "
-                             f"{name(before[0])}: it does nothing; remove it")
+            raise SceneError(f"{name(j)}: it joins the same rigid parts at the same point as {name(before[0])}, so it has no "
+                             "effect; remove it")
         loops.append(j)
     return np.array(loops, np.int64)
 

@@ -10,7 +10,8 @@ class Controllers(Feature):
     """Controllers, which are called at their own times."""
 
     key, title, order = "control", "controllers", 200
-    lacks = (Lack((Analysis.STEP_CONTROL,), "controllers", "{name}: step control does not know its times", "leave tolerance out",
+    lacks = (Lack((Analysis.STEP_CONTROL,), "controllers", "{name}: step control does not support its sampling "
+                                                           "times", "leave tolerance out",
                   lambda control, asked: [part.label for part in control.parts]),
              without_adjoint("controllers"))
 

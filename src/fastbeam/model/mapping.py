@@ -139,8 +139,8 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
         for x, y in zip(own, given):
             x[mine] = y[other]
     if not known.any():
-        raise SceneError(f"state_for: no beam, net, body or mass of scene {model.scene_name!r} has its name in this result; map "
-                         "between scenes with equal names")
+        raise SceneError(f"state_for: no beam, net, body or mass of scene {model.scene_name!r} has a name that occurs in this "
+                         "result; map between scenes with equal names")
     before = [x.reshape(-1, 4, 3) for x in (model.q0, model.v0)]
     _carry_along(model, own, known)
     for k, name in enumerate(model.names["sliders"]):
@@ -232,7 +232,7 @@ def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) ->
                 key = "s" if kind == "beams" else "starts"
                 here, theirs = (np.asarray(x[key], dtype=float) for x in (entry, found))
                 if here.shape != theirs.shape or np.any(np.abs(here - theirs) > 1e-9 * np.max(np.abs(here), initial=0.0)):
-                    raise SceneError(f"state_for: the nodes of {noun} {entry['name']!r} lie elsewhere along it in the result "
+                    raise SceneError(f"state_for: the nodes of {noun} {entry['name']!r} have other arc lengths in the result "
                                      "than in the model; give both the same length, elements, degree and interpolation")
                 spans = [slice(x["first"], x["first"] + x["count"]) for x in (entry, found)]
             out.append((spans[0], spans[1]))

@@ -133,7 +133,7 @@ def vector_masses(model: Model, without_ropes: bool = False) -> Any:
     from scipy import sparse
     # the inertia of a rope couples its nodes with its length
     if not without_ropes:
-        require(Analysis.MASSES, model, "what works with the masses of nodes alone (blows, Start(mend=True))")
+        require(Analysis.MASSES, model, "analyses that use the masses of nodes alone (impacts, Start(mend=True))")
     n, vectors = model.n_nodes, 4 if model.dofs == SPACE else 2
     rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
 

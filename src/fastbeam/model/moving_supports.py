@@ -34,12 +34,12 @@ class PrescribedMotions(Feature):
     key, title, order = "prescribed", "supports that move", 60
     lacks = (
         unknown_to_methods("supports that move"),
-        Lack((Analysis.AT_TIME,), "supports that take hold (since=)", "{who}(at_time=): {name} takes hold in a run (since=)",
-             "leave since out, or the motion",
+        Lack((Analysis.AT_TIME,), "supports that take hold (since=)", "{who}(at_time=): {name} engages in a run (since=)",
+             "leave since out, or leave the motion out",
              lambda of, asked: [motion.label for motion in of.motions if motion.since is not None]),
         Lack((Analysis.SENSITIVITY,), "supports that move",
-             "{who}: supports that move have places of their own, whose derivatives are unknown",
-             "put a Clamp or Pin there, at a place that build computes", always("supports that move")))
+             "{who}: derivatives by places of moving supports are not available",
+             "replace it by a Clamp or Pin, at a place that build computes", always("supports that move")))
 
     def __init__(self, motions: list[PrescribedMotion], nodes: NodeList, joints: Connections) -> None:
         self.motions = motions
@@ -49,7 +49,8 @@ class PrescribedMotions(Feature):
             leads = [nodes.labels[i] for i in joints.targets(int(root[k])) if i != root[k]]
             leads += [nodes.labels[joints.spin_root[root[k]]]] * bool(motion.mask == 63 and joints.spin_root[root[k]] != root[k])
             if leads:
-                raise SceneError(f"{motion.label}: joints make {motion.at} follow {' and '.join(leads[:3])}; move that instead")
+                raise SceneError(f"{motion.label}: joints make {motion.at} follow {' and '.join(leads[:3])}; move that node "
+                                 "instead")
             for j in np.flatnonzero(root[:k] == root[k]).tolist():
                 if motions[j].mask & motion.mask:
                     raise SceneError(f"{motion.label}: {motions[j].label} moves the same node"
@@ -145,7 +146,7 @@ class PrescribedMotions(Feature):
         off = np.abs(given[:, :3] @ normal) + np.linalg.norm(across, axis=1)
         way = float(np.max(np.linalg.norm(given[:, :3], axis=1) + np.linalg.norm(given[:, 3:], axis=1), initial=0.0))
         if np.any(off > OUT_OF_PLANE * way + 1e-15):
-            raise SceneError(f"{motion.label}: it leaves the plane of the scene in the step from t = "
+            raise SceneError(f"{motion.label}: it moves out of the plane of the scene in the step from t = "
                              f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
 
     def directions(self, n: int) -> list[tuple[Array, Array]]:
@@ -182,8 +183,8 @@ def turns_between(motion: PrescribedMotion, times: list[float]) -> Array:
         angle = np.linalg.norm(after - before) if told else np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0))
         if angle > HALF_TURN:
             raise SceneError(f"{motion.label}: rotation(t) turns by {angle:.6g} rad from t = {times[k]:.9g} s to "
-                             f"{times[k + 1]:.9g} s, and only less than half a turn can be followed; use smaller steps, and let "
-                             "a rotation vector grow beyond a turn where it would jump back by one")
+                             f"{times[k + 1]:.9g} s, but must turn by less than half a turn. Use smaller steps, and let a "
+                             "rotation vector grow beyond a full turn instead of jumping back by one")
     return out
 
 
@@ -205,8 +206,8 @@ def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: fl
         if motion.position is not None:
             gap = float(np.linalg.norm((motion.place(0.0) - nodes.phi[node])[held_axes(np.array([motion.mask]))[0]]))
             if gap > AT_START * length:
-                raise SceneError(f"{motion.label}: position(0) lies {gap:.6g} m from {motion.at} at t = 0; begin there, or give "
-                                 "displacement")
+                raise SceneError(f"{motion.label}: position(0) lies {gap:.6g} m from {motion.at} at t = 0; let it begin there, "
+                                 "or give displacement")
     return found
 
 
@@ -239,13 +240,13 @@ def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Arra
         leads = [nodes.labels[i] for i in joints.targets(top) if i != top]
         if leads:
             what = "until" if support.since is None else "since"
-            raise SceneError(f"{support.name}: {what}: joints make {support.at} follow {' and '.join(leads[:3])}; hold that "
-                             "instead")
+            raise SceneError(f"{support.name}: {what}: joints make {support.at} follow {' and '.join(leads[:3])}; support that "
+                             "node instead")
         for j, other in enumerate(others.tolist()):
             if j != k and other != top and joints.spin_root[other] == top and joints.row_root[other] != top:
                 what = "until" if support.since is None else "since"
-                raise SceneError(f"{support.name}: {what}: {every[j].name} holds the same rigid part, so that nothing tells what "
-                                 "stays; hold the part at one node")
+                raise SceneError(f"{support.name}: {what}: {every[j].name} supports the same rigid part, so the support that "
+                                 "remains is not determined; support the part at one node only")
     rows = row_of[root]
     base = np.zeros(row_of.size, np.int64)
     np.bitwise_or.at(base, row_of[joints.row_root], always)

@@ -131,6 +131,6 @@ def check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
     size = length + float(np.max(np.abs(q[:, 0]), initial=0.0))
     speed = float(np.max(np.abs(v), initial=0.0))
     if np.any(np.abs(q[:, 0] @ n - plane.height) > TOLERANCE * size) or np.any(np.abs(v @ n) > TOLERANCE * speed):
-        raise NotPlanar("a node leaves the plane")
+        raise NotPlanar("a node moves out of the plane")
     if np.any(np.abs(q[:, 1:] @ n - plane.normal) > TOLERANCE):
         raise NotPlanar("a triad is turned out of the plane")

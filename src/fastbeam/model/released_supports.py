@@ -26,10 +26,11 @@ class Released(Feature):
     lacks = (
         unknown_to_methods("supports that let go or take hold"),
         Lack((Analysis.ORDER_4,), "supports that let go or take hold",
-             "order=4: where a support lets go or takes hold, velocities are of second order, and so is what follows",
+             "order=4: where a support is released or engages, velocities are of second order only, and so is the motion after "
+             "it",
              "use order=2", always("supports")),
         Lack((Analysis.RELAX,), "supports that let go or take hold",
-             "relax: a support lets go or takes hold (until=, since=)",
+             "relax: a support is released or engages (until=, since=)",
              "leave that out for the equilibrium, or run in time", always("supports")),
         without_adjoint("supports that let go or take hold"))
 
@@ -164,7 +165,8 @@ def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupport
     changed = core.own(state.history, "released") != 0.0
     if static and changed.any():
         k = int(np.argmax(changed))
-        what, change = ("let go", "leave it out of the scene") if own.off(state)[k] else ("taken hold", "leave out its since=")
-        raise SceneError(f"start: {core.released.names[k]} has {what} there; {change} for an equilibrium, and start from "
+        what, change = (("been released", "leave it out of the scene") if own.off(state)[k] else
+                        ("engaged", "leave out its since="))
+        raise SceneError(f"start: {core.released.names[k]} has {what} in this state; {change} for an equilibrium, and start from "
                          "result.state_for(model)")
     return (core, StandingSupports()) if static else (own.core, own)

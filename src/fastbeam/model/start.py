@@ -38,8 +38,8 @@ SIDEWAYS, UNTRUE = 0.01, 0.5
 EDITED = 0.1
 # allowance for the same difference in a state near rest, in sizes of the scene a step
 AT_REST = 1e-6
-TURNS_AROUND = "contact forces alternate from step to step by as much as it takes to turn that around; use a smaller step"
-JUMPS = ("the support takes its node along at once, a blow that makes forces alternate from step to step; let the motion begin "
+TURNS_AROUND = "contact forces alternate from step to step, with the size needed to reverse this velocity; use a smaller step"
+JUMPS = ("the support moves its node with a velocity jump, after which forces alternate from step to step. Let the motion begin "
          "with the velocity of the state")
 # largest error of places that Start(mend=True) mends, as a share of the size of the scene
 MENDABLE = 1e-2
@@ -83,7 +83,7 @@ def own_state(model: Model, state: State) -> State:
                              "a state of the same model, or bring it over with result.state_for(model)")
         if not np.all(np.abs(x) <= LARGEST):
             what = f"larger than {LARGEST:g}" if np.isfinite(x).all() else "that are not finite"
-            raise SceneError(f"start: {name} holds values {what}; start from an earlier state")
+            raise SceneError(f"start: {name} has values {what}; start from an earlier state")
     own = State(*(np.array(x, dtype=float) for x in found))
     triads = own.q.reshape(-1, 4, 3)[:, 1:]
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
@@ -93,9 +93,9 @@ def own_state(model: Model, state: State) -> State:
     of_sliders = own.s, model.slider_lengths, ends, limits, model.names["sliders"]
     for s, length, (begin, end), (low, high), name in zip(*of_sliders):
         if not begin - END_SLACK * length <= s <= end + END_SLACK * length:
-            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
+            raise SceneError(f"start: slider {name!r} is at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
         if not low - AT_STOP * length <= s <= high + AT_STOP * length:
-            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, beyond its stops ({low:.6g} to {high:.6g} m)")
+            raise SceneError(f"start: slider {name!r} is at s = {s:.6g} m, beyond its stops ({low:.6g} to {high:.6g} m)")
     return own
 
 
@@ -135,18 +135,18 @@ def check_start(model: Model, state: State, step: float, mend: bool | None = Non
         state = mended(model, state, t)
         left = _worst(misfits(model, state, step, t))
         if left is None:
-            return state, [*notes, ("mended", f"the start was mended: {worst.what} {worst.size:.3g} {worst.unit} off")]
+            return state, [*notes, ("mended", f"the start was corrected: {worst.what} {worst.size:.3g} {worst.unit} off")]
         worst = left
     if mend:
-        advice = f"Start(mend=True) mends up to {worst.mendable:.2g} {worst.unit}"
+        advice = f"Start(mend=True) corrects errors up to {worst.mendable:.2g} {worst.unit}"
     elif worst.size <= worst.mendable:
-        advice = f"have it mended{'' if mend is not None else ' by simulate'}, with start=Start(state, mend=True)"
+        advice = f"{'' if mend is not None else 'simulate can '}correct it with start=Start(state, mend=True)"
         if worst.unit == "m/s":
-            advice += ": then the parts meet in an inelastic impact, which keeps momenta and takes energy"
+            advice += ": the parts then meet in an inelastic impact, which conserves momenta and dissipates energy"
     else:
-        advice = "that is too much to be mended"
+        advice = "this is too large to be mended"
     raise SceneError(f"start: {worst.what} {worst.size:.3g} {worst.unit} off (allowed: {worst.allowed:.2g}); {advice}, or start "
-                     "from a state of a run of this model, or build the scene with its parts where the state has them")
+                     "from a state of a run of this model, or build the scene with its parts at the places of the state")
 
 
 def _worst(found: list[Misfit]) -> Misfit | None:
@@ -198,7 +198,7 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
         size = float(np.linalg.norm(off[0])) + length * float(np.linalg.norm(off[1]))
         # a state of solve_static is accepted as it is: it raises an event, and is mended on request
         told = SIDEWAYS * max(speed, float(np.linalg.norm(rates[0]))) + noise
-        out.append(Misfit(f"the velocity of {model.labels[node]}, against that of {motion.label}, is", size, "m/s", np.inf,
+        out.append(Misfit(f"the velocity of {model.labels[node]}, relative to that of {motion.label}, is", size, "m/s", np.inf,
                           np.inf, told, JUMPS))
     for place, moves, gap, rate, is_angle in _gaps_and_rates(model, state):
         # the rate of an angle times the size of the scene is a velocity
@@ -208,9 +208,9 @@ def misfits(model: Model, state: State, step: float, t: float | None = None) -> 
     of_momenta = model.momenta_misfit(state)
     if of_momenta > 0.0:
         rest = AT_REST * length / step
-        out.append(Misfit("velocities against those of the momenta of moving meshes and added mass are", of_momenta,
+        out.append(Misfit("velocities, relative to those from the momenta of moving meshes and added mass, are", of_momenta,
                           "m/s", EDITED * speed + rest, np.inf, SIDEWAYS * speed + rest,
-                          "the momenta count; give velocities to the parts of the scene"))
+                          "the momenta are used; set velocities of the parts in the scene instead"))
     return out
 
 
@@ -229,7 +229,8 @@ def _gaps_and_rates(model: Model, state: State) -> Iterator[tuple[str, str, floa
                float(np.linalg.norm(values[3 * k:3 * k + 3])), float(np.linalg.norm(across)), False)
     for (k, _), of_sleeve in zip(model.sleeve_pairs, rows.moments):
         name = f"sleeve {names[k]!r}"
-        yield (f"{name}: its direction is", f"{name}: its spin against the section of the beam, times the size of the scene, is",
+        yield (f"{name}: its direction is", f"{name}: its spin relative to the section of the beam, times the size of the scene, "
+                                            "is",
                _angle(values[of_sleeve]), float(np.linalg.norm(rates[of_sleeve])), True)
     for link, first in zip(model.kept, model.first_force[model.n_sliders:]):
         if isinstance(link.law, Coordinate):
@@ -325,9 +326,9 @@ def moved_supports(model: Model, state: State, t: float) -> list[tuple[str, str]
         angle = max(angle, more.get(motion.name, 0.0))
         if away > TIED * reach or angle > 10.0 * TIED:
             by = " and ".join(text for text, size in ((f"{away:.3g} m", away), (f"{angle:.3g} rad", angle)) if size)
-            out.append(("support", f"{motion.label} begins at t = {t:.6g} s, where {model.labels[node]} is {by} off its place at "
-                                   "that time, and keeps that distance: what the function changes from then on is added to where "
-                                   "the state has the node; start with a state of that time, or give the time of the state, "
+            out.append(("support", f"{motion.label} begins at t = {t:.6g} s, but {model.labels[node]} is {by} away from the "
+                                   "prescribed place at that time, and keeps this offset: only later changes of the function "
+                                   "are added to its position. Start with a state of that time, or give the time of the state, "
                                    "Start(state, time=...)"))
     return out
 
@@ -347,10 +348,11 @@ def _displaced_supports(model: Model, state: State) -> list[tuple[str, str]]:
     k, i = int(np.argmax(away)), int(np.argmax(turned))
     out = []
     if away[k] > TIED * (model.length + float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3])))):
-        out.append(("support", f"the support of {model.labels[k]} stands {away[k]:.6g} m from its place in the model and holds "
-                               "it there"))
+        out.append(("support", f"the support of {model.labels[k]} is {away[k]:.6g} m away from its place in the model, and fixes "
+                               "the node at this distance"))
     if turned[i] > 10.0 * TIED:
-        out.append(("support", f"the clamp of {model.labels[i]} stands turned against the model and holds it so"))
+        out.append(("support", f"the clamp of {model.labels[i]} is rotated relative to the model, and fixes the node in this "
+                               "rotation"))
     return out
 
 
@@ -364,7 +366,8 @@ def mended(model: Model, state: State, t: float | None = None) -> State:
     """
     from scipy import sparse
     if off_beam(model, state).any():
-        raise SceneError("start, mend: a slider has left its beam; start from the state of a run without mending it")
+        raise SceneError("start, mend: a slider is off its beam, which cannot be corrected; start from the state of a run "
+                         "without mend")
     q, s, rows = state.q.reshape(-1, 4, 3).copy(), state.s.copy(), GapRows(model)
     _close_rigidly(model, rows, state, q, s)
     q = follow(model, q)
@@ -488,7 +491,7 @@ def with_velocities_of_scene(model: Model, state: State, t: float) -> tuple[Stat
     if changed[k] <= CHANGES * np.max(np.abs(begin), initial=0.0):
         return out, []
     return out, [("projected", f"the velocities of the scene change by up to {changed[k]:.6g} m/s, at {model.labels[k]}, to "
-                               "agree with joints, supports and sliders in the shape of the start")]
+                               "satisfy joints, supports and sliders in the shape of the start")]
 
 
 def nearest_velocities(model: Model, state: State, leads: Any, goals: Array, supports: Array, given: Array) -> Array:
@@ -518,8 +521,9 @@ def _at_rest_where_the_scene_moves(model: Model, state: State) -> list[tuple[str
     size = np.linalg.norm(model.v0.reshape(-1, 4, 3), axis=2)
     k = int(np.argmax(size.max(axis=1)))
     much = f"{size[k, 0]:.3g} m/s" if size[k, 0] > 0.0 else "a spin"
-    return [("start", f"the start is at rest, where the scene gives {model.labels[k]} {much}: the run begins without it; take "
-                      "the velocities of the scene with velocities=\"scene\" of simulate, or leave them out of the scene")]
+    return [("start", f"the start has zero velocities, but the scene gives {model.labels[k]} {much}. The run begins at rest; "
+                      "take the velocities of the scene with Start(state, velocities=\"scene\"), or leave them out of the "
+                      "scene")]
 
 
 def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
@@ -531,8 +535,9 @@ def _swapped_springs(model: Model, state: State) -> list[tuple[str, str]]:
     around = np.einsum("lc,lc->l", x[b] - x[a], y[b] - y[a]) < 0.0
     names = {model.lines.names[k] for k in np.flatnonzero(around & model.lines.acts)}
     slack = [name for springs in model.spring_rows if hasattr(springs, "slack") for name in springs.slack(state)]
-    return [("start", f"spring {name!r} has no force at the start and lies the other way round than in the scene: its ends have "
-                      "passed each other, and it will not push them back; start from a shape on the other side")
+    return [("start", f"spring {name!r} has no force at the start, and points in the opposite direction than in the scene. Its "
+                      "ends have passed each other, and its force will not separate them; start from a shape in which they have "
+                      "not")
             for name in slack if f"spring {name!r}" in names]
 
 

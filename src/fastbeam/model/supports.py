@@ -89,9 +89,10 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> str | None:
                 continue
         how = _how(motions[-1])
         kind = "3 rigid motions in its plane" if flat else "6 rigid motions"
-        hangs = " (relax finds how it hangs)" if how.startswith("turn") and np.any(held) and np.any(model.gravity) else ""
-        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({np.sum(values <= UNFELT)} of {kind} are free); "
-                         f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}{hangs}"
+        hangs = (" (relax finds the shape in which it "
+                 "hangs)") if how.startswith("turn") and np.any(held) and np.any(model.gravity) else ""
+        raise SceneError(f"{what}: it is not supported in statics, it can {how} ({np.sum(values <= UNFELT)} of {kind} are free); "
+                         f"{('add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line')}{hangs}"
                          + ("" if flat else _planar_hint(model, motions[-1])))
     return aside
 
@@ -160,26 +161,26 @@ def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> 
     at = what.at if isinstance(what, (Clamp, Pin, PrescribedMotion)) else what
     at = at.center if isinstance(at, (RigidBody, PointMass)) else at
     if not isinstance(at, NodeRef):
-        raise SceneError(f"{who} maps supports (Clamp, Pin, PrescribedMotion) or their nodes to motions, got {shown(what)}")
+        raise SceneError(f"{who} must map supports (Clamp, Pin, PrescribedMotion) or their nodes to motions, got {shown(what)}")
     try:
         node = int(model.numbers.number(at))
     except KeyError:
         if isinstance(at.owner, RigidBody):
-            raise SceneError(f"{who} of {at.label}: a support there holds the whole body; name {at.owner.label}, which is moved "
-                             "at its centre of mass") from None
+            raise SceneError(f"{who} of {at.label}: a support there fixes the whole body; name {at.owner.label}, whose centre of "
+                             "mass is moved") from None
         raise SceneError(f"{who} of {at.label}: it is not in scene {model.scene_name!r}") from None
     same = np.flatnonzero((model.pattern.row_of == model.pattern.row_of[node]) & (held & axes == axes))
     if not same.size:
         own = " along these axes" if axes != 7 else ""
-        raise SceneError(f"{who} of {at.label}: no support holds its own position{own}; name the node that is clamped or pinned")
+        raise SceneError(f"{who} of {at.label}: no support fixes its position{own}; name the node that is clamped or pinned")
     return int(same[0])
 
 
 def check_turned(who: str, model: Model, node: int, held: Array) -> None:
     """Check that a support holds the triad of a node that is to be turned; who, held: as in `supported`. Raises SceneError."""
     if held[node] & 56 != 56:
-        raise SceneError(f"{who} turns {model.labels[node]}, whose triad no support holds; give a displacement (3 numbers), or "
-                         "clamp it")
+        raise SceneError(f"{who} turns {model.labels[node]}, but no support fixes its rotation; give a displacement (3 numbers), "
+                         "or clamp it")
 
 
 def standing_supports(model: Model) -> Array:
@@ -224,13 +225,14 @@ def _planar_hint(model: Model, motion: Array) -> str:
         plane = other.plane
         if plane is None:
             told = model.not_planar == other.not_planar
-            return f"; it would do in a plane, but it is not planar: {model.not_planar}" if told else ""
+            return f"; it is supported in a plane, but the scene is not planar: {model.not_planar}" if told else ""
     normal = plane.axes[2]
     shift, turn = motion[:3], motion[3:]
     inside = np.concatenate((shift - (shift @ normal) * normal, [turn @ normal]))
     if np.linalg.norm(inside) > 1e-6:
         return ""
-    return "; within its plane it is held: compile it with planar=True" + (" and start in the plane" if model.plane else "")
+    return ("; it is supported within its plane: compile the scene with "
+            "planar=True") + (" and start in the plane" if model.plane else "")
 
 
 def _how(motion: Array) -> str:

@@ -70,11 +70,11 @@ def check_border(model: Model) -> None:
     there = physical_memory()
     if needed > there:
         of = f"{model.bordered_sliders} sliders and {len(model.kept)} joints with multipliers"
-        size = f"{needed / 1e9:.3g} GB where this computer has {there / 1e9:.3g} GB"
-        raise SceneError(f"scene {model.scene_name!r}: {of} take a dense matrix of {model.columns - 1} columns over all nodes of "
-                         f"a net, {size}. Let sliders be masses or bodies on beams that nothing else touches and compile with "
-                         "condense=True (docs/limits.md), and close loops of rigid parts by RigidConnection, elastic beams or "
-                         "springs instead of ball joints; or take fewer of them")
+        size = f"{needed / 1000000000.0:.3g} GB, but this computer has {there / 1000000000.0:.3g} GB"
+        raise SceneError(f"scene {model.scene_name!r}: {of} need a dense matrix of {model.columns - 1} columns over all nodes of "
+                         f"a net, {size}. Slide masses or bodies on beams that touch nothing else, and compile with "
+                         "condense=True (docs/limits.md). Close loops of rigid parts by RigidConnection, elastic beams or "
+                         "springs instead of ball joints, or use fewer of them")
 
 
 def physical_memory() -> float:

@@ -56,8 +56,8 @@ def power_of(result: Result, name: str) -> Array:
     """Return `Result.power`, from a result that has energies."""
     parts = balance_of(result)
     if name not in parts:
-        raise SceneError(f"power: the balance has no {name!r}; it has {known(parts, name)}. A part that took and "
-                         "gave nothing has no entry")
+        raise SceneError(f"power: the balance has no {name!r}; it has {known(parts, name)}. A part without any energy exchange "
+                         "has no entry")
     t = result.t
     if len(t) < 3 or not np.all(np.diff(t) > 0.0):
         raise SceneError(f"power: needs three rows at times that grow, here {len(t)}; record more with every=1")

@@ -106,7 +106,7 @@ class Reader:
         header = _parse_header(json.loads(text))
         blocks = self.blocks(committed) if version > 1 else np.append(committed, 0)[None, :]
         if blocks.shape[1] != 5 or np.any(np.diff(blocks[:, :4], axis=0, prepend=0) < 0):
-            raise self.refuse("damaged, the counts of its blocks are no counts")
+            raise self.refuse("damaged, the counts of its blocks are not valid")
         ends = blocks[-1] if len(blocks) else np.zeros(5, np.int64)
         shapes, dtypes = header.row_tables()
         strict = version > 1
@@ -118,12 +118,12 @@ class Reader:
         for name in texts:
             self.bound(name, texts[name])
         if texts["events"].count(b"\n") > MOST_EVENTS or len(texts["events"]) > MOST_EVENT_BYTES:
-            raise self.refuse(f"{texts['events'].count(10)} events of {len(texts['events'])} bytes, more than {MOST_EVENTS} or "
-                              f"{MOST_EVENT_BYTES} bytes are no events of a run")
+            raise self.refuse(f"damaged, {texts['events'].count(10)} events of {len(texts['events'])} bytes exceed the limit of "
+                              f"{MOST_EVENTS} events or {MOST_EVENT_BYTES} bytes")
         events = [json.loads(line) for line in texts["events"].splitlines()]
         info = json.loads(texts["final_info"] or b"{}")
         if not isinstance(info, dict) or not all(isinstance(event, dict) for event in events):
-            raise self.refuse("damaged, its events or facts are no dicts")
+            raise self.refuse("damaged, its events or run information are not dicts")
         series = data["rows"]
         return Result(model_text=header.model_text, info=_checked_info({**header.info, **info}), names=header.names,
                       t=series.pop("t"), series=series, events=events, **data["snapshots"])
@@ -143,10 +143,10 @@ class Reader:
     def blocks(self, committed: Array) -> Array:
         n = int(committed[0])
         if committed.tolist() != [n, -n - 1] or n < 0:
-            raise self.refuse("damaged, the number of its blocks is none")
+            raise self.refuse("damaged, the number of its blocks is missing")
         blocks = self.read("blocks", np.int64, (5,), n, strict=True)
         if not self.left_open and n != len(self.file["blocks"]):
-            raise self.refuse("damaged, the number of its blocks is not that of its end")
+            raise self.refuse("damaged, its numbers of blocks at the start and at the end differ")
         return blocks
 
     def verify(self, blocks: Array, header: bytes, data: dict[str, dict[str, Array]], texts: dict[str, bytes]) -> None:
@@ -175,7 +175,7 @@ class Reader:
                     missing.append(name)
                     break
                 if type(link) is not self.h5py.HardLink:
-                    raise self.refuse(f"damaged, '{name}' is a link to somewhere else")
+                    raise self.refuse(f"damaged, '{name}' is a link to another place")
                 group = group[part]
         if missing:
             raise self.refuse(f"damaged, it lacks {', '.join(missing)}")
@@ -184,11 +184,11 @@ class Reader:
         """Read the first n rows of a dataset (all: None), fewer where there are no more and not `strict`."""
         dataset = self.file[name]
         if not isinstance(dataset, self.h5py.Dataset):
-            raise self.refuse(f"damaged, '{name}' is no dataset")
+            raise self.refuse(f"damaged, '{name}' is not a dataset")
         plan, h5d = dataset.id.get_create_plist(), self.h5py.h5d
         if (plan.get_nfilters() or plan.get_external_count()
                 or plan.get_layout() not in (h5d.CHUNKED, h5d.CONTIGUOUS, h5d.COMPACT)):
-            raise self.refuse(f"damaged, '{name}' has filters or lies in other files")
+            raise self.refuse(f"damaged, '{name}' has filters or refers to other files")
         if dataset.dtype != np.dtype(dtype) or dataset.ndim != 1 + len(shape) or dataset.shape[1:] != shape:
             raise self.refuse(f"damaged, '{name}' is {dataset.dtype} {dataset.shape}, expected {np.dtype(dtype)} {('n', *shape)}")
         n = len(dataset) if n is None else n
@@ -199,7 +199,7 @@ class Reader:
         row_bytes = dataset.dtype.itemsize * int(np.prod(shape, dtype=object))
         self.budget -= n * row_bytes
         if self.budget < 0 or row_bytes * (dataset.chunks or (0,))[0] > self.path.stat().st_size + MARGIN:
-            raise self.refuse(f"damaged, '{name}' claims more than the file holds")
+            raise self.refuse(f"damaged, '{name}' claims more data than the file holds")
         return dataset[:n]
 
     def group(self, group: str, shapes: Mapping[str, tuple[int, ...]], dtypes: Mapping[str, type], n: int,
@@ -233,7 +233,7 @@ def _parse_header(raw: Any) -> ResultHeader:
             raise ValueError(f"shape of {name}: {len(shape)} axes")
     for size in (raw["n_nodes"], *(k for shape in series.values() for k in shape)):
         if type(size) is not int or not 0 <= size < 2**40:
-            raise ValueError(f"header: {size!r:.60} is no size")
+            raise ValueError(f"header: {size!r:.60} is not a size")
     moving = raw.get("velocities", False), raw.get("spins", False)
     for name, there in zip(("velocities", "spins"), moving):
         _expect(name, there, bool)

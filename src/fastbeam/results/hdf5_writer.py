@@ -99,7 +99,7 @@ class ResultWriter:
         texts = _encode({item.name: getattr(header, item.name) for item in fields(header)}, "header")
         if parts_of(texts) > MOST_PARTS:
             raise ResultFileError(f"result file '{self.path}': the names of this model need more than {MOST_PARTS} lists, which "
-                                  "no reader accepts; make beams parts of nets, or run without file=")
+                                  "is the limit of readers; put beams into nets, or run without file=")
         self._state = _Waiting(header, dict.fromkeys(COUNTS, 0), 0, zlib.crc32(texts))
         self._events = 0
         self._snapshot_bytes = 8 * (1 + (12 + 3 * header.velocities + 3 * header.spins) * header.n_nodes)
@@ -150,7 +150,7 @@ class ResultWriter:
         size = self._state.count["events"] + len(text)
         if self._events >= MOST_EVENTS or size > MOST_EVENT_BYTES or parts_of(text) > MOST_PARTS:
             raise ResultFileError(f"result file '{self.path}': more than {MOST_EVENTS} events, {MOST_EVENT_BYTES} bytes of them "
-                                  f"or {MOST_PARTS} lists in them, which no reader accepts; leave some out")
+                                  f"or {MOST_PARTS} lists in them, which is the limit of readers; leave some out")
         self._state.text["events"] = text
         self._events += 1
         self._flush_when_due()
@@ -227,12 +227,12 @@ class ResultWriter:
         with suppress(OSError):
             if os.path.samestat(os.stat(self._where), os.fstat(self._raw.fileno())):
                 return
-        raise FileNotFoundError(errno.ENOENT, "it was removed, moved or replaced meanwhile")
+        raise FileNotFoundError(errno.ENOENT, "it was removed, moved or replaced during the run")
 
     def _unwritable(self, error: BaseException) -> ResultFileError:
         cause = str(error).replace("\n", " ")
-        advice = ("keep what a run has computed with .result.save(path) of this error" if isinstance(error, FileNotFoundError)
-                  else "it holds what was flushed before, make room or choose another path")
+        advice = ("save what the run has computed with .result.save(path) of this error" if isinstance(error, FileNotFoundError)
+                  else "it holds all rows written before; free disk space, or choose another path")
         return ResultFileError(f"result file '{self.path}': cannot be written ({cause}); {advice}")
 
     def _growth(self) -> int:

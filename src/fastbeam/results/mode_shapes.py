@@ -261,9 +261,9 @@ class Modes(Motions):
                         f"{self.residuals[k]:9.1e}   {masses}")
         more = []
         if self.left_out:
-            more.append(f"{self.left_out} beams of nets may spin about their axes, which is not listed")
+            more.append(f"{self.left_out} beams of nets may spin about their axes; these modes are not listed")
         if not self.is_complete:
-            more.append("whether modes are missing between these was not confirmed by pivots")
+            more.append("an inertia count could not confirm that no modes are missing between these")
         return "\n".join([*rows, *more, *self._doubts()])
 
 
@@ -409,7 +409,7 @@ class SteadyModes(DampedModes):
             rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.in_space[k]:14.8g} {self.whirl[k]:8.3f} "
                         f"{self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
         if not self.is_complete:
-            rows.append("whether modes are missing between these was not confirmed")
+            rows.append("a count could not confirm that no modes are missing between these")
         return "\n".join([*rows, *self._doubts()])
 
 

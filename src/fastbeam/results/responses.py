@@ -102,7 +102,7 @@ class FrequencyResponse(Tabled):
             They were not kept, or there is no such frequency.
         """
         if self.motions is None:
-            raise SceneError("shape: motions of all nodes were not kept; ask for them with shapes=True")
+            raise SceneError("shape: motions of all nodes were not kept; use frequency_response(shapes=True)")
         if k >= len(self):
             raise SceneError(f"frequency {k} does not exist: there are {len(self)}, counted from 0")
         return self.motions[k]

@@ -388,8 +388,8 @@ class Result(Readings, Exports, Doubts):
         """
         state = getattr(self, "state", None)
         if state is None:
-            raise SceneError("state_for: this result holds no state, files do not keep it; use the result of the run itself, or "
-                             "a checkpoint to go on in the same model")
+            raise SceneError("state_for: this result has no state, because files do not contain it; use the result of the run "
+                             "itself, or a checkpoint to continue in the same model")
         if isinstance(model, type) or not hasattr(model, "state_for") or not hasattr(model, "n_nodes"):
             raise SceneError(f"state_for: needs a compiled model, got {shown(model)}; model = fb.compile_scene(scene)")
         return model.state_for(self.names, state)

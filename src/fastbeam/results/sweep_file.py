@@ -66,7 +66,7 @@ class SweepFile:
             check_new("sweep file", self._where, path, True)
             self._old = self._where.open("rb") if self._where.exists() else None
             if self._old is not None and not lock(self._old, "LOCK_EX"):
-                raise ResultFileError(f"sweep file '{path}': another sweep writes it; wait for that, or choose another path")
+                raise ResultFileError(f"sweep file '{path}': another sweep writes to it; wait for that, or choose another path")
             text = json.dumps(header).encode()
             self._raw = self._part.open("wb")
             claim(self._raw.fileno(), 0, len(text) + MARGIN)
@@ -119,7 +119,7 @@ class SweepFile:
         numbers = np.concatenate(self._numbers)
         try:
             if shutil.disk_usage(self._where.parent).free < len(self._text) + numbers.nbytes + (1 << 20):
-                raise OSError("no room on the disk")
+                raise OSError("no disk space left")
             self._reserve(len(self._text) + numbers.nbytes + 2 * 9 * CHUNK)
             for name, data, k in (("rows", np.frombuffer(self._text, np.uint8), 0), ("numbers", numbers, 1)):
                 first = self._counts[k]
@@ -161,8 +161,8 @@ class SweepFile:
             _HELD[:] = [held for held in _HELD if held is not self._new]
 
     def _unwritable(self, error: BaseException) -> ResultFileError:
-        return ResultFileError(f"sweep file '{self.path}': cannot be written ({' '.join(str(error).split())}); make room or "
-                               "choose another path")
+        return ResultFileError(f"sweep file '{self.path}': cannot be written ({' '.join(str(error).split())}); free disk space, "
+                               "or choose another path")
 
 
 def let_go() -> None:
@@ -185,11 +185,11 @@ def _read(h5py: Any, path: Path, left_open: bool) -> tuple[dict[str, Any], list[
         with LeftOpen(path) if left_open else path.open("rb") as raw, h5py.File(raw, "r") as file:
             reader = Reader(h5py, file, path, left_open)
             if reader.attribute("format") != FORMAT or reader.attribute("version") != VERSION:
-                raise reader.refuse(f"no sweep of a format that is known ('{FORMAT}' {VERSION}); load_result reads results")
+                raise reader.refuse(f"not a sweep of a known format ('{FORMAT}' {VERSION}); load_result reads results")
             reader.present(["committed", "header", "rows", "numbers"])
             committed = reader.read("committed", np.int64, ()).tolist()
             if len(committed) != 5 or sum(committed) != 0 or min(committed[:4]) < 0:
-                raise reader.refuse("damaged, its counts are no counts")
+                raise reader.refuse("damaged, its counts are not valid")
             text = reader.read("rows", np.uint8, (), committed[0], strict=True).tobytes()
             numbers = reader.read("numbers", np.float64, (), committed[1], strict=True)
             header = reader.read("header", np.uint8, ()).tobytes()
@@ -199,7 +199,7 @@ def _read(h5py: Any, path: Path, left_open: bool) -> tuple[dict[str, Any], list[
             reader.bound("header", header)
             found = json.loads(header)
             if not isinstance(found, dict):
-                raise reader.refuse("damaged, its header is none")
+                raise reader.refuse("damaged, its header is missing")
             return found, [_row(json.loads(line), numbers) for line in text.splitlines()]
     except ResultFileError:
         raise

@@ -69,11 +69,11 @@ def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, ref
         hint = "; .pvd and .vtu are older formats with a file for every time" if older else ""
         raise SceneError(f"to_vtk: path must end in .vtkhdf, got '{path.name}'{hint}")
     if not len(result.t_snap):
-        raise SceneError("to_vtk: the result holds no snapshots, simulate(..., output=Output(snapshots=100)) records some")
+        raise SceneError("to_vtk: the result has no snapshots; record some with simulate(..., output=Output(snapshots=100))")
     h5py = import_h5py()
     shape = _shape(result, surface, refine, sections)
     if not shape.n_points:
-        raise SceneError("to_vtk: the result names no beams, bodies or sliders, so nothing can be drawn")
+        raise SceneError("to_vtk: the result has no beams, bodies or sliders to draw")
     dtype = np.float64 if double else np.float32
     where = Path(os.path.realpath(path))
     size = shape.size(len(result.t_snap), np.dtype(dtype).itemsize) + OVERHEAD
@@ -82,8 +82,8 @@ def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, ref
         check_new("file", where, path, overwrite)
         free = shutil.disk_usage(where.parent).free
         if size > free:
-            raise ResultFileError(f"file '{path}': needs {size / 1e6:.0f} MB and {free / 1e6:.0f} MB are free; choose another "
-                                  "place, or leave out shapes or double=True")
+            raise ResultFileError(f"file '{path}': needs {size / 1000000.0:.0f} MB, but only {free / 1000000.0:.0f} MB are free; "
+                                  "choose another place, or leave out shapes or double=True")
         with part.open("wb") as raw:
             claim(raw.fileno(), 0, size)
         with h5py.File(part, "w", libver="latest") as file, part.open("rb+") as raw:
@@ -91,7 +91,7 @@ def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, ref
             _write(file, shape, result.t_snap, dtype, h5py)
         os.replace(part, where)
     except (OSError, RuntimeError) as error:
-        raise ResultFileError(f"file '{path}': cannot be written ({error}); make room or choose another path") from error
+        raise ResultFileError(f"file '{path}': cannot be written ({error}); free disk space, or choose another path") from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
@@ -217,7 +217,7 @@ def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Ca
         at = lines.labels.index(name) if name in lines.labels else -1
         points = np.flatnonzero(lines.parts[lines.beam_of] == at)
         if not points.size or np.isnan(lines.s[points]).any():
-            raise SceneError(f"to_vtk: sections: {shown(name)} is no beam of this result; choose from "
+            raise SceneError(f"to_vtk: sections: {shown(name)} is not a beam of this result; choose from "
                              f"{known(lines.labels, name)}")
         if not all(hasattr(forces, x) for x in ("t", "s", *RESULTANTS)):
             raise SceneError(f"{need}, got {shown(forces)} for beam '{name}'")

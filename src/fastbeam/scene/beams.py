@@ -500,9 +500,8 @@ def strained(who: str, section: Section, prestrain: float, prestress: float) -> 
     if prestress != 0.0:
         out = np.linalg.solve(section.C, np.array([prestress, 0, 0, 0, 0, 0]))
         if not out[0] <= 0.99:
-            raise SceneError(f"{who}: prestress={prestress:.6g} N strains it by {out[0]:.3g}, so that without stress it would "
-                             f"have no "
-                             f"length; at most 0.99, here {0.99 * prestress / out[0]:.6g} N")
+            raise SceneError(f"{who}: prestress={prestress:.6g} N gives it a prestrain of {out[0]:.3g}, so its unstressed length "
+                             f"would not be positive. The prestrain must be at most 0.99, here {0.99 * prestress / out[0]:.6g} N")
     return out
 
 

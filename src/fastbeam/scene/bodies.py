@@ -48,18 +48,18 @@ class Node:
     def __call__(self, value: Any) -> NodeRef:
         if isinstance(value, NodeRef):
             if value.owner.kind == "ground" and not self.fixed:
-                raise Refusal("is a point of the ground, which stands still by itself; springs, distance joints and joints with "
-                              "axes take it, for others clamp a PointMass there")
+                raise Refusal("is a point of the ground, which is fixed already; springs, distance joints and joints with axes "
+                              "accept it, for others clamp a PointMass there")
             return value
         if getattr(value, "kind", None) == "ground" and not isinstance(value, type):
             raise Refusal("is the ground as a whole; " + ("say which point of it: GROUND.point((x, y, z))" if self.fixed else
-                                                          "joints with axes take it, for others clamp a PointMass"))
+                                                          "joints with axes accept it, for others clamp a PointMass"))
         if isinstance(value, (RigidBody, PointMass)):
             return value.center
         if isinstance(value, Beam):
-            raise Refusal(f"names all of {value.label}; use its start, end, node(i) or at(s)")
+            raise Refusal(f"names the whole {value.label}; use its start, end, node(i) or at(s)")
         if isinstance(value, Net):
-            raise Refusal(f"names all of {value.label}; use its node(i), or a node of its beam(k)")
+            raise Refusal(f"names the whole {value.label}; use its node(i), or a node of its beam(k)")
         hint = "; use beam.start, beam.end or beam.node(i)" if isinstance(value, (int, float, np.number)) else ""
         hint = hint or ("; give the object itself, not a name" if isinstance(value, str) else "")
         raise Refusal(f"must be a node of a beam, a RigidBody, a point of one, or a PointMass, got {shown(value)}{hint}")
@@ -71,7 +71,7 @@ class Steady:
 
     def __call__(self, value: Any) -> Array:
         if callable(value):
-            raise Refusal(f"must be 3 finite numbers, got {shown(value)}; what changes in time is given as time=a function of t")
+            raise Refusal(f"must be 3 finite numbers, got {shown(value)}; for changes in time give time=a function of t")
         return Vector(value)
 
 
@@ -84,7 +84,7 @@ class Movable:
         objects = (value,) if one else tuple(islice(value, MOST_OBJECTS + 1))
         wrong = [item for item in objects if not isinstance(item, MOVABLE)]
         if not objects:
-            raise Refusal("is empty, so it would move nothing; name the parts that move, or leave objects out to move everything")
+            raise Refusal("is empty; name the parts that move, or leave objects out to move everything")
         if wrong or len(objects) > MOST_OBJECTS:
             hint = f"; give {wrong[0].owner.label} itself" if wrong and isinstance(wrong[0], NodeRef) else "; None: everything"
             raise Refusal(f"must be beams, nets, bodies and point masses, got {shown(wrong[0] if wrong else objects)}{hint}")
@@ -195,8 +195,8 @@ def _inertia(who: str, value: Any) -> Array:
     if moments[0] < -1e-9 * scale:
         raise SceneError(f"{who}: inertia must not be negative, its smallest principal moment is {moments[0]:.6g} kg m^2")
     if moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
-        raise SceneError(f"{who}: principal moments {checks.shown(moments)} kg m^2 belong to no body: the largest exceeds the "
-                         "sum of the other two (triangle inequality)")
+        raise SceneError(f"{who}: no body has the principal moments {checks.shown(moments)} kg m^2: the largest exceeds the sum "
+                         "of the other two (triangle inequality)")
     return checks.constant(0.5 * (tensor + tensor.T))
 
 
@@ -277,7 +277,7 @@ class Load:
             raise SceneError(f"{who}: give force (N) or moment (N m), 3 numbers each")
         checks.fill(self, **{key: checks.constant(np.zeros(3)) for key in ("force", "moment") if getattr(self, key) is None})
         if isinstance(self.at.owner, PointMass) and self.follower:
-            raise SceneError(f"{who}: {self.at.label} has no triad that turns; use a RigidBody or leave follower out")
+            raise SceneError(f"{who}: {self.at.label} has no directors that turn; use a RigidBody or leave follower out")
         if isinstance(self.at.owner, PointMass) and np.any(self.moment):
             raise SceneError(f"{who}: {self.at.label} has no rotation and takes no moment; use a RigidBody or leave moment out")
 
@@ -314,8 +314,8 @@ class DistributedLoad:
         if self.force is None and self.moment is None:
             raise SceneError(f"{who}: give force or moment per length")
         if self.follower and (callable(self.force) or callable(self.moment) or self.beam.interpolation != "lagrange"):
-            raise SceneError(f"{who}: with follower=True force and moment are 3 numbers, on a beam with Lagrange elements; split "
-                             "the beam where they change, or write a UserForce")
+            raise SceneError(f"{who}: with follower=True force and moment must be 3 numbers, on a beam with Lagrange elements; "
+                             "split the beam where they change, or write a UserForce")
         for key in ("force", "moment"):
             checks.try_field(who, key, getattr(self, key), self.beam.length)
 

@@ -159,7 +159,7 @@ def refuse_jumps(value: Any) -> Any:
     """Return the value; raise Refusal for a table that jumps."""
     jumps = getattr(value, "_jumps", ())
     if len(jumps):
-        raise Refusal(f"must not jump, this Signal does at t = {jumps[0]:.6g} s; give the change some time")
+        raise Refusal(f"must not jump, but this Signal does at t = {jumps[0]:.6g} s; let the value change over some time")
     return value
 
 
@@ -182,7 +182,7 @@ def tried(function: Callable[[Any], Any], at: Any, where: str) -> Any:
     try:
         return function(at)
     except Exception as error:
-        text = f"must not fail, {where} it raises {type(error).__name__}: {error}"
+        text = f"must not fail, but raises {type(error).__name__} {where}: {error}"
         raise Refusal(f"{text:.200}") from error
 
 

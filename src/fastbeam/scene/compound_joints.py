@@ -152,8 +152,8 @@ class PlanarJoint(AxisJoint):
         if self.along is not None:
             found = checks.direction(self.label, "along", self.along)
             if abs(float(found @ self.normal)) > UPRIGHT:
-                raise SceneError(f"{self.label}: along={checks.shown(self.along)} does not lie in the plane, whose normal is "
-                                 f"{checks.shown(self.normal)}; take a direction at a right angle to it")
+                raise SceneError(f"{self.label}: along={checks.shown(self.along)} must lie in the plane with the normal "
+                                 f"{checks.shown(self.normal)}; give a direction perpendicular to the normal")
             checks.fill(self, along=found - (found @ self.normal) * self.normal)
 
     @property
@@ -223,7 +223,7 @@ class UniversalJoint(AxisJoint):
         if abs(float(a @ b)) > UPRIGHT:
             angle = float(np.degrees(np.arccos(np.clip(a @ b, -1.0, 1.0))))
             raise SceneError(f"{who}: axis_a={checks.shown(self.axis_a)} and axis_b={checks.shown(self.axis_b)} make an angle of "
-                             f"{angle:.10g} degrees, the arms of a cross are at a right angle; turn one of them")
+                             f"{angle:.10g} degrees, but the arms of a cross are perpendicular; turn one of them")
         checks.fill(self, axis_a=a, axis_b=b - (a @ b) * a)
 
     @property
@@ -282,7 +282,7 @@ class SphericalJoint(OneAxisJoint):
     def _clean(self) -> None:
         super()._clean()
         if self.cone is not None and not (self.cone.start is None and 0.0 < self.cone.between[1] < np.pi):
-            raise SceneError(f"{self.label}: cone={self.cone} is to bound the swing from above, by an angle between 0 and pi; "
+            raise SceneError(f"{self.label}: cone={self.cone} must limit the swing from above, by an angle between 0 and pi; "
                              "write fb.Stops(end=...)")
 
     @property

@@ -120,8 +120,8 @@ class Crossing:
         checks.fill(self, knot=knot, slider_a=sides[0], slider_b=sides[1])
         tangents = [] if self._is_off() else [x.beam.reference(x.at)[1][0, 0] for x in sides]
         if tangents and np.linalg.norm(np.cross(*tangents)) < 1e-3:
-            raise SceneError(f"{who}: {self.beam_a.label} and {self.beam_b.label} are parallel there, so the point where they "
-                             "touch is not determined; they have to cross at an angle")
+            raise SceneError(f"{who}: {self.beam_a.label} and {self.beam_b.label} are parallel there, so their contact point is "
+                             "not determined; let them cross at an angle")
 
     @property
     def point(self) -> NodeRef:

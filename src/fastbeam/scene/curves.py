@@ -166,7 +166,7 @@ class FittedCurve:
         if np.min(per_t) < 1e-6 * self.length:
             panel, node = np.unravel_index(int(np.argmin(per_t)), per_t.shape)
             t = self._t_ends[panel] + 0.5 * (NODES[node] + 1.0) * (self._t_ends[panel + 1] - self._t_ends[panel])
-            raise SceneError(f"{self.who}: the curve stands still at t={t:.6g}; choose a parameter with non-zero speed")
+            raise SceneError(f"{self.who}: the curve has zero speed at t={t:.6g}; use a parameter with non-zero speed")
 
     def _transport_frame(self, d2: Any) -> Array:
         """Return coefficients [panels, 25, 3] of the rotation-minimising d2: d2_x = -(d2 . t_x) t, solved by collocation."""
@@ -204,7 +204,7 @@ class FittedCurve:
         """Return r carried by the smallest rotation that takes t_from to t_to."""
         both = 1.0 + float(t_from @ t_to)
         if both < 1e-10:
-            raise SceneError(f"{self.who}: the curve turns back on itself near t={self._t_ends[panel]:.6g}; give frame=")
+            raise SceneError(f"{self.who}: the curve reverses its direction near t={self._t_ends[panel]:.6g}; give frame=")
         turned = r - (float(r @ t_to) / both) * (t_from + t_to)
         turned = turned - (turned @ t_to) * t_to
         return turned / np.linalg.norm(turned)
@@ -276,7 +276,8 @@ class FittedCurve:
             else:
                 d2[k] = checks.direction(self.who, what, value)
                 if np.linalg.norm(np.cross(d2[k], d1[k])) < 1e-6:
-                    raise SceneError(f"{self.who}: {what} is parallel to the beam axis {checks.shown(d1[k])}; d2 lies across it")
+                    raise SceneError(f"{self.who}: {what} is parallel to the beam axis {checks.shown(d1[k])}; give a d2 across "
+                                     "the axis")
         return d2
 
 

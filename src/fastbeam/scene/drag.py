@@ -86,13 +86,14 @@ class Drag(Named):
             raise SceneError(f"{self.label}: give normal, tangential or linear")
         fill(self, parameters=np.array(self.parameters, dtype=float))
         if self.wind is not None and (np.any(self.air) or self.time is not None):
-            raise SceneError(f"{self.label}: wind gives the velocity of the air in place and time; leave air and time out")
+            raise SceneError(f"{self.label}: wind is the velocity of the air in place and time already; leave air and time out")
         if self.wind is None and self.parameters.size:
-            raise SceneError(f"{self.label}: parameters are numbers for wind, which is left out")
+            raise SceneError(f"{self.label}: parameters are numbers for wind; give wind, or leave parameters out")
         if self.time is not None and not np.any(self.air):
             raise SceneError(f"{self.label}: time is a factor of air, which is 0; give air, the velocity where the factor is 1")
         if self.tangential > 0.0 and not self.is_slender:
-            raise SceneError(f"{self.label}: {self.on.label} has no direction; give normal, its whole resistance")
+            raise SceneError(f"{self.label}: {self.on.label} has no direction; give normal, which then is its whole drag "
+                             "coefficient")
 
     @property
     def blows(self) -> bool:

@@ -145,7 +145,7 @@ class Freedom:
         """Check the arguments for contradictions. Raises SceneError."""
         who, (place, motor, unit) = self.label, self.words
         if self.place is not None and self.speed is not None:
-            raise SceneError(f"{who}: {place}= and speed= both say how it moves; give one of them")
+            raise SceneError(f"{who}: {place}= and speed= both prescribe its motion; give one of them")
         if self.is_given:
             given = f"{place}=" if self.place is not None else "speed="
             others = {"stiffness": self.stiffness > 0.0, "damping": self.damping > 0.0, motor: self.motor is not None,
@@ -153,18 +153,18 @@ class Freedom:
                       "stops": self.stops is not None}
             for what, is_there in others.items():
                 if is_there:
-                    raise SceneError(f"{who}: {given} says how it moves, whatever that takes, so {what}= changes nothing; leave "
+                    raise SceneError(f"{who}: {given} prescribes its motion whatever the force, so {what}= has no effect; leave "
                                      "one of them out")
         if self.drive is not None and self.drive.is_prescribed:
-            raise SceneError(f"{who}: a drive that says how it moves, whatever that takes, is {place}= or speed= of the joint; "
-                             "drive= is for a force, or a controller with stiffness=, damping= and limit=")
+            raise SceneError(f"{who}: drive= is for a force, or a controller with stiffness=, damping= and limit=; prescribe its "
+                             f"motion by {place}= or speed= of the joint")
         if self.stops is not None:
             if self.stops.on_tracks:
                 raise SceneError(f"{who}: stops: (track, s) is a place on a Switch; give a distance, m, or an angle, rad")
             low, high = self.stops.between
             if not low <= 0.0 <= high:
-                raise SceneError(f"{who}: stops from {self.stops.start} to {self.stops.end} {unit} exclude its start, where the "
-                                 f"{place} is 0; begin between them")
+                raise SceneError(f"{who}: stops from {self.stops.start} to {self.stops.end} {unit} must enclose its {place} at "
+                                 "the start, 0; begin between them")
 
 
 ACTING = tuple(x.name for x in fields(Freedom) if x.name not in ("joint", "shape", "which", "alone"))

@@ -18,10 +18,11 @@ def _check_pin(who: str, coefficient: float, length: float | None, radius: float
     Raises SceneError.
     """
     if coefficient > 0.0 and radius == 0.0:
-        raise SceneError(f"{who}: coefficient= is friction on the surface of a pin; give its radius= too, m > 0")
+        raise SceneError(f"{who}: coefficient= is friction on the surface of a pin and needs its radius; give radius=, m > 0")
     if coefficient == 0.0 and (length is not None or (radius or 0.0) != 0.0):
         what = "length" if length is not None else "radius"
-        raise SceneError(f"{who}: {what}= belongs to friction by the load, coefficient=; give that too, or leave it out")
+        raise SceneError(f"{who}: {what}= is part of friction by the load and needs coefficient=; give that too, or leave "
+                         f"{what}= out")
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N m/rad"),

@@ -51,7 +51,7 @@ def truth(function: Any, t: float, s: float, rate: float) -> float | None:
     try:
         found = function(t, s, rate)
     except Exception as error:
-        text = f"must not fail, at t = {t:.6g}, s = {s:.6g}, rate = {rate:.6g} it raises {type(error).__name__}: {error}"
+        text = f"must not fail, but raises {type(error).__name__} at t = {t:.6g}, s = {s:.6g}, rate = {rate:.6g}: {error}"
         raise Refusal(f"{text:.200}") from error
     if isinstance(found, (bool, np.bool_)):
         return 1.0 if found else -1.0
@@ -100,7 +100,7 @@ class Lock:
 
     def __post_init__(self) -> None:
         if self.when is not None and self.at is not None:
-            raise SceneError("lock: give when= or at=, not both; a function of (t, s, rate) may ask for both")
+            raise SceneError("lock: give when= or at=, not both; a function of (t, s, rate) can combine both")
         if isinstance(self.until, float) and isinstance(self.when, float) and not self.until > self.when:
             raise SceneError(f"lock: until={self.until:.6g} s must lie after when={self.when:.6g} s")
 
@@ -171,7 +171,8 @@ class OneSided:
 
     def __post_init__(self) -> None:
         if not np.linalg.norm(self.side) > 0.0:
-            raise SceneError("one-sided contact: side=(0, 0, 0) is no direction; give that in which the point may lift off")
+            raise SceneError("one-sided contact: side=(0, 0, 0) has no direction; give the direction in which the point may lift "
+                             "off")
 
 
 @dataclass(frozen=True)
@@ -213,13 +214,14 @@ def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tu
     latest = -np.inf
     for i, lock in enumerate(locks):
         if i and lock.from_start:
-            raise SceneError(f"{who}: lock: the one after another needs a time, a place or a condition, as in fb.Lock(at=2.0)")
+            raise SceneError(f"{who}: lock: a lock after another one needs a time, a place or a condition, as in fb.Lock(at=2.0)")
         if i < len(locks) - 1 and lock.until is None:
-            raise SceneError(f"{who}: lock: one that holds for good (until=None) must be the last")
+            raise SceneError(f"{who}: lock: a lock without end (until=None) must be the last one")
         for time in (lock.when, lock.until):
             if isinstance(time, float):
                 if time < latest:
-                    raise SceneError(f"{who}: lock: times must grow from one to the next, {time:.6g} s follows {latest:.6g} s")
+                    raise SceneError(f"{who}: lock: times must increase from lock to lock, but {time:.6g} s follows {latest:.6g} "
+                                     "s")
                 latest = time
         if isinstance(lock.when, str):
             there = [] if stops is None or not stops.is_rigid else [w for w in (START, END) if getattr(stops, w) is not None]
@@ -234,6 +236,6 @@ def check_release(who: str, release: Release, stops: Stops | None, closed: bool)
     if not isinstance(release.when, str):
         return
     if closed:
-        raise SceneError(f"{who}: release: a closed path has no {release.when}; give a time or a condition")
+        raise SceneError(f"{who}: release: a closed path has no {release.when} to leave; give a time or a condition")
     if stops is not None and stops.is_rigid and getattr(stops, release.when) is not None:
-        raise SceneError(f"{who}: release: a rigid stop stands before the {release.when} of its beam; leave one of them out")
+        raise SceneError(f"{who}: release: the {release.when} of its beam lies behind a rigid stop; leave one of them out")

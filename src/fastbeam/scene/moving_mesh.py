@@ -46,12 +46,13 @@ def check_acting(who: str, slider: Slider) -> None:
     given = {"a lock": slider.lock, "a release": slider.release, "one-sided contact": slider.one_sided}
     for what, value in given.items():
         if value is not None:
-            raise SceneError(f"{label} has {what}, which elements that move do not know; leave it out, or the moving mesh")
+            raise SceneError(f"{label} has {what}, which moving elements do not support; leave it out, or leave the moving mesh "
+                             "out")
     if isinstance(slider, Sleeve) and has_coulomb(slider):
         for name in ("radius", "key_radius"):
             if getattr(slider, name) is not None:
-                raise SceneError(f"{label} has {name}=, friction by moments about the axis, which elements that move do not "
-                                 "know; leave it out, or the moving mesh")
+                raise SceneError(f"{label} has {name}=, friction by moments about the axis, which moving elements do not "
+                                 "support; leave it out, or leave the moving mesh out")
 
 
 def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
@@ -60,20 +61,21 @@ def check_places(who: str, beam: Beam, sliders: Sequence[Slider]) -> None:
     Raises SceneError: names the slider, and says where it may be.
     """
     near, length = NEAREST * beam.length, beam.length
-    allowed = f"elements that move need contacts between {near:.4g} and {length - near:.4g} m of {beam.label}"
+    allowed = f"moving elements need contacts between {near:.4g} and {length - near:.4g} m of {beam.label}"
     for slider in sliders:
         if not near <= slider.at <= length - near:
             raise SceneError(f"{who}: {slider.kind} {slider.name!r} stands at={slider.at:.6g} m: {allowed}; start it there")
         stops = () if slider.stops is None else (slider.stops.start, slider.stops.end)
         for stop in stops:
             if stop is not None and not near <= stop <= length - near:
-                raise SceneError(f"{who}: {slider.kind} {slider.name!r} has a stop at {stop:.6g} m, which it does not reach: "
-                                 f"{allowed}; put the stop there, or leave it out")
+                raise SceneError(f"{who}: {slider.kind} {slider.name!r} has a stop at {stop:.6g} m, which it cannot reach: "
+                                 f"{allowed}; move the stop there, or leave it out")
     row = sorted(sliders, key=lambda slider: slider.at)
     for one, other in zip(row[:-1], row[1:]):
         if other.at - one.at < near:
             raise SceneError(f"{who}: sliders {one.name!r} and {other.name!r} at {one.at:.6g} and {other.at:.6g} m of "
-                             f"{beam.label} are nearer than {near:.3g} m: no element fits between them; start them further apart")
+                             f"{beam.label} are nearer than {near:.3g} m, so no element fits between them; start them further "
+                             "apart")
 
 
 @checked(beam=ABeam(), sliders=SomeSliders(), velocity=FIELD, spin=FIELD)
@@ -116,8 +118,8 @@ class MovingMesh:
             raise SceneError(f"{self.label}: needs interpolation='lagrange' and strain='simo_reissner', got "
                              f"{beam.interpolation!r} and {beam.strain!r}; make the beam with these")
         if np.any(beam.section.damping):
-            raise SceneError(f"{self.label}: its section has damping, which elements that move do not know; leave it out, or the "
-                             "moving mesh")
+            raise SceneError(f"{self.label}: its section has damping, which moving elements do not support; leave it out, or "
+                             "leave the moving mesh out")
         for slider in self.sliders:
             self._check(slider)
         check_places(self.label, beam, self.sliders)
@@ -132,20 +134,20 @@ class MovingMesh:
         check_acting(self.label, slider)
         if isinstance(slider, Sleeve) and slider.length and not has_coulomb(slider):
             raise SceneError(f"{self.label}: sleeve {slider.name!r} has a bore of length={slider.length:.6g} m (by default an "
-                             "element), and elements that move end at one point of it; give length=0, or use "
+                             "element), but a moving mesh needs a sleeve that acts at one point; give length=0, or use "
                              "with_moving_meshes(scene)")
         if isinstance(slider, Sleeve) and has_coulomb(slider):
             off = float(np.linalg.norm(slider.place - beam.reference(slider.at)[0][0]))
             if off > 1e-9 * beam.length:
                 raise SceneError(f"{self.label}: sleeve {slider.name!r} with friction on a curved beam lies {off:.3g} m off it, "
-                                 "on the mean over its bore, and elements that move know no bore; leave the friction out, or "
-                                 "the moving mesh")
+                                 "at the mean over its bore, but moving elements support no bore; leave the friction out, or "
+                                 "leave the moving mesh out")
         if not isinstance(slider.point.owner, (Beam, PointMass)) and slider.point.owner.kind != "body":
-            raise SceneError(f"{self.label}: slider {slider.name!r}: {slider.point} cannot run on elements that move; slide a "
+            raise SceneError(f"{self.label}: slider {slider.name!r}: {slider.point} cannot slide on moving elements; slide a "
                              "PointMass, a RigidBody or a node of another Beam")
         if np.min(np.abs(beam.basis.element_ends - slider.at)) > 1e-9 * beam.length:
-            raise SceneError(f"{self.label}: no element ends at={slider.at:.10g} m, where slider {slider.name!r} begins; put an "
-                             "end there with elements=[...], or use with_moving_meshes(scene)")
+            raise SceneError(f"{self.label}: slider {slider.name!r} begins at={slider.at:.10g} m, where no element ends; put an "
+                             "element end there with elements=[...], or use with_moving_meshes(scene)")
 
     @property
     def label(self) -> str:

@@ -221,10 +221,10 @@ def check_path(path: Path, tolerance: float) -> None:
         beam = other.owner
         far = beam.start if other == beam.end else beam.end
         if np.linalg.norm(beam.reference([beam.node_s[far.index]])[0][0] - here) <= tolerance:
-            cure = f"{beam.label} meets it with its other end: change its direction ((beam, -1) runs backwards)"
+            cure = f"{beam.label} meets it with its other end: reverse its direction ((beam, -1) runs backwards)"
         elif path.closed and k == len(joints) - 1:
-            cure = "leave closed=True out, or add the beams that lead back"
-        raise SceneError(f"{path.label}: {one} and {other} do not meet, they lie {gap:.6g} m apart; {cure}")
+            cure = "leave closed=True out, or add the beams that return to the first one"
+        raise SceneError(f"{path.label}: {one} and {other} do not meet, their distance is {gap:.6g} m; {cure}")
 
 
 @dataclass(frozen=True)

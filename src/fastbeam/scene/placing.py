@@ -155,5 +155,6 @@ class Placing:
                 continue
             gap = float(np.linalg.norm(position - place))
             if gap > tolerance:
-                raise SceneError(f"{mass.label}: {who(first)} and {who(link)} place it {gap:.6g} m apart; make them agree"
+                raise SceneError(f"{mass.label}: {who(first)} and {who(link)} place it at points {gap:.6g} m apart; make them "
+                                 "agree"
                                  + (", or give its position" if isinstance(link, RigidConnection) else ""))

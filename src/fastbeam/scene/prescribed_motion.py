@@ -170,14 +170,15 @@ class PrescribedMotion(Named):
     def __post_init__(self) -> None:
         check_since(self.label, self.since, self.until)
         if self.since is not None and self.position is not None:
-            raise SceneError(f"{self.label}: since: the node is caught where it is then; give displacement instead of position")
+            raise SceneError(f"{self.label}: since: the motion starts from wherever the node is at that time; give displacement "
+                             "instead of position")
         if self.position is not None and self.displacement is not None:
             raise SceneError(f"{self.label}: give position or displacement, not both")
         if self.position is None and self.displacement is None and self.rotation is None:
-            raise SceneError(f"{self.label}: give position or displacement as a function of t, or rotation")
+            raise SceneError(f"{self.label}: give position, displacement or rotation, as a function of t")
         if not self.at.is_center:
-            raise SceneError(f"{self.label}: a body is moved by its centre, got {self.at}; join what moves to it with a "
-                             "RigidConnection, or move a PointMass on a BallJoint")
+            raise SceneError(f"{self.label}: a body is moved by its centre, got {self.at}; prescribe the centre, or move a "
+                             "PointMass that a BallJoint joins to the body")
         self.place(0.0)
 
     @property
@@ -383,7 +384,7 @@ class Signal:
         """Return the value at time t, s: a number, or (3,)."""
         if not self.rest and not self.begin <= t <= self.end:
             raise SceneError(f"Signal: t = {t:.6g} s lies outside its table, {self.begin:.6g} to {self.end:.6g} s; give more "
-                             "values, or rest=True where nothing moves beyond it")
+                             "values, or rest=True if the motion is at rest outside")
         if self.begin <= t < self.end:
             found = self._curve(float(t))
         else:
@@ -446,15 +447,15 @@ def _table(who: str, times: Any, values: Any, direction: Any, fewest: int, jumps
         more = "; a jump, two rows at one time, takes interpolation='linear'" if asks else ""
         raise SceneError(f"{who}: times must increase, and be at least {fewest}, got {shown(times)}{more}")
     if np.any((step[1:] == 0.0) & (step[:-1] == 0.0)):
-        raise SceneError(f"{who}: a jump is two rows at one time, with the values before and behind it; t "
-                         f"= {times[2:][(step[1:] == 0.0) & (step[:-1] == 0.0)][0]:.6g} s stands there more often")
+        raise SceneError(f"{who}: a jump needs exactly two rows at one time, with the values before and after it, but more rows "
+                         f"have t = {times[2:][(step[1:] == 0.0) & (step[:-1] == 0.0)][0]:.6g} s")
     if len(values) != len(times):
         what = "values" if who == "Signal" else "accelerations"
         raise SceneError(f"{who}: {what} must be as many as times, got {len(values)} and {len(times)}")
     if direction is None:
         return np.asarray(values)
     if values.ndim == 2:
-        raise SceneError(f"{who}: direction belongs to values [n]; these are vectors already")
+        raise SceneError(f"{who}: direction is for scalar values [n], but these are vectors already; leave it out")
     return np.asarray(values[:, None] * direction)
 
 
@@ -478,7 +479,8 @@ def _through(who: str, times: Array, values: Array, ends: str, interpolation: st
     except (ValueError, np.linalg.LinAlgError):
         good = False
     if not good:
-        raise SceneError(f"{who}: no curve goes through this table, its numbers are too large or its times too close")
+        raise SceneError(f"{who}: no interpolating curve was found for this table, because its numbers are too large or its "
+                         "times too close")
     return curve
 
 

@@ -77,7 +77,7 @@ class OnePart:
                 hint = f"; add {value.owner.label}"
             elif isinstance(value, Path):
                 hint = "; add its beams, and name it in its sliders: Slider(name, point, on=path, at=s)"
-            raise Refusal(f"{shown(value)} is no part of a scene{hint}")
+            raise Refusal(f"{shown(value)} is not a part of a scene{hint}")
         return value
 
 
@@ -313,10 +313,11 @@ class Scene(notebook.Parts):
         """Check that the contact lies on another beam than the point's own."""
         beam, point = slider.beam, slider.point
         if any(point.owner is one for one in slider.beams):
-            raise SceneError(f"{who(slider)}: {point} belongs to the beam it slides on; the point must belong to something else")
+            raise SceneError(f"{who(slider)}: {point} belongs to the beam that it slides on; the point must belong to another "
+                             "part")
         if slider.is_endless and abs(slider.at) > MOST_ROUNDS * beam.length:
-            raise SceneError(f"{who(slider)}: at={slider.at:.6g} is more than {MOST_ROUNDS:g} times around {beam.label} ("
-                             f"{beam.length:.6g} m); leave whole rounds out")
+            raise SceneError(f"{who(slider)}: at={slider.at:.6g} is more than {MOST_ROUNDS:g} times around {beam.label} "
+                             f"({beam.length:.6g} m); subtract whole rounds")
         if not (slider.is_endless or isinstance(beam, Switch)) and not 0.0 <= slider.at <= beam.length:
             raise SceneError(f"{who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
@@ -329,7 +330,7 @@ class Scene(notebook.Parts):
         for switch, names in on.items():
             unknown = [name for name in switch.choose if name not in names] if isinstance(switch.choose, dict) else []
             if unknown:
-                raise SceneError(f"{switch.label}: choose names {unknown[0]!r}, which is no slider on it; its sliders are "
+                raise SceneError(f"{switch.label}: choose names {unknown[0]!r}, which is not a slider on it; its sliders are "
                                  f"{known(names, unknown[0])}")
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:

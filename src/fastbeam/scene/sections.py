@@ -41,10 +41,10 @@ class Damping:
         scaled = found / np.outer(*[np.where(scale > 0.0, scale, 1.0)] * 2)
         skew = float(np.max(np.abs(scaled - scaled.T)))
         if skew > 1e-9:
-            raise Refusal(f"must be symmetric where it is a matrix, it deviates by {skew:.3g} of its diagonal")
+            raise Refusal(f"a matrix must be symmetric, but differs from its transpose by {skew:.3g} of its diagonal")
         least = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
         if least < -1e-12:
-            raise Refusal("must not be negative where it is a matrix: it would put energy in, its smallest eigenvalue is "
+            raise Refusal("a matrix must be positive semidefinite, because others add energy; its smallest eigenvalue is "
                           f"{least:.3g} (after scaling to a unit diagonal)")
         return constant(0.5 * (found + found.T))
 

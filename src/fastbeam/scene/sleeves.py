@@ -80,41 +80,42 @@ class Sleeve(Slider):
         super().__post_init__()
         who = checks.label(self.kind, self.name)
         if self.release is not None or self.one_sided is not None:
-            raise SceneError(f"{who}: a sleeve does not leave its beam; use a Slider for release= and one_sided=")
+            raise SceneError(f"{who}: a sleeve cannot leave its beam; use a Slider for release= and one_sided=")
         if isinstance(self.point.owner, PointMass):
-            raise SceneError(f"{who}: {self.point} has no direction that could hold a section; use a RigidBody, or a Slider")
+            raise SceneError(f"{who}: {self.point} has no rotation to constrain a section; use a RigidBody, or a Slider")
         if self.friction is not None and self.friction.coefficient > 0.0 and not self.length:
-            raise SceneError(f"{who}: friction={self.friction.coefficient:.6g} needs the length of the bore, whose edges carry "
-                             "its moments (|F_n| = |F| + 2 |M|/length); give length=, m, greater than 0")
+            raise SceneError(f"{who}: friction={self.friction.coefficient:.6g} needs the length of the bore, whose edges "
+                             "transmit its moments (|F_n| = |F| + 2 |M|/length); give length=, m, greater than 0")
         if self.key_radius is not None and not self.keyed:
-            raise SceneError(f"{who}: key_radius={self.key_radius:.6g} m, but keyed=False lets the beam twist; leave one of them "
-                             "out")
+            raise SceneError(f"{who}: key_radius={self.key_radius:.6g} m needs a sleeve that fixes the twist, but keyed=False "
+                             "releases it; leave one of them out")
         if self.radius is not None:
             self._check_radius(who)
         if self.length is None:
             checks.fill(self, length=self.beam.length / self.beam.basis.n_elements)
         if self.length > self.beam.length:
-            raise SceneError(f"{who}: length={self.length:.6g} m of its bore exceeds that of {self.beam.label}, "
+            raise SceneError(f"{who}: the bore, length={self.length:.6g} m, is longer than {self.beam.label}, "
                              f"{self.beam.length:.6g} m")
         if 0.0 < self.length < LEAST_BORE * self.beam.length:
-            raise SceneError(f"{who}: length={self.length:.6g} m of its bore is less than {LEAST_BORE:.0g} of that of "
-                             f"{self.beam.label}; give length=0 for a sleeve that holds a single point, or a longer bore")
+            raise SceneError(f"{who}: the bore, length={self.length:.6g} m, is shorter than {LEAST_BORE:.0g} of the length of "
+                             f"{self.beam.label}; give length=0 for a sleeve that acts at one point, or a longer bore")
         self._put_on_curve(who)
         if self.axis is not None and not np.linalg.norm(self.axis) > 0.0:
-            raise SceneError(f"{who}: axis=(0, 0, 0) is no direction; give that of the bore in the triad of the holder")
+            raise SceneError(f"{who}: axis=(0, 0, 0) has no direction; give the direction of the bore in the directors of the "
+                             "holder")
 
     def _check_radius(self, who: str) -> None:
         """Check that a radius comes with Coulomb friction and a sleeve that lets the beam turn."""
         friction = self.friction
         if self.keyed:
-            raise SceneError(f"{who}: radius={self.radius:.6g} m, but keyed=True holds the twist, so that nothing turns; use "
-                             "keyed=False, or key_radius= for splines that rub")
+            raise SceneError(f"{who}: radius={self.radius:.6g} m is for friction of a twisting beam, but keyed=True fixes the "
+                             "twist; use keyed=False, or key_radius= for splines with friction")
         if friction is None or not friction.coefficient > 0.0:
-            raise SceneError(f"{who}: radius={self.radius:.6g} m, but no friction; give friction=, a coefficient, or leave "
-                             "radius out")
+            raise SceneError(f"{who}: radius={self.radius:.6g} m needs friction; give friction=, a coefficient, or leave radius "
+                             "out")
         if friction.smoothing is not None:
-            raise SceneError(f"{who}: radius={self.radius:.6g} m: a beam that turns in its sleeve rubs by Coulomb's law alone; "
-                             "leave out smoothing, or radius")
+            raise SceneError(f"{who}: radius={self.radius:.6g} m: friction of a beam that turns in its sleeve follows Coulomb's "
+                             "law without smoothing; leave out smoothing, or radius")
 
     @cached_property
     def place(self) -> Array:
@@ -144,9 +145,9 @@ class Sleeve(Slider):
         if np.linalg.norm(here - on_beam) > tolerance or off <= (tolerance if isinstance(owner, Beam) else 1e-3 * tolerance):
             return
         if isinstance(owner, Beam):
-            raise SceneError(f"{who}: {beam.label} is curved at={self.at:.6g}, its mean over the bore of {self.length:.6g} m "
-                             f"lies {off:.3g} m off it, where {holder} is not; give length=0, or let a RigidBody that is "
-                             "connected there hold the sleeve")
+            raise SceneError(f"{who}: {beam.label} is curved at={self.at:.6g}: its mean over the bore of {self.length:.6g} m "
+                             f"lies {off:.3g} m off it, but {holder} lies on the beam. Give length=0, or let a RigidBody that is "
+                             "connected there be the holder of the sleeve")
         checks.fill(self, point=owner.point(holder.offset + owner.directors @ (self.place - here)))
 
     @property

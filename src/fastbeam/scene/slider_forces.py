@@ -88,7 +88,7 @@ class DrivingForce:
         try:
             found = real(value(0.0, 0.0, 0.0))
         except Exception as error:
-            raise Refusal(f"must not fail, at t = 0, s = 0, rate = 0 it raises {type(error).__name__}: {error}"[:200]) from error
+            raise Refusal(f"must not fail, but raises {type(error).__name__} at t = 0, s = 0, rate = 0: {error}"[:200]) from error
         if found is None or not np.isfinite(found):
             raise Refusal("must return a finite number at t = 0, s = 0, rate = 0")
         return value
@@ -142,15 +142,17 @@ class Drive:
         if not given:
             raise SceneError("drive: give position=, speed= or force=")
         if "force" in given and (len(given) > 1 or self.is_controlled):
-            raise SceneError("drive: force= stands alone; a controller follows position= or speed= with stiffness= and damping=")
+            raise SceneError("drive: force= cannot be combined with a controller, which follows position= or speed= with "
+                             "stiffness= and damping=; leave one of them out")
         if not self.is_controlled:
             if len(given) > 1:
-                raise SceneError("drive: position= and speed= both prescribe the motion; give one of them, or stiffness= and "
+                raise SceneError("drive: position= and speed= both prescribe the motion; give one of them, or add stiffness= and "
                                  "damping= for a controller that follows both")
             if given[0] != "force":
                 take(refuse_jumps, f"drive: {given[0]}", getattr(self, given[0]))
             if self.limit is not None:
-                raise SceneError("drive: limit= bounds the force of a controller; give stiffness= or damping= too")
+                raise SceneError("drive: limit= bounds the force of a controller, and there is none; give stiffness= or damping= "
+                                 "too")
         elif self.stiffness > 0.0 and self.position is None:
             raise SceneError("drive: a controller with stiffness= needs position=")
 
@@ -296,7 +298,7 @@ class ADrive:
     def __call__(self, value: Any) -> Drive:
         if not isinstance(value, Drive):
             several = isinstance(value, (list, tuple)) and sum(isinstance(x, Drive) for x in value) > 1
-            hint = "; there is one drive, give the sum of both forces as force=" if several else ""
+            hint = "; a slider has one drive, give the sum of both forces as force=" if several else ""
             raise Refusal(f"must be a Drive, as in drive=fb.Drive(speed=0.5), got {shown(value)}{hint}")
         return value
 

@@ -86,8 +86,8 @@ class Slider:
         who = checks.label(self.kind, self.name)
         # `dataclasses.replace` passes both names of the beam
         if (self.beam is None) == (self.on is None) and (self.beam is None or self.beam is not self.on):
-            raise SceneError(f"{who}: give what it slides on once, a Beam or a Path, as in Slider(name, point, beam, at=s) or "
-                             "Slider(name, point, on=path, at=s)")
+            raise SceneError(f"{who}: needs exactly one curve to slide on, a Beam or a Path, as in Slider(name, point, beam, "
+                             "at=s) or Slider(name, point, on=path, at=s)")
         beam, at = self.on if self.beam is None else self.beam, self.at
         checks.fill(self, beam=beam, on=beam)
         # places beyond an end by round-off are moved to the end
@@ -141,7 +141,7 @@ class Slider:
             raise SceneError(f"{who}: at={at:.6g} m lies on none of the tracks of {switch.label} ({tracks}); use "
                              "at=switch.offset(track) + s")
         if self.one_sided is not None:
-            raise SceneError(f"{who}: one_sided does not go together with {switch.label}, on which arc lengths begin anew with "
+            raise SceneError(f"{who}: one_sided cannot be combined with {switch.label}, on which arc lengths start anew with "
                              "every track; leave it out, or slide on a Path")
         at = float(min(max(at, begin), end))
         check_places(who, switch, at, self.stops, self.lock or (), self.release)
@@ -156,7 +156,7 @@ class Slider:
         places += [("lock: at", x.at) for x in self.lock or ()]
         for what, place in places:
             if isinstance(place, tuple) and not on_switch:
-                raise SceneError(f"{who}: {what}={place} is a place on a track of a Switch, and it slides on {self.beam.label}; "
+                raise SceneError(f"{who}: {what}={place} is a place on a track of a Switch, but it slides on {self.beam.label}; "
                                  "give an arc length, m")
         if stops is not None and not on_switch:
             for what, end in (("start", stops.start), ("end", stops.end)):
@@ -164,32 +164,33 @@ class Slider:
                     raise SceneError(f"{who}: stops: {what}={end:.6g} m lies beyond {self.beam.label} (0 to "
                                      f"{self.beam.length:.6g} m)")
             if not (low if stops.start is None else stops.start) <= self.at <= (high if stops.end is None else stops.end):
-                raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m exclude its place at={self.at:.6g} m; start "
-                                 "between them")
+                raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m must enclose its place at={self.at:.6g} m; "
+                                 "start between them")
         if self.one_sided is not None:
             if self.release is not None:
-                raise SceneError(f"{who}: one_sided does not go together with release; leave one of them out")
+                raise SceneError(f"{who}: one_sided cannot be combined with release; leave one of them out")
             if drive is not None and drive.is_prescribed and drive.position is not None:
-                raise SceneError(f"{who}: its drive prescribes its place, so it cannot come back to another; give the drive "
-                                 "speed=, or stiffness= and damping=, or leave one_sided out")
+                raise SceneError(f"{who}: its drive prescribes its place, so it cannot land at another place after it lifts off; "
+                                 "give the drive speed=, or stiffness= and damping=, or leave one_sided out")
             if self.lock is not None and self.lock[0].from_start and self.starts_off:
-                raise SceneError(f"{who}: it is locked from the start, but its point is away from {self.beam.label}; give "
-                                 "the lock a time or a condition")
+                raise SceneError(f"{who}: it is locked from the start, but its point is not on {self.beam.label}; give the lock "
+                                 "a time or a condition")
         if self.release is not None:
             check_release(who, self.release, None if on_switch else stops, self.is_endless)
         if self.lock is not None:
             check_locks(who, self.lock, stops, (low, high))
             if self.lock[0].from_start:
                 if self.rate:
-                    raise SceneError(f"{who}: rate={self.rate:.6g} m/s, but it is locked from the start; leave rate out")
+                    raise SceneError(f"{who}: rate={self.rate:.6g} m/s must be 0, because it is locked from the start; leave "
+                                     "rate out")
                 checks.fill(self, rate=0.0)
         if drive is not None and drive.is_prescribed:
             if self.lock is not None:
-                raise SceneError(f"{who}: its drive prescribes the motion, so it cannot be locked; let the drive stand still, or "
-                                 "give it a limit with stiffness= and damping=")
+                raise SceneError(f"{who}: its drive prescribes the motion, so it cannot be locked; prescribe rest in the drive, "
+                                 "or give it a limit with stiffness= and damping=")
             if stops is not None and stops.is_rigid:
-                raise SceneError(f"{who}: its drive prescribes the motion, so a rigid stop cannot end it; give stops a "
-                                 "stiffness, or the drive a limit with stiffness= and damping=")
+                raise SceneError(f"{who}: its drive prescribes the motion, so a rigid stop cannot end it; give the stops a "
+                                 "stiffness, or give the drive a limit with stiffness= and damping=")
             rate = initial_rate(drive, who)
             if self.rate is not None and abs(rate - self.rate) > 1e-6 * max(abs(rate), abs(self.rate)):
                 raise SceneError(f"{who}: rate={self.rate:.6g} m/s, but its drive begins with {rate:.6g} m/s; leave rate out")

@@ -101,15 +101,15 @@ class Spring(Link):
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.stiffness is None) == (self.table is None):
-            which = "both are there" if self.table is not None else "both are missing"
-            raise SceneError(f"{self.label}: give either stiffness= (N/m) or table=, {which}")
+            which = "got both" if self.table is not None else "got none"
+            raise SceneError(f"{self.label}: needs stiffness= (N/m) or table=, {which}")
         if self.tension_only and self.compression_only:
-            raise SceneError(f"{self.label}: tension_only and compression_only leave no force; give one of them")
+            raise SceneError(f"{self.label}: tension_only and compression_only together leave no force; give one of them")
         if self.table is not None and (self.tension_only or self.compression_only):
-            raise SceneError(f"{self.label}: a table says itself where there is no force: give forces of 0 there, and leave "
-                             f"{'tension_only' if self.tension_only else 'compression_only'} out")
+            raise SceneError(f"{self.label}: a table defines one-sided behaviour itself: give forces of 0 there, and leave "
+                             f"{('tension_only' if self.tension_only else 'compression_only')} out")
         if self.table is None and self.interpolation != "linear":
-            raise SceneError(f"{self.label}: interpolation={self.interpolation!r} belongs to a table; leave it out")
+            raise SceneError(f"{self.label}: interpolation={self.interpolation!r} is for a table only; leave it out")
 
     @property
     def side(self) -> int:

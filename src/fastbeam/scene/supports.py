@@ -22,9 +22,9 @@ class SomeAxes:
     def __call__(self, value: Any) -> str:
         letters = value if isinstance(value, str) else ""
         if not letters or len(set(letters)) < len(letters) or not set(letters) <= set(AXES):
-            hint = "" if isinstance(value, str) else ("; an oblique direction: a PlanarJoint or PrismaticJoint with GROUND, or a "
-                                                      "Slider on a stiff clamped beam, holds it")
-            raise Refusal(f"must name axes of space by their letters, as in axes='yz', got {shown(value)}{hint}")
+            hint = "" if isinstance(value, str) else ("; for an oblique direction use a PlanarJoint or PrismaticJoint with "
+                                                      "GROUND, or a Slider on a stiff clamped beam")
+            raise Refusal(f"must name axes of the global frame by their letters, as in axes='yz', got {shown(value)}{hint}")
         return letters
 
 
@@ -111,8 +111,8 @@ class Clamp(_Support):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.mask != 63 and not self.at.is_center:
-            raise SceneError(f"{self.name}: axes belong to the centre of a body; clamp the centre with these axes: a body that "
-                             "does not turn moves as its centre does")
+            raise SceneError(f"{self.name}: axes are available at the centre of a body only; clamp the centre with these axes: a "
+                             "body that does not turn moves as its centre does")
 
 
 class Pin(_Support):
@@ -141,5 +141,5 @@ class Pin(_Support):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.at.is_center:
-            raise SceneError(f"{self.name}: a pin holds the centre of a body; for another point clamp a PointMass there and "
-                             "join it with BallJoint(body.point(...), mass)")
+            raise SceneError(f"{self.name}: a pin fixes the centre of a body; for another point clamp a PointMass there and join "
+                             "it with BallJoint(body.point(...), mass)")

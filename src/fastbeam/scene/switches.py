@@ -51,11 +51,11 @@ class Tracks:
             if isinstance(x, Switch):
                 raise Refusal(f"holds {x.label}; give its tracks instead")
             if isinstance(x, Path) and x.closed:
-                raise Refusal(f"holds {x.label}, which is closed and has no end where a slider could leave it; open it at the "
-                              "switch (closed=False): its end then leads into its start")
+                raise Refusal(f"contains {x.label}, which is closed and so has no end where a slider could leave it; open it at "
+                              "the switch (closed=False): its end then leads into its start")
         names = [x.name for x in items]
         if len(set(names)) < len(names):
-            raise Refusal("holds two tracks of one name, so that choose could not tell them apart")
+            raise Refusal("contains two tracks of the same name, which choose cannot distinguish")
         return items
 
 
@@ -161,8 +161,8 @@ class Switch(Path):
             for end in (START, END):
                 options = self.options(track, end)
                 if len(options) > 1 and choose is None:
-                    raise SceneError(f"{self.label}: from the {end} of {track.label} several tracks lead on, "
-                                     f"{', '.join(options)}; say which with choose=")
+                    raise SceneError(f"{self.label}: several tracks follow the {end} of {track.label}, {', '.join(options)}; "
+                                     "select one with choose=")
         names = sorted({x.name for x in tracks})
         named = choose.values() if isinstance(choose, dict) else [x for _, x in choose] if isinstance(choose, list) else ()
         for one in named:
@@ -222,7 +222,7 @@ class Switch(Path):
         for k, x in enumerate(self.tracks):
             if x is track or x.name == track:
                 return k
-        raise SceneError(f"{self.label}: {shown(track)} is none of its tracks, {', '.join(x.name for x in self.tracks)}")
+        raise SceneError(f"{self.label}: {shown(track)} is not one of its tracks, {', '.join((x.name for x in self.tracks))}")
 
     @checked()
     def joints(self) -> list[tuple[NodeRef, NodeRef]]:
@@ -303,19 +303,19 @@ def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks
         if isinstance(place, tuple):
             track = next((x for x in switch.tracks if x.name == place[0]), None)
             if track is None:
-                raise SceneError(f"{who}: {what}: {place[0]!r} is none of the tracks of {switch.label}, "
-                                 f"{', '.join(x.name for x in switch.tracks)}")
+                raise SceneError(f"{who}: {what}: {place[0]!r} is not one of the tracks of {switch.label}, "
+                                 f"{', '.join((x.name for x in switch.tracks))}")
             if not 0.0 <= place[1] <= track.length:
                 raise SceneError(f"{who}: {what}={place[1]:.6g} m lies beyond {track.label} (0 to {track.length:.6g} m)")
     if stops is not None:
         low, high = stops_on(switch, stops, span_of(switch, at), Arrival())
         if not low <= at <= high:
-            raise SceneError(f"{who}: stops from {low:.6g} to {high:.6g} m of {switch.label} exclude its place at={at:.6g} m; "
-                             "start between them")
+            raise SceneError(f"{who}: stops from {low:.6g} to {high:.6g} m of {switch.label} must enclose its place at={at:.6g} "
+                             "m; start between them")
     if release is not None and isinstance(release.when, str) and all(
             switch.options(x, release.when) for x in switch.tracks):
-        raise SceneError(f"{who}: release: from the {release.when} of every track of {switch.label} another leads on; give a "
-                         "time or a condition")
+        raise SceneError(f"{who}: release: another track follows the {release.when} of every track of {switch.label}, so it is "
+                         "no end; give a time or a condition")
 
 
 def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, slider: str) -> str:
@@ -331,12 +331,12 @@ def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, sli
         try:
             found = choose(t, state) if needed_arguments(choose) == 2 else choose(t, state, slider)
         except Exception as error:
-            raise SceneError(f"{switch.label}: choose must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
+            raise SceneError(f"{switch.label}: choose must not fail, but raises {type(error).__name__} at t = {t:.6g} s: {error}"
                              ) from error
         found = found if isinstance(found, str) else getattr(found, "name", found)
         if found not in options:
-            raise SceneError(f"{switch.label}: choose must return one of {', '.join(map(repr, options))}, at t = {t:.6g} s for "
-                             f"slider {slider!r} it returns {shown(found)}")
+            raise SceneError(f"{switch.label}: choose must return one of {', '.join(map(repr, options))}, but returns "
+                             f"{shown(found)} at t = {t:.6g} s for slider {slider!r}")
     return found if found in options else options[0]
 
 

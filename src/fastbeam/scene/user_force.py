@@ -100,12 +100,12 @@ class UserForce:
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
         if isinstance(self.at, Beam) and self.at.interpolation != "lagrange":
-            raise SceneError(f"{who}: {self.at.label} has B-splines, whose nodes do not lie on it; use interpolation='lagrange', "
-                             "or a force on its start or end")
+            raise SceneError(f"{who}: {self.at.label} has B-splines, whose nodes do not lie on the beam; use "
+                             "interpolation='lagrange', or a force on its start or end")
         given: Any = self.parameters
         if callable(given):
             if not isinstance(self.at, Beam):
-                raise SceneError(f"{who}: parameters are a function of s along a beam alone; on {self.at.label} give numbers")
+                raise SceneError(f"{who}: parameters may be a function of s along a beam only; on {self.at.label} give numbers")
             numbers_of_nodes(self)
         else:
             checks.fill(self, parameters=np.array(given, dtype=float))

@@ -132,19 +132,22 @@ class Winch(Named):
     def __post_init__(self) -> None:
         who = self.label
         if self.length_at is not None and (self.tension is not None or self.length is not None):
-            raise SceneError(f"{who}: length_at gives the length; leave {'length' if self.tension is None else 'tension'} out")
+            raise SceneError(f"{who}: length_at prescribes the length; leave {('length' if self.tension is None else 'tension')} "
+                             "out")
         if self.speed != 0.0 and self.tension is None:
-            raise SceneError(f"{who}: speed={self.speed:.6g} m/s belongs to a rope that tension= lets go; leave it out")
+            raise SceneError(f"{who}: speed={self.speed:.6g} m/s is for a rope whose length is not prescribed, tension=; leave "
+                             "it out")
         ends = [self._place(node) for node in (self.drum, self.load)]
         distance = float(np.linalg.norm(ends[1] - ends[0]))
         if not distance > 0.0:
-            raise SceneError(f"{who}: {self.drum} and {self.load} lie at the same place; a rope has a length")
+            raise SceneError(f"{who}: {self.drum} and {self.load} coincide, but a rope needs a length > 0 m; move one of them")
         if self.length is None:
             checks.fill(self, length=distance)
             if self.length_at is not None:
                 checks.fill(self, length=self.length_of(0.0))
         if self.total is not None and self.total < self.length:
-            raise SceneError(f"{who}: total={self.total:.6g} m is all rope, and {self.length:.6g} m are free at t = 0")
+            raise SceneError(f"{who}: total={self.total:.6g} m is the length of the whole rope, but {self.length:.6g} m are free "
+                             "at t = 0")
         shares = np.arange(1, self.segments)[:, None] / self.segments
         places = ends[0] + shares * (ends[1] - ends[0])
         checks.fill(self, points=tuple(RopePoint(f"{self.name} point {k + 1}", x) for k, x in enumerate(places)),
@@ -173,13 +176,13 @@ class Winch(Named):
             The length is not given, or the function fails or returns a length that the rope cannot have.
         """
         if self.length_at is None:
-            raise SceneError(f"{self.label}: its length is not given")
+            raise SceneError(f"{self.label}: its length is not prescribed")
         from fastbeam.interface.arguments import take
         found = take(Number(unit="m"), f"{self.label}: length_at(t) at t = {t:.6g} s", called(self.label, "length_at",
                                                                                               self.length_at, t))
         if not 0.0 < found <= (np.inf if self.total is None else self.total):
             most = "" if self.total is None else f" and at most total={self.total:.6g} m"
-            raise SceneError(f"{self.label}: length_at({t:.6g}) = {found:.6g} m; a free length is more than 0{most}")
+            raise SceneError(f"{self.label}: length_at({t:.6g}) = {found:.6g} m; a free length must be more than 0{most}")
         return float(found)
 
     def _paid_out(self, t: float) -> tuple[float]:
@@ -194,5 +197,5 @@ class Winch(Named):
         if isinstance(owner, Ground):
             return np.array(node.offset)
         if getattr(owner, "position", None) is None:
-            raise SceneError(f"{self.label}: {owner.label} has no position, which the rope begins or ends at; give it one")
+            raise SceneError(f"{self.label}: {owner.label} has no position, but is an end of the rope; give it a position")
         return np.array(owner.position)

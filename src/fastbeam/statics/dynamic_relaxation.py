@@ -436,17 +436,16 @@ class _Motion:
         # the motion can leave what is unstable where it moves, and nothing else
         leaves = solver.signs(ones, flat)
         if leaves is not None and leaves[0]:
-            self.refused = (f"the equilibrium there has {leaves[0]} unstable direction(s), which the motion does not see: the "
-                            f"scene "
-                            "is symmetric, disturb it by a small load, or begin elsewhere")
+            self.refused = (f"the equilibrium there has {leaves[0]} unstable direction(s), which the motion does not excite, "
+                            "because the scene is symmetric: disturb it by a small load, or begin elsewhere")
             return False
         if leaves is None and self.info["residual"] > NEAR:
-            self.refused = "moments leave it undecided whether the equilibrium there is stable"
+            self.refused = "moments make it impossible to decide whether the equilibrium there is stable"
             return False
         # what pushes along beams, moments and moving air do work of their own
         closed = not solver.moments and self.model.slider_forces is None and not self.model.blows
         if closed and self.energies(solver.state)[2] > reached + HIGHER * (self.lost + abs(reached)):
-            self.refused = "the equilibrium that Newton's method finds from there lies higher"
+            self.refused = "the equilibrium that Newton's method finds from there has a higher energy"
             return False
         if isinstance(solver, SlidingSolver):
             for event in place_events(solver, self.model):
@@ -471,25 +470,24 @@ class _Motion:
 
     def _stuck(self) -> ConvergenceError:
         """Form the error of a motion that has come to rest where Newton's method does not finish."""
-        text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, its last one moved it by "
-                f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it "
-                "is in .state, everything until then in .result")
+        text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, and the last one moved it by "
+                f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it is "
+                "in .state, everything until then in .result")
         return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
 
     def _restless(self, most_steps: int) -> ConvergenceError:
         """Form the error of a scene that does not come to rest."""
-        last = f"the last swing moved it by {self.info['residual']:.2g} of its size" if self.swings else "it still falls"
+        last = f"the last swing moved it by {self.info['residual']:.2g} of its size" if self.swings else "it is still falling"
         text = (f"relax: scene {self.model.scene_name!r} did not come to rest in {most_steps} steps, {self.swings} swings; "
-                f"{last}. Give more most_steps, damping (damping= of sections, Drag(linear=)) and a run in time, or look whether "
-                "there is an equilibrium at all (a mechanism that turns for ever under a moment or a law has none). The last "
-                "shape is in .state, everything until then in .result")
+                f"{last}. Increase most_steps, or use damping (damping= of sections, Drag(linear=)) and a run in time. Check "
+                "also that an equilibrium exists: a mechanism that a moment or a law turns for ever has none. The last shape is "
+                "in .state, everything until then in .result")
         self.buffer.event({"kind": "stopped", "time": self.t, "text": text})
         return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
 
     def _ran_off(self, slider: int) -> ConvergenceError:
         name = self.model.names["sliders"][slider]
-        return ConvergenceError(f"relax: slider {name!r} runs off its beam on the way to rest, after {self.steps} steps; let the "
-                                "scene begin with it elsewhere, or hold it in solve_static(model, held=...). The last shape is "
-                                "in "
-                                ".state, everything until then in .result", step=self.steps, time=self.t, state=self.state(),
+        return ConvergenceError(f"relax: slider {name!r} leaves its beam during relaxation, after {self.steps} steps; let the "
+                                "scene begin with it elsewhere, or lock it in solve_static(model, held=...). The last shape is "
+                                "in .state, everything until then in .result", step=self.steps, time=self.t, state=self.state(),
                                 result=self.result())

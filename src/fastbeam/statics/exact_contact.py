@@ -197,8 +197,8 @@ class ExactSolver(SlidingSolver):
                 self.stuck, self.last_s = k, cut.s.copy()
                 other = [names[j] for j in slot.contacts if j != k]
                 what = f"slider {other[0]!r}" if other else "an end of its beam, or a node that other parts refer to"
-                self.why_stuck = (f"slider {names[k]!r} stands at the same place as {what}, at s = {cut.s[k]:.6g} m, where the "
-                                  f"force along the beam has no exact value of its own. Hold it (held=({names[k]!r},)), or take "
+                self.why_stuck = (f"slider {names[k]!r} is at the same place as {what}, at s = {cut.s[k]:.6g} m, where the force "
+                                  f"along the beam is not uniquely defined. Lock it (held=({names[k]!r},)), or use "
                                   "contacts='mesh'")
         return SLIDER_END
 

@@ -124,9 +124,9 @@ class LengthSteps(LoadSteps):
 
     def _judge(self) -> None:
         for share, extent in self.solver.leaps:
-            text = (f"when conditions had gone {share:.6g} of their way there was no equilibrium nearby, and one further off was "
-                    f"taken (motion of {extent:.3g}, in sizes of the scene and rad): lengths or sliders jump there, as a slider "
-                    "does from one element to the next where the mesh is too coarse for the kink that it makes")
+            text = (f"at a share of {share:.6g} of the conditions no equilibrium was found nearby, and a more distant one was "
+                    f"used (motion of {extent:.3g}, in sizes of the scene and rad). Lengths or sliders jump there, for example "
+                    "when a slider passes an element end of a mesh that is too coarse")
             self.buffer.event({"kind": "leap", "time": share, "text": text})
         super()._judge()
 
@@ -135,9 +135,9 @@ class LengthSteps(LoadSteps):
         told = [f"{one.wanted.label} is {value:.6g} of {one.wanted.value:.6g}"
                 for one, value in zip(self.task.conditions, solver.values())]
         off = np.argsort(-np.abs(solver.values() - solver.asked), kind="stable")[:MOST]
-        why = ("lengths do not move the conditions there any more, or a part is free to move" if status == SINGULAR else
-               "there may be no equilibrium beyond it, or a prestrain would leave -10 to 0.99")
-        text = f"find_lengths: the smallest step fails when conditions have gone {reached:.6g} of their way"
+        why = ("lengths do not affect the conditions there any more, or a part can move freely" if status == SINGULAR else
+               "there may be no equilibrium beyond it, or a prestrain would leave the range from -10 to 0.99")
+        text = f"find_lengths: the smallest step fails at a share of {reached:.6g} of the conditions"
         error = ConvergenceError(f"{text}, {', '.join(told[k] for k in off)}; {why}. {KEPT}{self._look_at_mesh(reached)}",
                                  step=len(solver.history), time=reached, residuals=sizes, state=result.state, result=result)
         return solver.stepper.blamed(error, text, KEPT)
@@ -228,8 +228,8 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
     wanted = wanted_of(model, {} if conditions is None else conditions, points, "find_lengths, conditions")
     asked = conditions_of(model, wanted, conditions, points, stays)
     if len(asked) != len(tables.beams):
-        raise SceneError(f"find_lengths: {len(asked)} conditions need as many unknown lengths, got {len(tables.beams)}; name "
-                         f"{'more' if len(asked) > len(tables.beams) else 'fewer'} beams, or conditions")
+        raise SceneError(f"find_lengths: needs as many unknown lengths as conditions, {len(asked)}, got {len(tables.beams)}; "
+                         f"name {('more' if len(asked) > len(tables.beams) else 'fewer')} beams, or conditions")
     factors = load_factors_at("find_lengths", model, at_time)
     first = solve_static(model, start=start, raise_loads=start is None, at_time=at_time, held=held,
                          max_iterations=max_iterations, backend=backend)
@@ -260,7 +260,7 @@ def _beams_of(model: Model, lengths: Any) -> list[Beam]:
             one = named[one]
         check_beam("find_lengths, lengths", model, one)
         if any(one is other for other in out):
-            raise SceneError(f"find_lengths, lengths: {one.label} stands there twice; each length is one unknown")
+            raise SceneError(f"find_lengths, lengths: {one.label} is listed twice; each length is one unknown")
         out.append(one)
     return out
 
@@ -279,17 +279,16 @@ def _check_influence(found: tuple[Array, Array] | None, beams: list[Beam], condi
     seen = np.abs(by) > UNMOVED * moved
     labels, names = [one.wanted.label for one in conditions], [beam.label for beam in beams]
     for j in np.flatnonzero(~seen.any(axis=1)):
-        raise SceneError(f"find_lengths: no length moves {labels[j]} at the start; name beams that hold what it is asked of, or "
-                         "give a start= in which they carry")
+        raise SceneError(f"find_lengths: no length affects {labels[j]} at the start; name beams that carry the part in question, "
+                         "or give a start= in which they are not slack")
     for k in np.flatnonzero(~seen.any(axis=0)):
-        raise SceneError(f"find_lengths: the length of {names[k]} moves none of the conditions at the start; name a "
-                         "beam that does")
+        raise SceneError(f"find_lengths: the length of {names[k]} affects none of the conditions at the start; name another beam")
     scaled = by / np.max(np.abs(by), axis=1, keepdims=True)
     scaled /= np.max(np.abs(scaled), axis=0)
     left, sizes, right = np.linalg.svd(scaled)
     if sizes[-1] <= DEPENDENT * sizes[0]:
         rows, columns = (", ".join(text[k] for k in np.flatnonzero(np.abs(x) > PART * np.max(np.abs(x)))[:MOST])
                          for text, x in ((labels, left[:, -1]), (names, right[-1])))
-        raise SceneError(f"find_lengths: conditions and lengths do not fit each other at the start: lengths of {columns} may "
-                         f"change together without moving any condition, and no lengths move {rows} independently; take other "
-                         "beams or conditions")
+        raise SceneError(f"find_lengths: conditions and lengths do not match at the start: lengths of {columns} can change "
+                         f"together without any effect on the conditions, and no lengths affect {rows} independently; choose "
+                         "other beams or conditions")

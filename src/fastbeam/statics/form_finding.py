@@ -76,8 +76,8 @@ def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins
     part = connected_components(graph, directed=False)[1]
     loose = ~np.isin(part, part[fixed])
     if loose.any():
-        raise SceneError(f"force_density: no cables with a density lead from node {int(np.argmax(loose))} to a pin; its place is "
-                         f"not determined ({int(loose.sum())} of {n} nodes)")
+        raise SceneError(f"force_density: no cables with a density lead from node {int(np.argmax(loose))} to a pin, so its "
+                         f"position is not determined ({int(loose.sum())} of {n} nodes)")
     out = np.array(nodes)
     free = np.flatnonzero(~fixed)
     if not free.size:
@@ -89,15 +89,14 @@ def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins
     for c in range(3):
         x = saddle.solve(right[free, c])
         if x is None or saddle.is_singular or not np.isfinite(x).all():
-            raise SceneError("force_density: these densities have no shape: tension and pressure cancel at some nodes; change "
-                             "signs or "
-                             "sizes of densities")
+            raise SceneError("force_density: the shape is not determined, because tension and compression cancel at some nodes; "
+                             "change signs or sizes of densities")
         out[free, c] = x
     # as a check of its own
     force = matrix @ out - (0.0 if loads is None else loads)
     size = abs(matrix) @ np.abs(out) + (0.0 if loads is None else np.abs(loads))
     if np.max(np.abs(force[free]) - BALANCED * np.max(size)) > 0.0:
-        raise SceneError("force_density: nodes do not balance, densities are too far apart for round-off")
+        raise SceneError("force_density: equilibrium is lost in round-off, because densities differ too much in size")
     return out
 
 

@@ -239,7 +239,7 @@ class FreeMotions:
         shift = shift / self.model.length
         sizes = np.array([np.max(np.linalg.norm(np.hstack((shift, turn))[near.part.nodes], axis=1)) for near in group])
         part, others = group[int(np.argmax(sizes))].part, int(np.sum(sizes > REST * np.max(sizes))) - 1
-        with_others = f" and {others} more that move along" if others else ""
+        with_others = f" and {others} more that move with it" if others else ""
         turn, shift = (y[part.nodes][np.argmax(np.linalg.norm(y[part.nodes], axis=1))] for y in (turn, shift))
         if np.linalg.norm(turn) > REST * np.max(sizes):
             return f"{part.name}{with_others} about {_axis(turn)}"

@@ -69,8 +69,8 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
     best = max(times.tolist(), key=lambda t: float(np.min(np.abs(values(t)[size > 0.0]) / size[size > 0.0], initial=1.0)))
     at = values(best)
     if np.any((np.abs(at) < NOTHING * size) & (size > 0.0)):
-        raise SceneError(f"{who}: at_time={at_time}: time functions of loads with follower=True vanish in turn, so that no time "
-                         "tells all of them; follow one case after the other")
+        raise SceneError(f"{who}: at_time={at_time}: time functions of loads with follower=True vanish one after another, so no "
+                         "single time gives the factors of all of them; compute one case after the other")
     counts = [x.at.basis.n_nodes if isinstance(x.at, Beam) else 1 for x in forces]
     first, change = (np.repeat(np.where(size > 0.0, x / np.where(size > 0.0, at, 1.0), 0.0), counts) for x in (a, b - a))
     return LawPath(float(best), 1.0, 0.0, (first, change))

@@ -36,12 +36,12 @@ from fastbeam.statics.steady_motion import Spin, SteadyForces, Travel
 from fastbeam.stepping.outcome import Outcome
 
 Array = np.ndarray
-UNSTABLE = ("this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was passed on "
-            "the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a run in time finds a "
-            "stable one")
-FREE_MOTIONS = "nothing resists {} motion(s) {}: {}; what these do is arbitrary"
-FREE = ("the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling or limit load is met, or a part can move "
-        "freely; what it does there is arbitrary")
+UNSTABLE = ("this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: the load path passed a buckling or "
+            "limit load. fb.modes(model, state=result.state) shows the unstable direction; a larger imperfection or a run in "
+            "time finds a stable equilibrium")
+FREE_MOTIONS = "{} motion(s) {} have no stiffness: {}; their amplitudes are arbitrary"
+FREE = ("the tangent of this equilibrium has {} zero eigenvalue(s) {}: this is a buckling or limit load, or a part can move "
+        "freely; its amplitude is arbitrary")
 # names of free motions in an event
 SHOWN = 6
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
@@ -49,15 +49,15 @@ WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out o
 RECORDED = ("energy", "spring", "orientation", "section", "reaction")
 KEPT = "The last equilibrium is in .state, everything computed in .result"
 # event of the smallest load step where supports move
-LEAP = ("load factor {:.6g}: no equilibrium was found next to the one before, and one further off was taken (by {:.3g}, in sizes "
-        "of the scene and rad): a buckling or limit load was passed, and there may be others; "
-        "fb.solve_path(model, at_time=(0, t)) follows the one from before, fb.relax finds where a motion ends")
+LEAP = ("load factor {:.6g}: no equilibrium was found near the one before, and a more distant one was used (by {:.3g}, in sizes "
+        "of the scene and rad). The load path passed a buckling or limit load, and there may be other equilibria. "
+        "fb.solve_path(model, at_time=(0, t)) follows the path from the one before, fb.relax finds a stable equilibrium")
 # load steps that are tried at most, or so many times as many as the largest one makes necessary
 MOST_STEPS, MORE_STEPS = 200, 2
-TOO_MANY = ("load factor {:.6g}: {} load steps were tried, the last one of {:.3g}, and the loads act in full only at 1. The "
-            "scene may begin far from an equilibrium, as a rope drawn with a corner does, or a limit point lies there: take "
+TOO_MANY = ("load factor {:.6g}: {} load steps were tried, the last one of {:.3g}, but the full loads act at 1 only. The scene "
+            "may begin far from an equilibrium, for example as a rope drawn with a corner, or a limit point lies there. Use "
             "start=fb.relax(model).state, draw the shape without corners, or follow the path with fb.solve_path. A smaller "
-            "largest_load_step= allows more steps. ")
+            "largest_load_step= allows more steps.  ")
 # iterations beyond which a load step was hard: the next one is not longer
 LONG = 9
 
@@ -114,7 +114,7 @@ class StaticTask:
         out: StaticSolver
         if self.contacts == "exact" and model.n_sliders:
             if self.steady is not None:
-                raise SceneError("solve_static: contacts='exact' knows no steady motion; leave contacts out, or steady")
+                raise SceneError("solve_static: contacts='exact' does not support steady motions; leave contacts out, or steady")
             require(Analysis.EXACT, model, held=self.stays)
             out = ExactSolver(model, self.start, self.max_iterations, self.stays, self.backend, t)
         elif model.n_constraints or self.steady is not None:
@@ -282,11 +282,12 @@ class LoadSteps:
         text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
         coarse = self._look_at_mesh(reached)
         if solver.unresisted:
-            coarse += (f"; {solver.unresisted!r} slips beyond its friction there, and nothing else resists: hold it, "
-                       "load it less, or give it a spring")
+            coarse += (f"; {solver.unresisted!r} slips beyond its friction there, and no other force resists: lock it, reduce "
+                       "its load, or add a spring")
         in_full = [force.name for force in user_forces(self.task.model) if not force.grows]
         if in_full:
-            coarse += f"; user force {in_full[0]!r} acts in full from the first load step: give it grows=True if it is a load"
+            coarse += (f"; user force {in_full[0]!r} acts in full from the first load step: give it grows=True if it is to grow "
+                       "with the load factor")
         error = ConvergenceError(f"{text}{coarse}{_slack(self.task.model, solver.state)}; a limit or buckling point may lie "
                                  "there, a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
                                  f"slender than 1e6). {KEPT}",
@@ -384,9 +385,9 @@ def _slack(model: Model, state: State) -> str:
     names = [name for springs in rows if isinstance(springs, SpringRows) for name in springs.slack(state)]
     if not names:
         return ""
-    return (f"; {len(names)} of the springs that only pull or push are slack ({', '.join(map(repr, names[:4]))}"
-            f"{', ...' if len(names) > 4 else ''}), and hold nothing: start= from a shape in which they carry, or "
-            "let fb.relax(model) find the equilibrium by motion")
+    return (f"; {len(names)} of the springs with tension or compression only are slack "
+            f"({', '.join(map(repr, names[:4]))}{(', ...' if len(names) > 4 else '')}), and have no stiffness: use start= with a "
+            "shape in which they carry load, or let fb.relax(model) find the equilibrium")
 
 
 def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
@@ -394,8 +395,8 @@ def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Resul
     names = solver.stepper.model.names["sliders"]
     name = names[max(solver.runaway, solver.stuck)]
     if solver.runaway >= 0:
-        text = (f"slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold it where it is "
-                f"(held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it")
+        text = (f"slider {name!r} leaves its beam: it finds no equilibrium between its place and the end. Lock it where it is "
+                f"(held=({name!r},)), let the scene begin with it elsewhere, or add a stop or spring at the end")
     elif isinstance(solver, ExactSolver) and solver.why_stuck:
         text = solver.why_stuck
     else:
@@ -403,10 +404,10 @@ def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Resul
         slider = None if forces is None else forces.sliders[solver.stuck]
         driven = slider is not None and slider.drive is not None
         why, what = (("the force of its drive jumps there", "Let that force change steadily with the place") if driven else
-                     ("a kink of its curve at an element end, where it has no direction to rest on",
-                      "Let it run on curve='c1'" if slider is None or slider.curve != "c1" else "Give more elements there"))
+                     ("its curve has a kink at an element end, where the tangent is not defined",
+                      "Use curve='c1'" if slider is None or slider.curve != "c1" else "Use more elements there"))
         text = (f"slider {name!r} is pushed to the same place from both sides, near s = {solver.last_s[solver.stuck]:.6g} m: "
-                f"{why}. {what}, or hold it (held=({name!r},))")
+                f"{why}. {what}, or lock it (held=({name!r},))")
     return ConvergenceError(
         f"load factor {target:.6g}: {text}. The last equilibrium is in .state, everything computed in .result",
         step=len(solver.history), time=reached, state=State(*(x.copy() for x in solver.state)), result=result)

@@ -149,8 +149,8 @@ class StaticMotion(_Moving):
         """
         if not self.stands(share, now):
             names = ", ".join(motion.label for motion in self.of.motions[:3])
-            raise SceneError(f"{who}: {names}: at the start supports stand elsewhere than their functions have them; give start= "
-                             "with the supports there, as in start=solve_static(model, at_time=...).state")
+            raise SceneError(f"{who}: {names}: at the start these supports are not at the places that their functions prescribe; "
+                             "give a start= with the supports there, as in start=solve_static(model, at_time=...).state")
 
     def targets(self) -> tuple[Array, Array]:
         """Return places [M, 3] and triads [M, 3, 3] at the load factor `share`."""

@@ -78,13 +78,13 @@ def _quantity(model: Model, what: Any, points: Mapping[str, Place], who: str) ->
         number = sliders.index(what)
         return f"s of slider {what!r}", lambda state: float(state.s[number]), None
     if not (isinstance(what, tuple) and len(what) == 2 and all(isinstance(x, str) for x in what)):
-        raise SceneError(f"{who}: {shown(what)} is no quantity; take {WHAT}")
+        raise SceneError(f"{who}: {shown(what)} is not a quantity; use {WHAT}")
     name, part = what
     if name not in points:
-        raise SceneError(f"{who}: {name!r} is no name in points=, which has {known(points, name)}; give "
-                         f"points={{{name!r}: beam.end}}")
+        raise SceneError(f"{who}: {name!r} is not a name in points=, which has {known(points, name)}; give points={{{name!r}: "
+                         "beam.end}")
     if part not in (*AXES, *FORCES, *MOMENTS):
-        raise SceneError(f"{who}: {name!r} has no {part!r}; choose x, y, z, N, Q2, Q3, T, M2 or M3")
+        raise SceneError(f"{who}: {name!r} has no quantity {part!r}; choose x, y, z, N, Q2, Q3, T, M2 or M3")
     observer = Observer(model, () if part in AXES else ("section",), {name: points[name]})
     if part not in AXES and observer.points.sections[0] is None:
         raise SceneError(f"{who}: {name!r} lies on no beam and has no {part}")

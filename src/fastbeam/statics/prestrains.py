@@ -27,7 +27,7 @@ def check_beam(who: str, model: Model, beam: Any) -> None:
     SceneError
     """
     if not isinstance(beam, Beam):
-        raise SceneError(f"{who}: {shown(beam)} is no beam; of a net name its beams, net.beam(k)")
+        raise SceneError(f"{who}: {shown(beam)} is not a beam; of a net name its beams, net.beam(k)")
     try:
         model.numbers.start(beam)
     except KeyError:

@@ -169,7 +169,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     if steady is not None:
         check_steady("solve_static", model, steady, factors)
         if model.asked_for_plane:
-            raise SceneError("solve_static: steady= is known in space; compile the scene without planar=True")
+            raise SceneError("solve_static: steady= is available in space only; compile the scene without planar=True")
     state, notes = shape_of_start("solve_static", model, start)
     task = StaticTask(model, state, notes, factors, stops, stays, asked, smallest_step, at_time, observe, points, max_iterations,
                       backend, threads, raise_loads, contacts, steady)
@@ -195,8 +195,8 @@ def _more_stable(task: StaticTask, found: Result, load_step: float, largest: flo
     except ConvergenceError:
         return found
     except (Interrupted, KeyboardInterrupt):
-        raise Interrupted("interrupted while an equilibrium with unstable directions was looked for once more; it is in .state, "
-                          "its rows are in .result", result=found, state=found.state) from None
+        raise Interrupted("interrupted during the search for a more stable equilibrium; the one with unstable directions is in "
+                          ".state, its rows are in .result", result=found, state=found.state) from None
     except Exception as failed:
         carry(failed, lambda: found)
         raise
@@ -219,8 +219,8 @@ def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
     rubs = np.zeros(asked.size, bool) if forces is None else forces.hold_by_friction & ~stays
     if given is not True and np.any(asked & ~rubs):
         name = model.names["sliders"][np.flatnonzero(asked & ~rubs)[0]]
-        raise SceneError(f"rest_intervals: slider {name!r} has no Coulomb friction that could hold it, or is held or driven by a "
-                         "prescribed motion; name sliders with friction=")
+        raise SceneError(f"rest_intervals: slider {name!r} has no Coulomb friction, or is locked or driven by a prescribed "
+                         "motion; name sliders with friction=")
     return [int(k) for k in np.flatnonzero(asked & rubs)]
 
 

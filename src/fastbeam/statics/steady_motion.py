@@ -133,9 +133,8 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
             vectors = of_row[:, :6].reshape(-1, 3)
             across = vectors - np.outer(vectors @ motion.axis, motion.axis)
             if factor and np.max(np.abs(across), initial=0.0) > ACROSS * np.max(np.abs(vectors), initial=0.0):
-                raise SceneError(f"{who}: loads or gravity act across the axis of {motion!r}; they stay in space, so that "
-                                 "nothing is steady in the frame that spins. Leave them out, load_factor=0, or let them "
-                                 "act along it")
+                raise SceneError(f"{who}: loads or gravity act across the axis of {motion!r}. They do not rotate with the spin, "
+                                 "so no steady motion exists. Leave them out, load_factor=0, or let them act along the axis")
     else:
         held, first = model.held_mask, np.unique(model.pattern.row_of, return_index=True)[1]
         alone = np.zeros(model.n_nodes, bool)
@@ -147,8 +146,8 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
             begin, count = _nodes(who, model, beam)
             for node in (begin, begin + count - 1):
                 if held[node] & 7 != 7 and alone[node] and not tied[node]:
-                    raise SceneError(f"{who}: {beam.label} travels, but nothing holds the position of "
-                                     f"{model.node_label(node)}; hold both ends, or join them to beams that travel")
+                    raise SceneError(f"{who}: {beam.label} travels, but nothing fixes the position of {model.node_label(node)}; "
+                                     "fix both ends, or join them to beams that travel")
 
 
 def _nodes(who: str, model: Model, beam: Beam) -> tuple[int, int]:

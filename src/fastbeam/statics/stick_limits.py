@@ -91,7 +91,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     # nothing twists in a plane
     flat = False if kind is _HeldJoint and slider in _twists(model) else None
     if flat is False and model.asked_for_plane:
-        raise SceneError(f"stick_interval: {slider!r}: nothing twists in a plane; compile the scene without planar=True")
+        raise SceneError(f"stick_interval: {slider!r}: beams do not twist in a plane; compile the scene without planar=True")
     check_backend(backend)
     if not within[0] <= load_factor <= within[1]:
         raise SceneError(f"within: {shown(within)} must enclose load_factor={load_factor:.6g}")
@@ -119,7 +119,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     shares = [1.0] if start is not None else np.linspace(0.0, 1.0, 5)[1:].tolist()
     for share in shares:
         if not load(solver, load_factor, share):
-            text = f"stick_interval: no equilibrium is found at load factor {load_factor:.6g}"
+            text = f"stick_interval: no equilibrium was found at load factor {load_factor:.6g}"
             error = ConvergenceError(f"{text}; find one with solve_static, and give it as start=", step=0, time=0.0,
                                      state=State(*(x.copy() for x in solver.state)))
             raise solver.stepper.blamed(error, text, "The last equilibrium is in .state")
@@ -154,15 +154,14 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
             raise SceneError(f"stick_interval: joint {slider!r} has friction on {len(found)} coordinates; name one of them, "
                              f"{' or '.join(repr(rubs[i].label) for i in found)}")
         if any(slider in (x.name, x.label) for x in holds.parts):
-            raise SceneError(f"stick_interval: joint {slider!r} has no friction that could hold it; name one with friction= or "
-                             "coefficient=")
+            raise SceneError(f"stick_interval: joint {slider!r} has no friction; name one with friction= or coefficient=")
     if slider not in names:
         raise SceneError(f"stick_interval: scene {model.scene_name!r} has no slider {slider!r}; "
                          f"{its_sliders(names, slider)}")
     k = names.index(slider)
     if model.slider_forces is None or not (model.slider_forces.hold_by_friction & ~stays)[k]:
-        raise SceneError(f"stick_interval: slider {slider!r} has no Coulomb friction that could hold it, or is held or driven by "
-                         "a prescribed motion; name one with friction=")
+        raise SceneError(f"stick_interval: slider {slider!r} has no Coulomb friction, or is locked or driven by a prescribed "
+                         "motion; name one with friction=")
     return _HeldSlider, k
 
 

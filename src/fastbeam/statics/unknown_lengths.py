@@ -145,9 +145,10 @@ def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, f
         if isinstance(what, str):
             slider = model.names["sliders"].index(what)
             if stays[slider]:
-                raise SceneError(f"find_lengths, conditions: slider {what!r} is held, and its arc length stays; let it be free")
+                raise SceneError(f"find_lengths, conditions: slider {what!r} is locked, so its arc length cannot change; unlock "
+                                 "it")
         elif callable(what):
-            raise SceneError(f"find_lengths, conditions: {one.label} is a function, whose derivative is not known; ask for "
+            raise SceneError(f"find_lengths, conditions: {one.label} is a function, whose derivative is not known; use "
                              "coordinates, section forces or arc lengths of sliders")
         elif what[1] in AXES:
             at, axis = place_of(model, what[0], (points or {})[what[0]]), AXES.index(what[1])

@@ -77,7 +77,7 @@ def choose_scheme(name: str, rho_inf: float | None, order: int, controlled: bool
     if not isinstance(name, str) or name not in METHODS:
         raise SceneError(f"method: {name!r} does not exist: choose from {', '.join(map(repr, METHODS))}")
     if rho_inf is not None and name not in ("generalized_alpha", "energy_momentum"):
-        raise SceneError(f"rho_inf: belongs to 'energy_momentum' and 'generalized_alpha', not to {name!r}; leave it out")
+        raise SceneError(f"rho_inf: is for 'energy_momentum' and 'generalized_alpha', not for {name!r}; leave it out")
     rho = RHO_INF if rho_inf is None else number("rho_inf", rho_inf)
     if not 0.0 <= rho <= 1.0:
         raise SceneError(f"rho_inf: must lie in [0, 1] (1 damps nothing, 0 annihilates high frequencies), got {rho:g}")
@@ -87,10 +87,10 @@ def choose_scheme(name: str, rho_inf: float | None, order: int, controlled: bool
         # 1 dissipates nothing: the step as it is
         return Scheme(name, 1 if name == "midpoint" else None, None, rho_inf if rho_inf is None or rho < 1.0 else None)
     if order != 2:
-        raise SceneError(f"order: method {name!r} has order 2, got order={order!r}; order 4 composes the symmetric steps of "
-                         "'energy_momentum' or 'midpoint'")
+        raise SceneError(f"order: method {name!r} has order 2, got order={order!r}; order 4 is available for the symmetric steps "
+                         "of 'energy_momentum' and 'midpoint'")
     if controlled:
-        raise SceneError(f"tolerance: step control is there for 'energy_momentum' and 'midpoint', not for {name!r}; "
+        raise SceneError(f"tolerance: step control is available for 'energy_momentum' and 'midpoint', not for {name!r}; "
                          "leave tolerance out")
     if name == "trapezoidal":
         return Scheme(name, None, np.array([0.0, 0.0, 0.25, 0.5]))
@@ -156,7 +156,7 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     x = Factors(system, limits=OF_STEP).solve(right)
     if x is None:
         raise ConvergenceError(
-            "the accelerations at the start are not determined: generalized alpha and the trapezoidal rule need inertia at every "
+            "the accelerations at the start are not determined: generalized alpha and the trapezoidal rule need inertia of every "
             "unknown (section inertia, inertia of every body); use method='energy_momentum' or 'midpoint'",
             step=0, time=0.0, residuals=[], worst="start", state=State(*(y.copy() for y in state)))
     second = lift @ x[:free.size] + bias

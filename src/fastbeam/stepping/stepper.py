@@ -306,9 +306,9 @@ class Stepper:
         parts = self._remembered
         sizes = [x.size for x in parts]
         if memory.size != sum(sizes):
-            raise SceneError(f"start: the checkpoint carries {memory.size} numbers besides the state, method "
-                             f"{self.method.name!r} needs {sum(sizes)}; go on with the method that wrote it, or "
-                             "with start=Start(checkpoint.state, time=checkpoint.t)")
+            raise SceneError(f"start: the checkpoint has {memory.size} numbers besides the state, but method "
+                             f"{self.method.name!r} needs {sum(sizes)}; continue with the method that wrote it, or with "
+                             "start=Start(checkpoint.state, time=checkpoint.t)")
         for mine, other in zip(parts, np.split(memory, np.cumsum(sizes)[:-1])):
             mine[:] = other
 

@@ -229,9 +229,8 @@ class _Response:
         free = self.found.vectors[:right.size, self.found.values == 0.0]
         along = self.about.mass @ (free @ (free.T @ right))
         if pushed.any() or self.about.force_size(along) > ALONG_FREE * size:
-            raise SceneError("frequency_response: at frequency 0 nothing holds the scene against the loads; leave 0 Hz out, or "
-                             "hold "
-                             "the scene")
+            raise SceneError("frequency_response: at frequency 0 the scene has no static equilibrium under the loads, because it "
+                             "is not supported; leave 0 Hz out, or add supports")
 
 
 def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: float, highest: float,
@@ -241,9 +240,8 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
     Raises SceneError: there are too many, or moments leave no modes that are independent.
     """
     if not found.factors.pencil.is_symmetric:
-        raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do "
-                         "not "
-                         "leave; use damping= of sections, or loss_factor=")
+        raise SceneError("frequency_response: damping_ratio= needs a symmetric stiffness, which moments with fixed axes exclude; "
+                         "use damping= of sections, or loss_factor=")
     # number of these modes, by one factorisation
     n = 20
     try:
@@ -258,9 +256,9 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         if not w.size or w[-1] > highest or w.size < n:
             break
         if n >= MOST_MODES:
-            raise SceneError(f"frequency_response: damping_ratio= reaches modes up to {highest / (2.0 * np.pi):.6g} Hz, which "
-                             f"are "
-                             f"more than {MOST_MODES}; ask for lower frequencies, or use damping= of sections or loss_factor=")
+            raise SceneError(f"frequency_response: damping_ratio= needs all modes up to {highest / (2.0 * np.pi):.6g} Hz, which "
+                             f"are more than {MOST_MODES}; ask for lower frequencies, or use damping= of sections or "
+                             "loss_factor=")
         n = min(2 * n, MOST_MODES)
     some = np.flatnonzero((w > 0.0) & (w <= highest))
     if not some.size:
@@ -276,13 +274,11 @@ def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: 
     """Form the error of a frequency without a response."""
     who = f"frequency_response of scene {model.scene_name!r}"
     if sensitivity > UNDAMPED:
-        return ConvergenceError(f"{who}: {frequency:.10g} Hz is the frequency of a mode without damping, where the amplitude "
-                                f"has no "
-                                "bounds; leave it out, or give damping: damping= of sections, Drag(linear=), damping_ratio=, "
+        return ConvergenceError(f"{who}: {frequency:.10g} Hz is the frequency of an undamped mode, where the amplitude is "
+                                "infinite; leave it out, or give damping: damping= of sections, Drag(linear=), damping_ratio=, "
                                 "loss_factor=")
-    return ConvergenceError(f"{who}: at {frequency:.10g} Hz round-off leaves no digits (share {uncertainty:.1g}): a part has "
-                            f"neither "
-                            "stiffness nor mass, or stiffnesses are too far apart (beams more slender than 1e5)")
+    return ConvergenceError(f"{who}: at {frequency:.10g} Hz the result is lost in round-off (share {uncertainty:.1g}): a part "
+                            "has neither stiffness nor mass, or stiffnesses differ too much (beams more slender than 1e5)")
 
 
 # --- what excites -----------------------------------------------------------------------------------------------------------
@@ -302,9 +298,8 @@ def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors
                 for columns, target in distributed(load):
                     of_nodes[begin:begin + len(target), columns] += target
         except KeyError:
-            raise SceneError(f"frequency_response: {load.kind} {load.name!r} acts on what is not in scene "
-                             f"{model.scene_name!r}; let "
-                             "it act on parts of the compiled scene") from None
+            raise SceneError(f"frequency_response: {load.kind} {load.name!r} acts on a part that is not in scene "
+                             f"{model.scene_name!r}; let it act on parts of the compiled scene") from None
         forces += factor * about.on_rows(of_nodes)
         texts.append(f"{load.kind} {load.name!r}")
     number, motion = [], []
@@ -315,7 +310,7 @@ def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors
         if plane is not None:
             place, turn = plane.axes @ vector[:3], plane.axes @ vector[3:] if vector.size == 6 else np.zeros(3)
             if np.abs(place[2]) > 1e-9 * np.linalg.norm(place) or np.linalg.norm(turn[:2]) > 1e-9 * np.linalg.norm(turn):
-                raise SceneError("frequency_response: base= leads out of the plane of the scene; leave planar out")
+                raise SceneError("frequency_response: base= moves supports out of the plane of the scene; leave planar out")
             within = np.append(place[:2], turn[2:]) if vector.size == 6 else place[:2]
         at = np.searchsorted(about.free, about.size * row + np.arange(within.size))
         number.append(at)
@@ -366,7 +361,7 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
     moved, vectors = np.zeros(model.n_nodes, np.int64), {}
     if isinstance(base, Mapping):
         if not base:
-            raise SceneError("frequency_response: base= names no support")
+            raise SceneError("frequency_response: base= is an empty mapping")
         for what, value in base.items():
             vector = _vector(f"base= of {shown(what)}", value)
             node = supported("frequency_response: base=", model, what, held)
@@ -378,16 +373,16 @@ def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None,
         # of some axes alone
         some = np.flatnonzero((held & 7 != 0) & (held & 7 != 7))
         if some.size:
-            raise SceneError("frequency_response: base= moves supports that hold a whole position; that of "
-                             f"{model.labels[some[0]]} holds some axes alone; name those that move: base={{support: (...)}}")
+            raise SceneError("frequency_response: base= moves supports that fix a whole position, but that of "
+                             f"{model.labels[some[0]]} fixes some axes only; name the supports that move: base={{support: "
+                             "(...)}")
         for node in np.flatnonzero(held & 7 == 7).tolist():
             of_node = vector.copy()
             if vector.size == 6:
                 of_node[:3] += np.cross(vector[3:], places[node])
             vectors[node] = of_node if held[node] & 56 == 56 else of_node[:3]
         if not vectors:
-            raise SceneError(f"frequency_response: base= moves supports, and scene {model.scene_name!r} has none that holds a "
-                             "position")
+            raise SceneError(f"frequency_response: base= moves supports, but none in scene {model.scene_name!r} fixes a position")
     for node, vector in vectors.items():
         moved[node] = 63 if vector.size == 6 else 7
     return moved, vectors

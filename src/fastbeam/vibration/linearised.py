@@ -295,8 +295,8 @@ class Linearisation:
         assert self.steady is not None
         motion = self.steady.motion
         if not isinstance(motion, Spin):
-            raise SceneError(f"state: in {motion!r} nodes stand still while material passes, which no run begins with; follow "
-                             "the mode by its rate")
+            raise SceneError(f"state: in {motion!r} nodes are fixed while material moves through them, and no run can begin like "
+                             "this; compute the motion of the mode from its rate")
         turn = motion.rate * motion.axis
         return velocity + np.cross(turn, self.q[:, 0] + displacement - motion.point), turning + turn
 

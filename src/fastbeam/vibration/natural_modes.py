@@ -128,7 +128,8 @@ def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, stead
         try:
             return _steady_modes_of(about, steady_modes_of(about, found, n, backend), found, steady), found
         except SingularError:
-            raise ConvergenceError(f"modes: those of scene {model.scene_name!r} about {steady!r} were not found; ask for fewer",
+            raise ConvergenceError(f"modes: the modes of scene {model.scene_name!r} about {steady!r} were not found; ask for "
+                                   "fewer",
                                    state=state) from None
     if not damped:
         found = equilibrium_of("modes", about, n, backend, state)
@@ -136,9 +137,8 @@ def _modes_about(about: Linearisation, model: Model, n: int, damped: bool, stead
     require(Analysis.DAMPED, model)
     found = equilibrium_of("modes", about, n + MORE, backend, state)
     if not found.factors.pencil.is_symmetric:
-        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space, "
-                         "loads that turn, laws and moving air do not leave; find the modes of the scene without them, or run in "
-                         "time")
+        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments with fixed axes, follower loads, laws "
+                         "and moving air exclude; find the modes of the scene without them, or run in time")
     try:
         return _damped_modes_of(about, damped_of(about, found, n, backend)), found
     except SingularError:
@@ -170,15 +170,15 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     if steady is not None:
         check_steady(who, model, steady, factors)
         if flat and isinstance(steady, Spin) and not np.allclose(np.abs(model.plane.axes[2] @ steady.axis), 1.0, atol=1e-12):
-            raise SceneError(f"{who}: planar=True needs a spin about the normal of the plane, got {steady!r}; motions in the "
-                             "plane push out of it")
+            raise SceneError(f"{who}: planar=True needs a spin about the normal of the plane, got {steady!r}, whose inertia "
+                             "forces point out of the plane")
     about = Linearisation(model, state, ~stays, factors, flat, steady=None if steady is None else (who, steady),
                           resting=resting_sliders(who, model, state, stays, at_time, load_factor))
     about.stepper.load_at(at_time or 0.0, load_factor)
     if about.stepper.motion is not None:
         about.core.motions.at_rest(about.stepper.motion, at_time or 0.0, load_factor)
     if not np.any(about.mass.diagonal() > 0.0):
-        raise SceneError(f"{who}: nothing that may move has a mass; give sections rhoA, or bodies")
+        raise SceneError(f"{who}: no part that can move has mass; give sections rhoA, or add bodies")
     return about, state
 
 
@@ -192,8 +192,9 @@ def equilibrium_of(who: str, about: Linearisation, n: int, backend: str, state: 
         found = _settled(who, about, n, backend)
         return _settled(who, about, n, backend) if about.frees(who) else found
     except SingularError:
-        raise ConvergenceError(f"{who} of scene {about.model.scene_name!r} were not found: its stiffness and masses are singular "
-                               "together (a part without mass that nothing holds), or too far apart for round-off",
+        raise ConvergenceError(f"{who} of scene {about.model.scene_name!r} were not found: stiffness and mass matrices are "
+                               "singular in a common direction (a part without mass and without support), or differ too much in "
+                               "size",
                                state=state) from None
 
 
@@ -241,13 +242,13 @@ def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, l
     if along.size and along.max() > force[worst]:
         label, unit, force, worst = f"slider {about.model.names['sliders'][np.argmax(along)]!r}", "N along its beam", along, int(
             np.argmax(along))
-    text = f"{who}: the state is no equilibrium: {label} has an unbalanced force of {force[worst]:.3g} {unit}"
+    text = f"{who}: the state is not an equilibrium: {label} has an unbalanced force of {force[worst]:.3g} {unit}"
     if drifts:
-        text += ", and nothing holds the scene against the sum of its loads"
+        text += ", and no support balances the sum of the loads"
     else:
-        text += f"; {about.label(largest)[0]} would go on by about {size[largest]:.2g} of the size of the scene"
-    return text + (". Find it with result = fb.solve_static(model) and give state=result.state (at the load_factor that it has), "
-                   "or look at the scene without loads: load_factor=0")
+        text += f"; it would move {about.label(largest)[0]} by about {size[largest]:.2g} of the size of the scene"
+    return text + (". Find the equilibrium with result = fb.solve_static(model) and give state=result.state (with its "
+                   "load_factor), or use the scene without loads: load_factor=0")
 
 
 def _steady_modes_of(about: Linearisation, found: SteadyEigen, at_rest: Eigen, steady: Spin | Travel) -> SteadyModes:

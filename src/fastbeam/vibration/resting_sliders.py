@@ -100,10 +100,10 @@ class RestingSliders:
         gone = resting & ((needed > most + slack) & (at_stop >= 0) | (needed < -most - slack) & (at_stop <= 0))
         if gone.any():
             k = int(np.argmax(gone * np.abs(needed)))
-            holds = ["its stop pushes the other way"] if at_stop[k] else []
-            holds += [f"friction holds it with {most[k]:.6g} N at most"] if along.rubs[k] else []
-            raise SceneError(f"{who}: the state is no equilibrium: slider {self._names[k]!r} is pushed along its beam with "
-                             f"{abs(needed[k]):.6g} N, and {' and '.join(holds)}. Find one with result = "
+            holds = ["its stop acts in the other direction only"] if at_stop[k] else []
+            holds += [f"its friction is at most {most[k]:.6g} N"] if along.rubs[k] else []
+            raise SceneError(f"{who}: the state is not an equilibrium: a force of {abs(needed[k]):.6g} N pushes slider "
+                             f"{self._names[k]!r} along its beam, but {' and '.join(holds)}. Find one with result = "
                              "fb.solve_static(model) and give state=result.state")
         touches = ~along.rubs & (at_stop != 0) & (np.abs(needed) <= slack)
         at_stop[touches] = 0

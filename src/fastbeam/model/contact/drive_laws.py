@@ -98,14 +98,14 @@ def value_at(drive: Any, who: str, what: str, t: float) -> float:
     try:
         found = value(t)
     except Exception as error:
-        text = f"must not fail, at {t:.6g} it raises {type(error).__name__}: {error}"
+        text = f"must not fail, but raises {type(error).__name__} at {t:.6g}: {error}"
         raise SceneError(f"{who}: {what} {text:.200}") from error
     try:
         found = float(found)
     except (TypeError, ValueError):
         found = np.nan
     if not np.isfinite(found):
-        raise SceneError(f"{who}: {what}(t) must return a finite number, at t = {t:.6g} s it does not")
+        raise SceneError(f"{who}: {what}(t) must return a finite number, but does not at t = {t:.6g} s")
     return float(found)
 
 
@@ -125,7 +125,7 @@ def law_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
     failed: Exception | None = None
     try:
         found = real(drive.force(t, s, rate))
-        how = "returns no finite number"
+        how = "does not return a finite number"
     except Exception as error:
         found, failed, how = None, error, f"fails, {type(error).__name__}: {str(error)[:200]},"
     if found is None or not np.isfinite(found):
@@ -191,8 +191,8 @@ def slope_of(f: Callable[[float], float], x: float, size: float, who: str, by: s
     sides = (ahead - here) / last, (here - back) / last
     off = max(abs(side - best) for side in sides)
     if not off <= ONE_SIDED * max(abs(best), widest) + 16.0 * np.finfo(float).eps * abs(here) / last:
-        raise SceneError(f"{who} has no derivative by {by} at {by} = {x:.6g}, where its slider rests: a kink, a jump or no "
-                         "finite number; smooth it there, or hold the slider with held=")
+        raise SceneError(f"{who} has no derivative by {by} at {by} = {x:.6g}, where its slider rests: it has a kink, a jump or "
+                         "no finite value there. Make it smooth there, or lock the slider with held=")
     return best
 
 

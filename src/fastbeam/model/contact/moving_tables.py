@@ -123,8 +123,8 @@ def _reference(beam: Beam) -> Array:
     mean = np.asarray(strains.mean(axis=0))
     scale = np.array((1.0, 1.0, 1.0, *[1.0 / beam.length] * 3)) + np.abs(mean)
     if np.max(np.abs(strains - mean) / scale) > UNIFORM:
-        raise SceneError(f"moving mesh of {beam.label}: its curvature changes along it, and strains of its reference are taken "
-                         "at places that move; use a straight beam, an arc or a helix")
+        raise SceneError(f"moving mesh of {beam.label}: its reference curvature varies along the beam, but reference strains of "
+                         "moving elements must not; use a straight beam, an arc or a helix")
     mean[np.abs(mean) < UNIFORM * 1e-3 * scale] = 0.0
     return mean
 

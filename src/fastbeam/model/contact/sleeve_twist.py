@@ -59,9 +59,9 @@ class TwistFriction(Feature):
     lacks = (
         Lack((Analysis.EXACT, Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.MODES, Analysis.TRAVEL,
               Analysis.SENSITIVITY), "friction",
-             "{who}: sleeve {name!r} rubs on a beam that turns in it (radius=), which this analysis does not know",
-             "leave radius out, or hold the twist by keyed=True. Equilibria with it are found by solve_static, or by a run until "
-             "it rests", lambda twist, asked: twist.names),
+             "{who}: sleeve {name!r} has friction of a beam that turns in it (radius=), which this analysis does not support",
+             "leave radius out, or fix the twist by keyed=True. solve_static supports it, and so does a run until it comes to "
+             "rest", lambda twist, asked: twist.names),
         without_adjoint("friction", lambda twist, asked: [f"friction of the beam that turns in sleeve {name!r} (radius=)"
                                                           for name in twist.names]))
 

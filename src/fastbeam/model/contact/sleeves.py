@@ -53,8 +53,8 @@ class SleeveContact(Feature):
     key, title, order = "sleeve_contact", "sleeves", 160
     lacks = (unknown_to_methods("sleeves"),
              Lack((Analysis.EXACT,), "friction",
-                  "{who}: sleeve {name!r} has friction, which only contacts='mesh' knows",
-                  "hold it where it stands with held=({name!r},), or leave contacts= out",
+                  "{who}: sleeve {name!r} has friction, which only contacts='mesh' supports",
+                  "lock it at its place with held=({name!r},), or leave contacts= out",
                   lambda contact, asked: contact.rubbing(asked)))
 
     def __init__(self, sleeves: list[Any]) -> None:
@@ -119,9 +119,9 @@ def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
         angle = float(np.arctan2(np.linalg.norm(np.cross(given, axes[0])), given @ axes[0]))
         if min(angle, np.pi - angle) > ALIGNED:
             raise SceneError(f"sleeve {sleeve.name!r}: its axis and {sleeve.beam.label} at={sleeve.at:.6g} make an angle of "
-                             f"{np.degrees(angle):.6g} degrees at t = 0 (allowed: {np.degrees(ALIGNED):.2g}); turn "
-                             f"{sleeve.point.owner.label} or the beam, or leave axis out: then the sleeve lies around the beam "
-                             "as it is")
+                             f"{np.degrees(angle):.6g} degrees at t = 0 (allowed: {np.degrees(ALIGNED):.2g}). Turn "
+                             f"{sleeve.point.owner.label} or the beam, or leave axis out: the sleeve then takes the direction of "
+                             "the beam")
     return axes
 
 

@@ -82,8 +82,9 @@ def _not_at_rest(analyses: tuple[Analysis, ...], what: str, some: Callable[[Slid
     """Declare that analyses at rest do not support some sliders, unless these are locked."""
     def names(forces: SliderForces, asked: Asked) -> list[str]:
         return [forces.sliders[k].name for k in np.flatnonzero(some(forces) & ~asked.held)]
-    return Lack(analyses, what, "{who}: slider {name!r} has " + what + ", which equilibria do not know",
-                "hold it where it stands with held=({name!r},), leave that out for the equilibrium, or run until it rests", names)
+    return Lack(analyses, what, "{who}: slider {name!r} has  " + what + ", which equilibria do not support",
+                "lock it at its place with held=({name!r},), leave that out for the equilibrium, or run until it comes to "
+                "rest", names)
 
 
 def _without_adjoint(what: str, has: Callable[[Slider], bool]) -> Lack:
@@ -101,15 +102,16 @@ class SliderForces(Feature):
     lacks = (
         unknown_to_methods("friction, drives, stops, locks and releases of sliders"),
         Lack((Analysis.ORDER_4,), "locks, releases, one-sided contact",
-             "order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what follows",
+             "order=4: where a slider is locked, released or lifts off, velocities are of second order only, and so is the "
+             "motion after it",
              "use order=2", lambda forces, asked: ["sliders"] * forces.lets_go),
         dissipating("Coulomb friction, rigid stops", lambda forces, asked: [DISSIPATION] * forces.has_kinks, kinked=True),
         dissipating("switches, where something dissipates", lambda forces, asked: ["sliders on switches"] * bool(
             asked.model.spans and any(lacking(Analysis.COMPOSED, asked.model))), kinked=True),
         dissipating("viscous friction, drives by velocity", lambda forces, asked: [DISSIPATION] * forces.dissipates),
         Lack((*(x for x in AT_REST if x is not Analysis.EXACT), Analysis.TRAVEL), "a start away from the beam",
-             "{who}: slider {name!r} begins away from its beam, where nothing rests",
-             "let it begin on the beam, or run until it rests",
+             "{who}: slider {name!r} begins away from its beam, where it has no equilibrium",
+             "let it begin on the beam, or run until it comes to rest",
              lambda forces, asked: [x.name for x in forces.sliders if x.starts_off]),
         _not_at_rest((Analysis.STATIC, Analysis.STICK, Analysis.MODES), "a lock or may leave its beam",
                      lambda forces: forces.lets_go_of),
@@ -118,11 +120,13 @@ class SliderForces(Feature):
                      lambda forces: forces.is_rough),
         _not_at_rest((Analysis.LENGTHS, Analysis.TRAVEL), "friction, a drive, stops, a lock or may leave its beam",
                      lambda forces: np.array([not x.slides_freely for x in forces.sliders])),
-        Lack((Analysis.TIMELESS, Analysis.TIMELESS_SHAPES), "drives by functions of time", "{who}: drives have time functions",
-             "say with at_time=... where to evaluate them, at one time",
+        Lack((Analysis.TIMELESS, Analysis.TIMELESS_SHAPES), "drives by functions of time", "{who}: drives have time functions, "
+                                                                                           "so a time is needed",
+             "give one time with at_time=...",
              lambda forces, asked: ["drives"] * forces.has_functions(~asked.held)),
-        Lack((Analysis.TIMELESS_MODES,), "drives that push, by functions of time", "{who}: drives have time functions",
-             "say with at_time=... where to evaluate them, at one time",
+        Lack((Analysis.TIMELESS_MODES,), "drives that push, by functions of time", "{who}: drives have time functions, so a time "
+                                                                                   "is needed",
+             "give one time with at_time=...",
              lambda forces, asked: ["drives"] * forces.has_functions(~asked.held & ~forces.is_prescribed)),
         _without_adjoint("locks", lambda slider: slider.lock is not None),
         _without_adjoint("releases", lambda slider: slider.release is not None),
@@ -377,8 +381,9 @@ class SliderForces(Feature):
         for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
             slider, place = self.sliders[k], self.place_given(k, t, history[k])
             if abs(place - s[k]) > JUMP * slider.beam.length:
-                raise SceneError(f"slider {slider.name!r} stands at s = {s[k]:.6g} m, its drive at t = {t:.6g} s at {place:.6g} "
-                                 "m; start at the time of the state (Start(state, time=...)), or let the position begin there")
+                raise SceneError(f"slider {slider.name!r} is at s = {s[k]:.6g} m, but its drive prescribes {place:.6g} m at t = "
+                                 f"{t:.6g} s; start at the time of the state (Start(state, time=...)), or let the "
+                                 "position begin there")
 
     def restitution(self, k: int, at_end: bool, s: float, own: Array) -> float | None:
         """Return the coefficient of restitution of the rigid stop of slider k, at s, at its end or start; None where there is no
@@ -512,7 +517,7 @@ def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
         slider = sliders[k]
         begin = float(found.tables.given[k, 0])
         if abs(begin - slider.at) > AT_START * slider.beam.length:
-            raise SceneError(f"slider {slider.name!r}: its drive begins at position(0) = {begin:.6g} m, the slider at "
+            raise SceneError(f"slider {slider.name!r}: its drive begins at position(0) = {begin:.6g} m, but the slider at "
                              f"{slider.at:.6g} m; begin with at={begin:.6g}")
     return found
 
@@ -540,8 +545,8 @@ def sides_of(slider: Slider) -> Array:
                 for j, x in ((k, forward), (other, not forward))]
         found = _across(slider, ends[1], sides[k] @ ends[0])
         if np.any(sides[other]) and np.linalg.norm(found - sides[other]) > 1e-3:
-            raise SceneError(f"slider {slider.name!r}: one_sided: around {path.label} its side turns about the axis and comes "
-                             "back as another; give the beams triads that close, or slide it on an open path")
+            raise SceneError(f"slider {slider.name!r}: one_sided: around {path.label} its side turns about the axis and does not "
+                             "return to itself. Give the beams directors that match where the path closes, or use an open path")
         sides[other] = found if not np.any(sides[other]) else sides[other]
     return np.repeat(sides, [beam.n_nodes for beam in path.beams], axis=0)
 
@@ -552,6 +557,6 @@ def _across(slider: Slider, triad: Array, side: Array) -> Array:
     out[0] = 0.0
     size = float(np.linalg.norm(out))
     if not size > 1e-3 * float(np.linalg.norm(side)):
-        raise SceneError(f"slider {slider.name!r}: one_sided: its side is a direction along one of the beams of "
-                         f"{slider.beam.label}; give one across them all")
+        raise SceneError(f"slider {slider.name!r}: one_sided: its side must not be parallel to the axis of a beam of "
+                         f"{slider.beam.label}; give a direction across all of them")
     return out / size

@@ -45,7 +45,7 @@ def _loads_along(beam: Any, asked: Asked) -> str:
     """Describe the part that acts along a beam, for a message; empty without any."""
     for part in asked.model.uneliminated.scene.parts:
         if _works_along(part, beam):
-            return f", along which {part.kind} {part.name!r} acts, whose work by the place of an element end is not known"
+            return f", and {part.kind} {part.name!r} acts along it, whose work as an element end moves is not implemented"
     return ""
 
 
@@ -55,13 +55,14 @@ class SlidingContact(Feature):
 
     key, title, order = "sliding", "sliders", 5
     lacks = (
-        Lack((Analysis.EXACT,), "crossings, switches", "{who}: {name}, which only contacts='mesh' knows", "leave contacts= out",
+        Lack((Analysis.EXACT,), "crossings, switches", "{who}: {name}, which only contacts='mesh' supports",
+             "leave contacts= out",
              lambda contact, asked: contact.branching),
         _on_beams("make it a Beam of its own, or leave contacts= out", "beams of nets",
-                  lambda beam, asked: ", whose elements are equal" if isinstance(beam, NetBeam) else ""),
+                  lambda beam, asked: ", whose elements have equal lengths" if isinstance(beam, NetBeam) else ""),
         _on_beams("use interpolation='lagrange', or leave contacts= out", "splines",
                   lambda beam, asked: "" if isinstance(beam, NetBeam) or beam.interpolation == "lagrange" else
-                  " with interpolation 'bspline', whose curve has no kink at a contact"),
+                  " with interpolation 'bspline', whose curve cannot have a kink at a contact"),
         _on_beams("put it on nodes, or leave contacts= out", "user forces, moments, loads that follow and moving air along beams",
                   _loads_along))
 

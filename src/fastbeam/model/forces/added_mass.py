@@ -26,14 +26,14 @@ class Added(Feature):
     lacks = (
         unknown_to_methods("added mass"),
         Lack((Analysis.ORDER_4,), "different masses along and across",
-             "order=4: {name}: where the mass along d1 is not that across it, velocities are of second order, and so is what "
-             "follows",
+             "order=4: {name}: where the masses along d1 and across it differ, velocities are of second order only, and so is "
+             "the motion after it",
              "use order=2", lambda added, asked: added.labels[:1] * added.turns),
         Lack((Analysis.BLOWS,), "added mass",
-             "{name}: sliders or joints have rigid stops, locks, releases or one-sided contact, or supports take hold, whose "
-             "blows do not know the mass of the fluid", "leave these out, or use elastic stops",
+             "{name}: impacts do not include the mass of the fluid, but sliders or joints have rigid stops, locks, releases or "
+             "one-sided contact, or supports engage", "leave these out, or use elastic stops",
              lambda added, asked: added.labels),
-        Lack((Analysis.STEADY,), "added mass", "{who}: {name}: the fluid does not take part in a steady motion", "leave it out",
+        Lack((Analysis.STEADY,), "added mass", "{who}: {name}: steady motions do not include the fluid", "leave it out",
              lambda added, asked: added.labels),
         without_adjoint("added mass"))
 

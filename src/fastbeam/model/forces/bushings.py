@@ -52,7 +52,7 @@ def check_plane(parts: list[Any], normal: Array) -> None:
             # the largest entry of the same kind is the scale of round-off
             size = np.concatenate((np.full(3, size[:3].max()), np.full(3, size[3:].max())))
             if np.any(np.abs(m[np.ix_(within, beyond)]) > TOLERANCE * np.outer(size[within], size[beyond])):
-                raise NotPlanar(f"{part.label} couples motions in the plane with others")
+                raise NotPlanar(f"{part.label} couples in-plane motions with others")
 
 
 def bushings_in_plane(table: Bushings, plane: Plane) -> Bushings:

@@ -39,7 +39,7 @@ def _returning(law: Callable[..., Any], arguments: tuple[Any, ...], what: str) -
     compiled = of_user(law)
     compiled.compile(arguments)
     if compiled.nopython_signatures[-1].return_type == types.none:
-        raise WrongForm(f"returns nothing; it has to return {what}")
+        raise WrongForm(f"returns nothing; it must return {what}")
     return compiled
 
 

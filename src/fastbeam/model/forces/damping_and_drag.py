@@ -40,8 +40,8 @@ class Damped(Feature):
     lacks = (
         unknown_to_methods("damping", lambda damped, asked: damped.losses),
         dissipating("damping", lambda damped, asked: damped.losses),
-        Lack((Analysis.FILTERED,), "damping", "rho_inf: {name} has damping of its own, which grows with the frequency",
-             "leave rho_inf out, or the damping of sections", lambda damped, asked: damped.labels))
+        Lack((Analysis.FILTERED,), "damping", "rho_inf: {name} has material damping, which grows with the frequency already",
+             "leave rho_inf out, or leave out damping of sections", lambda damped, asked: damped.labels))
 
     labels: tuple[str, ...]
     strains: tuple[str, ...]  # strain sets of the beams and nets
@@ -100,14 +100,14 @@ class Dragged(Feature):
         dissipating("drag", lambda dragged, asked: dragged.labels),
         timed_loads(lambda dragged, asked: dragged.labels if dragged.blows and dragged.timed else ()),
         Lack((Analysis.TIME_SPAN,), "air that changes in time",
-             "{who}: the air of {name} changes in time, and two times tell no path of its force",
-             "give one time, with which it grows from zero",
+             "{who}: the air of {name} changes in time, so its force between two times depends on more than these times",
+             "give one time; the air velocity then grows from zero",
              lambda dragged, asked: dragged.labels if dragged.blows and (dragged.timed or dragged.windy) else ()),
-        Lack((Analysis.STEADY,), "drag", "{who}: drag of {name} resists the steady motion itself, which would not go on",
+        Lack((Analysis.STEADY,), "drag", "{who}: drag of {name} would brake the steady motion itself",
              "leave it out", lambda dragged, asked: dragged.labels),
-        _air_moves("wind=", "{name}: its air moves by wind=, and what it adds to the damping of small motions is not known",
+        _air_moves("wind=", "{name}: its air moves by wind=, and damping of small motions by such air is not implemented",
                    "leave wind= out, or run in time", lambda dragged: dragged.asks_wind),
-        _air_moves("air=", "{name}: its air moves, and what it adds to the damping of small motions is not known",
+        _air_moves("air=", "{name}: its air moves, and damping of small motions by moving air is not implemented",
                    "leave air= out, or run in time", lambda dragged: np.any(dragged.air != 0.0, axis=1)),
         without_adjoint("air that changes in time",
                         lambda dragged, asked: ["air that changes in time"] * (dragged.timed or dragged.windy)))

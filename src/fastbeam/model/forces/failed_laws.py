@@ -48,12 +48,12 @@ class Failure(NamedTuple):
 
 NOTHING = Failure("")
 # advice behind the text of a failure
-LET_IT = ". Let it give finite numbers there."
+LET_IT = ". It must return finite numbers there."
 # names of the results of functions
 WORDS = {"law": "force", "wind": "velocity"}
 # number of laws at a node that a message names
 SHOWN = 2
-UNSEEN = "fails where it is compiled, though not in Python, as by a division by zero,"
+UNSEEN = "fails in compiled code, though not in Python, for example by a division by zero,"
 
 
 def forget(terms: Iterable[Any], work: Array) -> None:
@@ -157,7 +157,7 @@ def _again(call: Callable[[], Any], out: Array | None, word: str) -> tuple[str, 
         found = np.asarray(returned if out is None else out, dtype=float)
     except Exception as failed:
         return f"fails, {type(failed).__name__}: {str(failed)[:200]},", failed
-    return (UNSEEN if np.isfinite(found).all() else f"gives {shown(found)}, which is no finite {word},"), None
+    return (UNSEEN if np.isfinite(found).all() else f"returns {shown(found)}, which is not a finite {word},"), None
 
 
 def ask(model: Any, table: Any, k: int, t: float, given: Array, found: int) -> Array:

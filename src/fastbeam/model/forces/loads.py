@@ -76,7 +76,7 @@ def which_times(value: Any) -> float | tuple[float, float]:
     """Check the argument `at_time`: one time, s, or two. Raises Refusal."""
     if real(value) is not None:
         return Number(unit="s")(value)
-    first, last = Numbers((2,), "a time in s, or two, of the loads at load factor 0 and at 1")(value)
+    first, last = Numbers((2,), "a time in s, or two times: of the loads at load factor 0 and at load factor 1")(value)
     return float(first), float(last)
 
 
@@ -93,8 +93,8 @@ def load_path(who: str, model: Model, at_time: float | tuple[float, float] | Non
     require(Analysis.TIME_SPAN, model, f"{who}: at_time={at_time}")
     first, last = (load_factors_at(who, model, t) for t in at_time)
     if np.array_equal(first, last) and not others_change:
-        raise SceneError(f"{who}: at_time={at_time}: no load changes between these times; give those that grow a time function, "
-                         "as in Load(..., time=lambda t: t), those without one stay")
+        raise SceneError(f"{who}: at_time={at_time}: no load changes between these times. Give a time function to loads that "
+                         "grow, as in Load(..., time=lambda t: t); loads without one stay constant")
     return first, last - first
 
 
@@ -151,7 +151,7 @@ def factors_at(functions: Sequence[tuple[Callable[[float], float], str]], times:
         if isinstance(error, SceneError):
             raise
         k, i = divmod(len(found), len(times))
-        text = f"must not fail, at t = {times[i]:.6g} s it raises {type(error).__name__}: {error}"
+        text = f"must not fail, but raises {type(error).__name__} at t = {times[i]:.6g} s: {error}"
         raise SceneError(f"time function {functions[k][1]}: {text}") from error
     return _numbers(found, functions, times).reshape(len(functions), len(times))
 

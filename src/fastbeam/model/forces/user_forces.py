@@ -55,13 +55,13 @@ class UserLaws(Feature):
         dissipating("user forces with dissipates=True", lambda laws, asked: [
             label_of(force) for force in laws.forces if force.dissipates]),
         Lack((Analysis.TWO_TIMES,), "laws of the user's own",
-             "{who}: {name} has a law of its own, of which two times of at_time= tell no path",
+             "{who}: {name} has a user-defined law, whose force between two times of at_time= is not determined by these times",
              "give one time, or write it as a load with follower=True", lambda laws, asked: laws.pathless),
         timed_loads(lambda laws, asked: [label_of(x) for x in laws.forces if getattr(x, "time", None) is not None]),
-        Lack((Analysis.STEADY,), "user forces", "{who}: {name} is not known in a steady motion", "leave it out",
+        Lack((Analysis.STEADY,), "user forces", "{who}: steady motions do not support {name}", "leave it out",
              lambda laws, asked: laws.labels),
-        Lack((Analysis.SENSITIVITY,), "user forces", "{who}: derivatives with {name} are not known",
-             "use loads that keep their direction, or differences of equilibria", lambda laws, asked: laws.labels),
+        Lack((Analysis.SENSITIVITY,), "user forces", "{who}: derivatives do not support {name}",
+             "use loads with fixed direction, or differences of equilibria", lambda laws, asked: laws.labels),
         without_adjoint("user forces", lambda laws, asked: laws.labels))
 
     def __init__(self, forces: list[Any], between: list[Any], laws: dict[type, Lawful]) -> None:
@@ -149,7 +149,7 @@ def line_forces(ends: Any) -> LineForces:
     addresses = []
     for force, length in zip(ends.parts, ends.distance.tolist()):
         if not length > 0.0:
-            raise SceneError(f"{force.label}: its ends lie at the same place, where its line has no direction; move one of them")
+            raise SceneError(f"{force.label}: its ends coincide, so its line has no direction; move one of them")
         address, compiled = compiled_law(force)
         given = 0.0, length, 0.0, np.array(force.parameters)
         _agree(force.label, [np.array([_called(force.label, function, given)]) for function in (force.law, compiled)], "tension")
@@ -252,8 +252,9 @@ def check_slopes(who: str, law: Any, derivative: Any, given: Array, parameters: 
             if wrong.any():
                 i = int(np.argmax(wrong))
                 what, by = ("tension", ("length", "rate")[j]) if on_line else (_name(i, FOUND_NAMES), _name(j, GIVEN_NAMES))
-                raise SceneError(f"{who}: its derivative gives {found[i, j]:.6g} for the change of {what} with {by}, differences "
-                                 f"of its law give {0.5 * (sides[0][i] + sides[1][i]):.6g}; correct it, or leave derivative= out")
+                raise SceneError(f"{who}: its derivative returns {found[i, j]:.6g} for the change of {what} with {by}, but "
+                                 f"differences of its law give {0.5 * (sides[0][i] + sides[1][i]):.6g}; correct it, or leave "
+                                 "derivative= out")
 
 
 # relative round-off of a law in its arguments
@@ -299,7 +300,7 @@ def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
         with np.errstate(all="ignore"):
             value = function(*given)
             if value is None:
-                raise SceneError(f"{who}: its law returns nothing at the start; it has to return the tension, N")
+                raise SceneError(f"{who}: its law returns nothing at the start; it must return the tension, N")
             return float(value)
     except SceneError:
         raise
@@ -386,7 +387,7 @@ def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
 
 def _check_finite(who: str, found: Array, what: str, law: str = "law") -> None:
     if not np.isfinite(found).all():
-        raise SceneError(f"{who}: its {law} gives {shown(found)} for {what} at the start; it has to give finite numbers")
+        raise SceneError(f"{who}: its {law} returns {shown(found)} for {what} at the start; it must return finite numbers")
 
 
 def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
@@ -394,8 +395,8 @@ def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
     for one in found:
         _check_finite(who, one, what, law)
     if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
-        raise SceneError(f"{who}: its {law} gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads "
-                         "beside its arguments is frozen when it is compiled: hand it over in parameters=")
+        raise SceneError(f"{who}: its {law} returns {shown(found[0])} in Python, but {shown(found[1])} compiled. Variables that "
+                         "it reads besides its arguments are constants once it is compiled; pass them in parameters=")
 
 
 def asked_of(part: Any, t: float, given: Array, parameters: Array) -> Asked:

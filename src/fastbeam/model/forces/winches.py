@@ -63,20 +63,21 @@ class Hoists(Feature):
 
     key, title, order = "hoists", "winches", 105
     lacks = (
-        Lack((Analysis.PLANAR,), "winches", "{name} runs in space", "use planar='auto'",
+        Lack((Analysis.PLANAR,), "winches", "{name} is available in space only", "use planar='auto'",
              lambda hoists, asked: [winch.label for winch in hoists.winches]),
         unknown_to_methods("winches"),
-        Lack(UNKNOWN, "winches", "{who} does not know winches",
-             "use simulate or solve_static, or a Spring of the same length and stiffness, and a mass, in its place",
+        Lack(UNKNOWN, "winches", "{who} does not support winches",
+             "use simulate or solve_static, or replace the winch by a Spring of the same length and stiffness, and a mass",
              always("winches")),
-        Lack((Analysis.PROJECTION,), "winches", "{who}: project_velocities does not know winches", "give velocities that agree",
+        Lack((Analysis.PROJECTION,), "winches", "{who}: project_velocities does not support "
+                                                "winches", "give compatible velocities",
              always("winches")),
-        Lack((Analysis.INNER,), "ropes", "observe: 'inner' does not know the ropes of winches", "leave it out",
+        Lack((Analysis.INNER,), "ropes", "observe: 'inner' does not support the ropes of winches", "leave it out",
              always("winches")),
-        Lack((Analysis.GRAVITY_IN_TIME,), "ropes", "{name}: ropes know constant gravity alone", "leave gravity_time out",
+        Lack((Analysis.GRAVITY_IN_TIME,), "ropes", "{name}: ropes support constant gravity only", "leave gravity_time out",
              lambda hoists, asked: [winch.label for winch in hoists.winches]),
-        Lack((Analysis.STEADY,), "ropes", "{who}: ropes of winches are not known in a steady motion",
-             "put a Spring of the same length and stiffness, and a mass, in their place", always("winches")),
+        Lack((Analysis.STEADY,), "ropes", "{who}: steady motions do not support ropes of winches",
+             "replace them by a Spring of the same length and stiffness, and a mass", always("winches")),
         without_adjoint("winches"))
 
     def __init__(self, winches: list[Any]) -> None:
@@ -193,5 +194,5 @@ def used_up(model: Any, state: State, h: float) -> str:
         ahead = length + 2.0 * h * v[drum]
         if not 0.0 < ahead <= table.total[i]:
             what = "all rope is paid out" if ahead > 0.0 else "all rope is on it"
-            return f"{what}, of {model.labels[drum]}: {length:.6g} m are free and change by {v[drum]:.6g} m/s"
+            return f"{what}, of {model.labels[drum]}: the free length is {length:.6g} m, and changes by {v[drum]:.6g} m/s"
     return ""

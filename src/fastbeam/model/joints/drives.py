@@ -274,8 +274,8 @@ class Holds:
                 values = np.array([self.value(k, t) for t in times.tolist()])
                 out[:, column], way = values[1:], np.diff(values)
             if self.is_angle[k] and np.any(np.abs(way) > HALF_TURN):
-                raise SceneError(f"{self.parts[k].label}: it is to make half a turn or more in the step from t = "
-                                 f"{times[int(np.argmax(np.abs(way)))]:.6g} s; use smaller steps")
+                raise SceneError(f"{self.parts[k].label}: its prescribed motion turns by half a turn or more in the step from t "
+                                 f"= {times[int(np.argmax(np.abs(way)))]:.6g} s; use smaller steps")
         return DriveTimes(drives, out)
 
     def controls(self, control: JointControl, starts: Array, lengths: Array) -> ControlTimes:
@@ -304,9 +304,9 @@ class Holds:
                 off -= 2.0 * np.pi * np.round(off / (2.0 * np.pi))
             if not abs(off) <= JUMP * (1.0 if self.is_angle[k] else self.length):
                 name, _, unit = part.words
-                statics = "" if name == "position" else ", or from the equilibrium of solve_static, which goes there"
-                raise SceneError(f"{part.label}: it stands at {found[k]:.6g} {unit}, its given {name} at t = {t:.6g} s is "
-                                 f"{value:.6g} {unit}; let it begin with {found[k]:.6g} there, start at the time of the state "
+                statics = "" if name == "position" else ", or from the equilibrium of solve_static, which satisfies it"
+                raise SceneError(f"{part.label}: its value is {found[k]:.6g} {unit}, but its prescribed {name} at t = {t:.6g} s "
+                                 f"is {value:.6g} {unit}. Let that begin with {found[k]:.6g}, start at the time of the state "
                                  f"(Start(state, time=...)){statics}")
             own[k] = value
 
@@ -318,7 +318,7 @@ class Holds:
         try:
             self.start(t, found.copy(), found)
         except SceneError as error:
-            raise SceneError(f"{who}: joints stay where they stand; {error}") from None
+            raise SceneError(f"{who}: joints keep their angles and distances; {error}") from None
 
     def start_rubbing(self, own: Array, rates: Array, fastest: float) -> None:
         """Set the signs of the velocities of coordinates with friction in a history `own` [R, 5]; rates [C]; fastest: rate of the
@@ -335,7 +335,7 @@ class Holds:
         for (low, high), scale, k in zip(self.ends, self.scales, self.rubs.tolist()):
             if not low - AT_STOP * scale <= found[k] <= high + AT_STOP * scale:
                 name, _, unit = self.parts[k].words
-                raise SceneError(f"{self.parts[k].label}: its {name} of {found[k]:.6g} {unit} at the start is beyond its stops "
+                raise SceneError(f"{self.parts[k].label}: its {name} of {found[k]:.6g} {unit} at the start lies beyond its stops "
                                  f"({low:.6g} to {high:.6g} {unit}); start from a state between them")
 
     # --- at rows ------------------------------------------------------------------------------------------------------

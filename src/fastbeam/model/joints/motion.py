@@ -32,7 +32,7 @@ def _unknown(analyses: tuple[Analysis, ...], what: str, text: str, instead: str,
 
 
 SMOOTH_AT_REST = Analysis.RELAX, Analysis.PATH, Analysis.LENGTHS, Analysis.SENSITIVITY
-HOLD_IT = "hold the joint where it is to be by angle= or distance=, or run until it rests"
+HOLD_IT = "prescribe its value by angle= or distance=, or run until it comes to rest"
 
 
 @dataclass(frozen=True)
@@ -50,24 +50,27 @@ class Motions(Feature):
             if motions.holds.is_bounded and any(lacking(Analysis.COMPOSED, asked.model)) else [], kinked=True),
         dissipating("dampers, drives by velocity", lambda motions, asked: (
             ["dampers of joints"] * motions.damped + motions.holds.heeding)),
-        _unknown(SMOOTH_AT_REST, "motors and drives", "{name}: {who} takes no motors and drives of joints",
-                 "leave it out, or hold the joint by a stiff spring with rest=", lambda motions: motions.pushed),
+        _unknown(SMOOTH_AT_REST, "motors and drives", "{name}: {who} does not support motors and drives of joints",
+                 "leave it out, or replace it by a stiff spring with rest=", lambda motions: motions.pushed),
         _unknown((*SMOOTH_AT_REST, Analysis.EXACT), "friction",
-                 "{name}: {who} knows no friction of joints, which leaves a range of them", f"leave it out, {HOLD_IT}",
+                 "{name}: {who} does not support friction of joints, with which equilibria are not "
+                 "unique", f"leave it out, {HOLD_IT}",
                  lambda motions: [k for k in motions.holds.rubs.tolist() if motions.holds.parts[k].has_friction]),
-        _unknown((*SMOOTH_AT_REST, Analysis.EXACT), "rigid stops", "{name}: {who} knows no rigid stops of joints",
+        _unknown((*SMOOTH_AT_REST, Analysis.EXACT), "rigid stops", "{name}: {who} does not support rigid stops of joints",
                  f"leave it out, give the stops a stiffness=, {HOLD_IT}",
                  lambda motions: [k for k in motions.holds.rubs.tolist() if not motions.holds.parts[k].has_friction]),
-        _unknown((Analysis.RELAX,), "given values", "relax: {name} is given as a function of time",
-                 "hold it by a stiff spring with rest=, or use solve_static", lambda motions: motions.holds.given.tolist()),
+        _unknown((Analysis.RELAX,), "given values", "relax: {name} has a value prescribed as a function of time, which relax "
+                                                    "does not support",
+                 "replace it by a stiff spring with rest=, or use solve_static", lambda motions: motions.holds.given.tolist()),
         _unknown((Analysis.SENSITIVITY,), "given values",
-                 "{who}: {name} is given a value that may depend on them, which is not known", "use differences of equilibria",
+                 "{who}: {name} has a prescribed value, which may depend on the parameters; its derivative is not "
+                 "available", "use differences of equilibria",
                  lambda motions: motions.holds.given.tolist()),
         Lack((Analysis.TIMELESS,), "motors, drives and given values by functions of time",
-             "{who}: motors, drives or given motions of joints are functions of time",
-             "say with at_time=... where to evaluate them", lambda motions, asked: ["joints"] * motions.holds.has_functions),
+             "{who}: motors, drives or prescribed motions of joints are functions of time, so a time is needed",
+             "give the time with at_time=...", lambda motions, asked: ["joints"] * motions.holds.has_functions),
         Lack((Analysis.TIMELESS_MODES,), "motors and drives by functions of time",
-             "{who}: motors or drives of joints are functions of time", "say with at_time=... where to evaluate them",
+             "{who}: motors or drives of joints are functions of time, so a time is needed", "give the time with at_time=...",
              lambda motions, asked: ["joints"] * motions.holds.pushes_in_time),
         without_adjoint("friction, rigid stops", lambda motions, asked: [
             f"friction or rigid stops of {motions.labels[k]}" for k in motions.holds.rubs]))

@@ -183,11 +183,11 @@ def rest_events(model: Any, state: Any, tension: Array, free: Array,
         share = float(abs(true[j, j] * ripple.stiffness))
         if off > PLACE * model.length or share > STIFFNESS:
             text = (f"slider {contact.name!r}: on {contact.mesh} the force along the beam depends by up to {ripple.force:.2g} N "
-                    f"on where in an element it stands, so that its place of rest may be off by about {off:.1g} m, and its "
+                    f"on its place within an element. Its equilibrium position may be off by about {off:.1g} m, and its "
                     f"stiffness along the beam, with frequencies, critical loads and derivatives, by {100.0 * share:.2g} %")
             out.append((max(off / (PLACE * model.length), share / STIFFNESS), text + _cure(contact, lambda x: max(
                 x.force / ripple.force * off / (PLACE * model.length), x.most * true[j, j] / STIFFNESS) < 1.0,
-                "solve_static(contacts='exact') finds the place")))
+                "solve_static(contacts='exact') finds the exact position")))
     return _told(out, 1.0)
 
 
@@ -204,12 +204,12 @@ def mode_events(model: Any, state: Any, tension: Array, slides: Array, squared: 
         k = int(np.argmax(np.abs(share)))
         if abs(share[k]) > STIFFNESS:
             true = float(squared[k] - ripple.stiffness * own[k])
-            size = f"{100.0 * share[k]:+.2g} %" if abs(share[k]) < 1.0 else "more than its size"
-            text = (f"slider {contact.name!r}: on {contact.mesh} its stiffness along the beam depends on where in an element it "
-                    f"stands, which changes w^2 of mode {k} by about {size}")
+            size = f"{100.0 * share[k]:+.2g} %" if abs(share[k]) < 1.0 else "more than its value"
+            text = (f"slider {contact.name!r}: on {contact.mesh} its stiffness along the beam depends on its place within an "
+                    f"element, which changes w^2 of mode {k} by about {size}")
             out.append((float(abs(share[k])), text + _cure(
-                contact, lambda x: x.most * own[k] < STIFFNESS * abs(true), "a run with elements that move "
-                "(with_moving_meshes), where these know the scene, has none of it")))
+                contact, lambda x: x.most * own[k] < STIFFNESS * abs(true), "a run with moving elements (with_moving_meshes), "
+                                                                            "where these support the scene, avoids this error")))
     return _told(out, 0.0)
 
 
@@ -217,14 +217,14 @@ def _cure(contact: Contact, enough: Callable[[Ripple], bool], other: str) -> str
     """Return the end of a message: how many more elements are enough, and what else helps."""
     found = next((finer for finer in FINER if enough(ripple_of(contact, finer))), None)
     if found is None:
-        return f"; more elements are not enough, as a jump of the shear force makes it grow again: {other}"
-    return f"; it takes about {found} times as many elements there, or {other}"
+        return f"; more elements do not help, because a jump of the shear force increases the error again: use {other}"
+    return f"; use about {found} times as many elements there, or {other}"
 
 
 def _told(found: Sequence[tuple[float, str]], t: float) -> list[dict[str, Any]]:
     """Form events of the worst, by size."""
     rows = sorted(found, key=lambda row: -row[0])
-    more = [f"and {len(rows) - MOST_EVENTS} more sliders like that"] if len(rows) > MOST_EVENTS else []
+    more = [f"and {len(rows) - MOST_EVENTS} more sliders of this kind"] if len(rows) > MOST_EVENTS else []
     return [{"kind": "contact", "time": t, "text": text} for text in [*(text for _, text in rows[:MOST_EVENTS]), *more]]
 
 
@@ -329,10 +329,10 @@ class Contacts:
     def _blow(self, t: float, k: int, place: float, h: float, blow: float, usual: float) -> None:
         slider = self.sliders[k]
         beam, s = place_of(slider, place)
-        text = (f"slider {slider.name!r} goes over s = {place:.4g} m ({beam.label}, s = {s:.4g} m), where what it runs on has a "
-                f"kink, with steps of {h:.2g} s: its force there, about {blow:.2g} N beside {usual:.2g} N before, is that of a "
-                "blow and grows with 1/h. Let the beam bend there: a weld instead of a hinge, a curved beam between, elements "
-                "below sqrt(EI/N), and steps that are short against the time in the bend; damping= takes the waves away")
+        text = (f"slider {slider.name!r} passes s = {place:.4g} m ({beam.label}, s = {s:.4g} m) with steps of {h:.2g} s, where "
+                f"its contact curve has a kink. Its force there, about {blow:.2g} N after {usual:.2g} N before, is that of an "
+                "impact and grows with 1/h. Let the beam bend there: a weld instead of a hinge, a curved beam between, elements "
+                "below sqrt(EI/N), and steps that resolve the time in the bend; damping= absorbs the waves")
         key = f"{slider.name} {place:.6g}"
         if blow > self._blows.get(key, (0.0, 0.0, ""))[0]:
             self._blows[key] = blow, t, text
@@ -366,12 +366,14 @@ class Contacts:
             energy = float(np.mean([row[0] for row in rows]))
             # what is held some other way does not move
             if energy > ENERGY * moving and self.largest[k] - self.least[k] > LEAST_WAY * contact.beam.length:
-                text = (f"slider {contact.name!r}: on {contact.mesh} its energy goes up and down by {energy:.2g} J in every "
-                        f"element, while it moves along the beam with {moving:.2g} J at most: where it stops, and how it "
-                        "swings there, depends on the mesh")
+                text = (f"slider {contact.name!r}: on {contact.mesh} its energy varies by {energy:.2g} J within every element, "
+                        f"but its kinetic energy along the beam is at most {moving:.2g} J. The place where it stops, and its "
+                        "vibration there, depend on the mesh")
                 enough = max(ENERGY * moving, 1e-300)
-                found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, "elements that move "
-                                                               "with it (with_moving_meshes), where these know the scene")))
+                found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, "elements that move with it "
+                                                                                                     "(with_moving_meshes), "
+                                                                                                     "where these support the "
+                                                                                                     "scene")))
         return [*({"kind": "unresolved", "time": t, "text": text, "blow": size} for size, t, text in blows),
                 *self._in_order(found)]
 
@@ -406,11 +408,10 @@ class Contacts:
         # the compliance L^3/3 of a cantilever with a force at its end changes by L^2 times that
         error = 3.0 * (held_length(beam, s, sleeve.length, sleeve.curve) - OF_BORE * sleeve.length * (not is_default)) / arm
         if error > SLEEVE:
-            text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the length of {arm:.2g} m that it "
-                    "leaves free is uncertain by a part of an element, so that it may be too stiff by about "
-                    f"{100.0 * error:.2g} %; ")
-            text += "its bore is one element long: give length=, 0 for a point, and " if is_default else ""
-            text += f"take {math.ceil(error / SLEEVE)} times as many elements"
+            text = (f"sleeve {sleeve.name!r}: on {beam.label} (elements of {size:.3g} m) the free length of {arm:.2g} m beside "
+                    f"it is uncertain by a part of an element, so the beam may be too stiff by about {100.0 * error:.2g} %;  ")
+            text += "its bore is one element long: give length=, 0 for a point, and  " if is_default else ""
+            text += f"use {math.ceil(error / SLEEVE)} times as many elements"
             text += ", or an element end at the sleeve" if beam.interpolation == "lagrange" else ""
             self._note(sleeve.name, error, t, text)
 
@@ -434,8 +435,8 @@ class Contacts:
         off = float(np.linalg.norm(distance))
         if off > ROUNDED * self.model.length:
             ends, e = beam.basis.element_ends, element_at(beam, s)
-            text = (f"slider {slider.name!r}: at s = {s:.4g} m on {beam.label} its curve 'c1' lies {off:.2g} m beside the axis, "
-                    f"as it rounds a kink of the mesh at an end of an element of {ends[e + 1] - ends[e]:.3g} m; take "
+            text = (f"slider {slider.name!r}: at s = {s:.4g} m on {beam.label} its curve 'c1' lies {off:.2g} m off the axis, "
+                    f"because it rounds a kink of the mesh at an end of an element of {ends[e + 1] - ends[e]:.3g} m. Use "
                     f"{math.ceil(off / (ROUNDED * self.model.length))} times as many elements there, or curve='own'")
             self._note(f"{slider.name} c1", off, t, text)
 
@@ -448,10 +449,10 @@ class Contacts:
         size, distance = float(ends[e + 1] - ends[e]), abs(a - b)
         force = state.force[self.model.first_force[[j, k]][:, None] + np.arange(3)]
         if 0.0 < distance < size and force.any():
-            text = (f"sliders {one.name!r} and {other.name!r} of {_owner(one).label} stand {distance:.3g} m apart on "
-                    f"{beam.label}, whose elements are {size:.3g} m long: the force of each depends on where in an element they "
-                    f"are, and may be some {min(1.0 + 0.2 * size / distance, 10.0):.2g} times too large; their sum is right. "
-                    f"Take elements of {0.5 * distance:.2g} m there")
+            text = (f"sliders {one.name!r} and {other.name!r} of {_owner(one).label} are {distance:.3g} m apart on {beam.label}, "
+                    f"whose elements are {size:.3g} m long. The force of each depends on its place within an element, and may be "
+                    f"about {min(1.0 + 0.2 * size / distance, 10.0):.2g} times too large; their sum is right. Use elements of "
+                    f"{0.5 * distance:.2g} m there")
             self._note(f"{one.name} {other.name}", size / distance, t, text)
 
 

@@ -397,7 +397,7 @@ def books_of_start(model: Model, given: Any, state: State, t: float, notes: list
         Observer(model, ("energy",), None).row(t, x) for x in (given, state))])
     off = np.max(np.abs(np.concatenate((state.q - given.q, state.s - given.s))))
     what = "impact at the start" if off < MOVED * model.length else "mending of the start"
-    said = (f"; the kinetic energy goes from {kinetic[0]:.6g} to {kinetic[1]:.6g} J, all energy changes by "
+    said = (f"; the kinetic energy changes from {kinetic[0]:.6g} to {kinetic[1]:.6g} J, the total energy by "
             f"{total[1] - total[0]:.6g} J, {what!r} in balance()")
     return ({AT_START: {what: float(total[0] - total[1])}},
             [(kind, text + said if kind == "mended" else text) for kind, text in notes])

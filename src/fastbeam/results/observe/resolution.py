@@ -101,22 +101,21 @@ class Resolution:
             bend = (kappa * size)**(2 * p)
             if bend > LARGEST_BEND:
                 self._note_moving("bend", bend, t, beam, size / mean, size, (
-                    f"the beam is bent or twisted by {kappa * size:.2g} rad along one, and what elements of degree {p} do not "
-                    "show of that pushes contacts along it; it takes elements of at most "
-                    f"{LARGEST_BEND**(0.5 / p) / kappa:.2g} m"))
+                    f"the beam bends or twists by {kappa * size:.2g} rad along one, and the error of elements of degree {p} "
+                    f"pushes contacts along the beam; elements must be shorter than {LARGEST_BEND ** (0.5 / p) / kappa:.2g} m"))
             long = np.flatnonzero(lengths > STRETCHED * mean)
             terms = np.linalg.norm(np.einsum("kn,enc->ekc", _terms(p), nodes[table.node[long], 0]), axis=2)
             last = terms[:, -1] * (terms[:, -1] > LARGEST_TERM * terms[:, 2:].sum(axis=1))
             if np.max(last, initial=0.0) > LEAST_TERM * self.model.length:
                 self._note_moving("stretched", float(np.max(last)), t, beam, size / mean, size, (
-                    f"they do not resolve the shape of the beam, which may be off by about {np.max(last):.1g} m"))
+                    f"they do not resolve the shape of the beam, whose error may be about {np.max(last):.1g} m"))
 
     def _note_moving(self, kind: str, worst: float, t: float, beam: str, grown: float, size: float, text: str) -> None:
         if worst > self._worst.get((kind, beam), (0.0, 0.0, ""))[0]:
             self._worst[kind, beam] = worst, t, (
-                f"{beam}: elements that move with its contacts are up to {size:.3g} m long, {grown:.2g} times the average: {text}"
-                ". Share out more elements to the side from which contacts go, by Beam(elements=[...]) and MovingMesh, or take "
-                "elements that stand")
+                f"{beam}: elements that move with its contacts are up to {size:.3g} m long, {grown:.2g} times the average: "
+                f"{text}. Use more elements on the side that contacts move away from, by Beam(elements=[...]) and MovingMesh, or "
+                "use fixed elements")
 
     def tension(self, q: Array) -> Array:
         """Return normal forces of beams at their nodes [N] at the shape q [12 N], N; NaN elsewhere."""
@@ -145,16 +144,16 @@ class Resolution:
             name = "reversed" if kind == "reversed" else "coarse"
             out += [{"kind": name, "time": t, "text": text} for _, t, text in rows[:MOST_EVENTS]]
             if len(rows) > MOST_EVENTS:
-                out.append({"kind": name, "time": rows[0][1], "text": f"and {len(rows) - MOST_EVENTS} more beams like that"})
+                out.append({"kind": name, "time": rows[0][1], "text": f"and {len(rows) - MOST_EVENTS} more beams of this kind"})
         return out
 
     # --- what is looked for ---------------------------------------------------------------------------------------------
     def _reversed_axis(self, t: float, e: _Elements, along: Array) -> None:
         k = int(np.argmin(along))
         if along[k] < 0.0:
-            self._note("reversed", -float(along[k]), t, e, k, "the axis runs against its sections: it was compressed to nothing "
-                       "and came out on the other side, or sheared by more than a right angle, which no beam does; loads are "
-                       "beyond the stiffness of the section", 0.0)
+            self._note("reversed", -float(along[k]), t, e, k, "the axis points against its sections: it was compressed to zero "
+                                                              "length and beyond, or sheared by more than a right angle, which "
+                                                              "is not physical; loads exceed the stiffness of the section", 0.0)
 
     def _turns_between_nodes(self, t: float, q: Array, e: _Elements) -> None:
         cosine = _cosines(q, e)
@@ -162,17 +161,20 @@ class Resolution:
         worst = float(np.min(cosine[k]))
         if worst < 0.0:
             angle = math.acos(max(-1.0, worst))
-            self._note("turn", angle, t, e, k, f"neighbouring nodes are turned by {angle:.2f} rad against each other, more than "
-                       "a right angle: interpolation between them means nothing", math.ceil(angle / 0.5))
+            self._note("turn", angle, t, e, k, f"neighbouring nodes are rotated by {angle:.2f} rad relative to each other, more "
+                                               "than a right angle: interpolation between them is "
+                                               "meaningless", math.ceil(angle / 0.5))
 
     def _short_directors(self, t: float, e: _Elements, square: Array) -> None:
         loss = e.square - square
         k = int(np.argmax(loss))
         if loss[k] > LARGEST_LOSS:
             p = e.nodes.shape[1] - 1
-            self._note("curvature", float(loss[k]), t, e, k, "it bends or twists too much for one element of degree "
-                       f"{p}: directors between its nodes are shorter than 1 by {50.0 * float(loss[k]):.2g} %, and so much "
-                       "may its curvature be off", float(loss[k] / GOOD_LOSS)**(1.0 / (p + 1 + (p + 1) % 2)))
+            self._note("curvature", float(loss[k]), t, e, k, f"it bends or twists too much for one element of degree {p}: "
+                                                             "directors between its nodes are shorter than 1 by "
+                                                             f"{50.0 * float(loss[k]):.2g} %, and its curvature may have an "
+                                                             "error of this "
+                                                             "size", float(loss[k] / GOOD_LOSS)**(1.0 / (p + 1 + (p + 1) % 2)))
 
     def _bending_lengths(self, t: float, q: Array, e: _Elements, force: Array) -> None:
         p = e.nodes.shape[1] - 1
@@ -192,9 +194,9 @@ class Resolution:
         matters = coarse & (own > LEAST_TURN) & (error > LEAST_ERROR * self.model.length)
         if np.any(matters):
             k = int(np.argmax(np.where(matters, error, 0.0)))
-            text = (f"it is taut (N = {force[k]:.3g} N) and turns by {own[k]:.2g} rad, which such a beam does within its bending "
-                    f"length sqrt(EI/N) = {bending[k]:.2g} m; nodes lie {spacing[k]:.2g} m apart, so positions near there may be "
-                    f"off by about {error[k]:.1g} m")
+            text = (f"it is taut (N = {force[k]:.3g} N) and turns by {own[k]:.2g} rad, within a bending length sqrt(EI/N) = "
+                    f"{bending[k]:.2g} m. Nodes are {spacing[k]:.2g} m apart, so positions near there may be off by about "
+                    f"{error[k]:.1g} m")
             self._note("layer", float(error[k]), t, e, k, text, float(spacing[k] / bending[k]))
 
     def _note(self, kind: str, size: float, t: float, e: _Elements, k: int, text: str, finer: float) -> None:
@@ -207,7 +209,7 @@ class Resolution:
                 cure = f"{math.ceil(finer * elements)} elements instead of {elements}"
             if kind == "layer":
                 cure += ", or element ends closer to each other there"
-            cure = self._kink(first, last) or f"it takes {cure}"
+            cure = self._kink(first, last) or f"use {cure}"
             self._worst[kind, beam] = size, t, f"{beam}, {where}: {text}" + (f"; {cure}" if finer else "")
 
     def _kink(self, first: int, last: int) -> str:
@@ -232,7 +234,7 @@ class Resolution:
         if found < LEAST_KINK:
             return ""
         return (f"the curve of the beam has a kink of {found:.2g} rad at s = {0.5 * (a + b):.4g} m, which no number of elements "
-                "resolves: end the beam there and begin another one, or round the curve")
+                "resolves: divide the beam there, or round the curve")
 
     def _place(self, first: int, last: int) -> tuple[str, str, int]:
         """Return (beam, which part of it, number of its elements or 0) of the element between two nodes."""

@@ -265,14 +265,14 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLik
     else:
         raise SceneError(f"section_forces: shapes must be a Result or a State (result.state), got {shown(shapes)}")
     if phi.shape[1] != model.n_nodes:
-        raise SceneError(f"section_forces: the shapes have {phi.shape[1]} nodes and the model of scene {model.scene_name!r} has "
+        raise SceneError(f"section_forces: the shapes have {phi.shape[1]} nodes, but the model of scene {model.scene_name!r} has "
                          f"{model.n_nodes}; give the model of that run, and keep shapes with output=Output(snapshots=...)")
     sections = Sections(model, beam, s)
     phi, directors, rates = phi[:, sections.span], directors[:, sections.span], None
     if sections.viscosity is not None and v is not None:
         rates = sections.strain_rates(np.concatenate((phi[:, :, None], directors), axis=2), v[:, sections.span])
     elif sections.viscosity is not None and len(t) and "t_end" in shapes.info:
-        warnings.warn(f"section_forces: {beam.label} has damping, and this result does not hold the motion of its shapes: "
-                      "stresses by rates of strains are left out; run with observe=('velocity', ...), or with "
-                      "observe=('section', ...) for rows of points", stacklevel=3)
+        warnings.warn(f"section_forces: {beam.label} has damping, but this result has no velocities of its shapes, so stresses "
+                      "by strain rates are left out; run with observe=('velocity', ...), or with observe=('section', ...) for "
+                      "rows of points", stacklevel=3)
     return sections.at(t, phi, directors, rates)

@@ -119,12 +119,12 @@ def animate(result: Result | Modes | DampedModes, path: str | PathLike[str], *, 
         of_modes = {"mode": mode, "amplitude": amplitude, "frames": frames, "decay": decay}
         given = [name for name, value in of_modes.items() if value is not None]
         if given:
-            raise SceneError(f"animate: {given[0]} belongs to modes, what fb.modes returns, and a Result was given; leave it out")
+            raise SceneError(f"animate: {given[0]} is for modes (the result of fb.modes), but a Result was given; leave it out")
         film = ResultFilm(result, plane, fps, speed)
     else:
         if speed is not None:
-            raise SceneError("animate: speed belongs to a Result, and modes were given; a period of them takes frames / fps "
-                             "seconds of the film")
+            raise SceneError("animate: speed is for a Result, but modes were given, whose period takes frames / fps seconds of "
+                             "the film; leave it out")
         which = range(min(SOME, len(result))) if mode is None else (mode,) if isinstance(mode, int) else mode
         film = ModeFilm(result, plane, which, 0.12 if amplitude is None else amplitude, frames or 24, bool(decay))
     _write(film, path, kind, fps, overwrite, progress)
@@ -153,7 +153,7 @@ def _write(film: Film, path: Path, kind: str, fps: float, overwrite: bool, progr
                     bar.update()
         os.replace(part, where)
     except OSError as error:
-        raise ResultFileError(f"film '{path}': cannot be written ({error}); make room or choose another path") from error
+        raise ResultFileError(f"film '{path}': cannot be written ({error}); free disk space, or choose another path") from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)

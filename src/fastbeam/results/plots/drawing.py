@@ -51,7 +51,7 @@ class Shapes:
 
     def __init__(self, result: Result) -> None:
         if not len(result.t_snap):
-            raise SceneError("the result holds no snapshots: record some to draw shapes")
+            raise SceneError("the result has no snapshots to draw; record some with simulate(..., output=Output(snapshots=100))")
         self.result = result
         n_nodes = result.phi.shape[1]
         self.lines = Lines(result.names, n_nodes, 4 if n_nodes <= SMALL else 1)

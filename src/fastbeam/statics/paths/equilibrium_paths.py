@@ -215,8 +215,8 @@ class _Task:
         solver = self.solver(self.start, self.load_factor,
                              False if may_leave and leave_plane(model, self.growing.moved) else None)
         if self.start is None and any(not force.grows for force in user_forces(model)) and not solver.balanced():
-            raise SceneError("solve_path: user forces that do not grow act at the start, which is no equilibrium: give that "
-                             "under them as start=, or let those that are loads grow, grows=True")
+            raise SceneError("solve_path: user forces that do not grow act at the start, which is not an equilibrium: give the "
+                             "equilibrium under them as start=, or use grows=True for loads")
         flat = solver.stepper.plane is not None
         check_supports(model, flat)
         if model.motions is not None:
@@ -224,8 +224,8 @@ class _Task:
                 model.motions.check_stays("solve_path", solver.state, model.place("motions"), t)
         aside = free_aside(model) if flat and may_leave else ""
         if aside:
-            return solver, (f"nothing holds the scene in its plane, {aside}: critical points and unstable directions are those "
-                            "in the plane alone; hold it there with Pins or Clamps to see those in space")
+            return solver, (f"nothing supports the scene in its plane, {aside}: critical points and unstable directions are "
+                            "counted in the plane only; fix it there with Pins or Clamps to count those in space")
         if flat and may_leave:
             solver.in_space = lambda at, factor: self.solver(at, factor, False)
         return solver, ""
@@ -243,7 +243,7 @@ def _first_step(to: float, load_factor: float, step: float, largest_step: float,
         raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "
                          f"{largest_step:g}")
     if to == load_factor:
-        raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
+        raise SceneError(f"to: the path begins at load factor {load_factor:g} already; give another `to`")
     return step
 
 
@@ -261,9 +261,9 @@ def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | 
     by_laws, drives = laws_grow(model), model.slider_forces
     pushed = drives is not None and bool(np.any(~stays & (drives.tables.drive != NO_DRIVE)))
     if stays_put and not np.any(model.loads.entries) and not by_laws and not pushed and rides is None:
-        raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, let a "
-                         "UserForce grow (grows=True), move supports, moves={clamp: (0, 0, -0.1)}, or strain beams, "
-                         "prestrains={beam: -0.01}")
+        raise SceneError("solve_path: the scene has no loads to scale; add a Load, a DistributedLoad or gravity, use "
+                         "UserForce(grows=True), move supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: "
+                         "-0.01}")
     moved = {} if moves is None else _moves(model, moves)
     strains = None if prestrains is None else StrainPath(model, prestrains_of(model, prestrains))
     laws = law_path("solve_path", model, at_time, stays_put)
@@ -285,7 +285,7 @@ def _checked_start(model: Model, start: State | None, growing: _Growing, branch:
         It is missing, or is none.
     """
     if start is None and (np.any(growing.factors[0]) and np.any(model.loads.entries) or growing.acts and growing.laws.begins):
-        raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
+        raise SceneError("solve_path: the start carries loads already; give the equilibrium to begin from, as in "
                          "start=solve_static(model, at_time=...).state")
     notes: list[tuple[str, str]] = []
     if start is not None:
@@ -306,8 +306,8 @@ def _rides(model: Model, at_time: float | tuple[float, float] | None, moves: Any
         return None
     if isinstance(at_time, tuple):
         if moves is not None:
-            raise SceneError(f"solve_path: {model.prescribed.motions[0].label} moves between the times of at_time=, and moves= "
-                             "with the load factor too; give one time, or leave moves out")
+            raise SceneError(f"solve_path: {model.prescribed.motions[0].label} moves between the times of at_time=, and supports "
+                             "in moves= with the load factor too; give one time, or leave moves out")
         return at_time
     return (0.0, at_time) if grow else (at_time, at_time)
 

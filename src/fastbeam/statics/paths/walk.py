@@ -40,8 +40,8 @@ AT_END = 1e-3
 # the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
 LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
 # message about loads without a potential
-FLUTTER = ("loads that follow, laws, moving air and moments that are fixed in space have no potential: real eigenvalues are "
-           "counted here, vibrations that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
+FLUTTER = ("follower loads, laws, moving air and moments with fixed axes have no potential. Only real eigenvalues are counted "
+           "here; growing vibrations (flutter) are found by fb.modes(model, state=result.state, load_factor=...) only")
 
 
 @dataclass
@@ -119,8 +119,8 @@ class PathWalk:
             self.buffer.event(event)
         if self.open:
             text = (f"at {len(self.open)} rows, between load factors {min(self.open):.6g} and {max(self.open):.6g}, the number "
-                    "of unstable directions is not known: bifurcations may be missing there; look at fb.modes(model, state=..., "
-                    "load_factor=...)")
+                    "of unstable directions is not known, so bifurcations may be missing there; check with fb.modes(model, "
+                    "state=..., load_factor=...)")
             self.buffer.event({"kind": "unresolved", "time": self.length, "text": text})
         if not self.info["conservative"]:
             self.buffer.event({"kind": "nonconservative", "time": self.length, "text": FLUTTER})
@@ -199,8 +199,8 @@ class PathWalk:
                 return
             along, self.unstable = step.after, step.counted
             self._lengthen(step.iterations)
-        text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; go on from "
-                "result.state with load_factor=, or give most_points")
+        text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; continue from "
+                "result.state with load_factor=, or increase most_points")
         self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
 
     def _taken(self, before: tuple[Any, ...], along: Direction) -> _Step | None:
@@ -232,8 +232,8 @@ class PathWalk:
                 self.sign = -self.sign
                 point = {"kind": "limit", "load_factor": float(solver.factor), "length": self.length, "row": self.rows - 1,
                          "type": "maximum" if self.sign < 0.0 else "minimum"}
-                self._keep_point(point, f"limit point ({point['type']}) at a kink of the law of a force, as a stop has: loads "
-                                        "cannot grow beyond it, or not fall")
+                self._keep_point(point, f"limit point ({point['type']}) at a kink of a force law, for example at a stop: the "
+                                        "load factor turns around there")
                 if stop_at == "limit":
                     return along
                 solver.restore(end)
@@ -352,8 +352,8 @@ class PathWalk:
         along = solver.direction(None, sign) if good else None
         if along is None:
             error = ConvergenceError("solve_path: no equilibrium was found at the start, or its tangent is singular: give the "
-                                     "load_factor that belongs to the start, hold sliders whose contacts carry no force yet "
-                                     "(held=True), or begin from solve_static(...).state at a small load factor",
+                                     "load_factor of the start, lock sliders whose contacts carry no force yet (held=True), or "
+                                     "begin from solve_static(...).state at a small load factor",
                                      state=solver.state, result=self.finish())
             raise solver.stepper.blamed(error, "solve_path: at the start", KEPT)
         return along
@@ -369,8 +369,8 @@ class PathWalk:
         number = judge.unstable() or 0
         found, _ = judge.branches(number, self.step)
         if not found:
-            raise ConvergenceError("solve_path: no direction was found in which a path branches off the start; give a "
-                                   "smaller step=, or more elements (a coarse mesh keeps some branches of a symmetry only)",
+            raise ConvergenceError("solve_path: no direction of a branch was found at the start; give a smaller step=, or more "
+                                   "elements (a coarse mesh may lose branches of a symmetry)",
                                    state=self.solver.state, result=self.finish())
         if branch >= len(found):
             raise SceneError(f"branch: {branch} does not exist, {len(found)} directions lead away from the start, counted from 0")
@@ -413,10 +413,10 @@ class PathWalk:
             where = solver.stepper.label_of(solver.stepper.worst_node()[0])
             to_end = np.min(np.abs(solver.stepper.core_state.s - solver.ends.T), axis=0) / solver.lengths
             if self.rows == 1 and solver.sliding.any():
-                where += ("; a slider whose contact carries no force yet has no place of its own: hold it (held=True), or begin "
-                          "with start=solve_static(...).state and its load_factor")
+                where += ("; the place of a slider whose contact carries no force yet is not determined: lock it (held=True), or "
+                          "begin with start=solve_static(...).state and its load_factor")
             elif np.any(to_end < AT_END):
-                where += f"; slider {self.model.names['sliders'][int(np.argmin(to_end))]!r} comes to an end of its beam"
+                where += f"; slider {self.model.names['sliders'][int(np.argmin(to_end))]!r} reaches an end of its beam"
             error = ConvergenceError(f"load factor {solver.factor:.6g}: the smallest step of the path fails, the largest "
                                      f"residual is at {where}; the last equilibrium is in .state, everything until then in "
                                      ".result", step=self.rows - 1, time=self.length, worst=where, state=result.state,
@@ -466,12 +466,12 @@ class PathWalk:
             The path ends at a critical point, which may be this one.
         """
         low, high = sorted((step.before[3], step.end[3]))
-        text = f"between load factors {low:.12g} and {high:.12g} {what} at a critical point that was not located"
+        text = f"between load factors {low:.12g} and {high:.12g} {what}, but the critical point was not located"
         if stop_at is not None:
             bar.close()
             self.solver.restore(step.before)
             result = self.finish()
-            raise ConvergenceError(f"{text}, where the path may have to end (stop_at={stop_at!r}); give another step=, or leave "
+            raise ConvergenceError(f"{text}, where the path may have to end (stop_at={stop_at!r}). Give another step=, or leave "
                                    "stop_at out and read info['critical_points']; the last equilibrium before is in .state, "
                                    "everything until then in .result", step=self.rows - 1, time=self.length,
                                    state=result.state, result=result)
@@ -486,16 +486,17 @@ class PathWalk:
         point: dict[str, Any] = {"kind": found.kind, "load_factor": float(solver.factor), "length": length, "row": self.rows}
         if found.kind == "limit":
             point["type"] = "maximum" if sign < 0.0 else "minimum"
-            text = f"limit point ({point['type']}): loads cannot grow beyond it, or not fall"
+            text = f"limit point ({point['type']}): the load factor turns around there"
         else:
             point["type"] = "unknown" if vectors is None else type_of_bifurcation(solver, vectors, self.first_step, sign)
-            text = f"bifurcation ({point['type']}): another path branches off; side= leads there (see solve_path)"
+            text = f"bifurcation ({point['type']}): another path branches off; side= follows it (see solve_path)"
         mode = None if vectors is None else mode_of(solver, vectors[:, 0])
         if mode is not None:
             moves, slides = mode
             node = int(np.argmax(np.linalg.norm(moves, axis=1)))
             point |= {"mode": moves.tolist(), "mode_sliders": slides.tolist(), "mode_at": self.model.node_label(node)}
-            text += f"; its mode moves {point['mode_at']} most, by ({', '.join(f'{x:.2g}' for x in moves[node] + 0.0)})"
+            text += (f"; its mode has its largest displacement at {point['mode_at']}, "
+                     f"({', '.join((f'{x:.2g}' for x in moves[node] + 0.0))})")
         self._keep_point(point, text)
 
     def _keep_point(self, point: dict[str, Any], text: str) -> None:
