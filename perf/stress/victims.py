@@ -25,7 +25,8 @@ def long_rail() -> fb.Scene:
 
 SCENES = {"free_beam": free_beam, "bead": bead, "cantilever": cantilever}
 # long enough to be killed in
-RUN: dict[str, Any] = {"t_end": 400.0, "step": 2e-3, "every": 5, "output": fb.Output(snapshots=4000)}
+RUN: dict[str, Any] = {"t_end": 400.0, "step": 2e-3, "every": 5}
+SHAPES = 4000
 
 
 def say(*what: Any) -> None:
@@ -35,7 +36,8 @@ def say(*what: Any) -> None:
 
 def run(path: str, order: str) -> None:
     """Runs with a result file and a checkpoint and tells the time of every row."""
-    fb.simulate(fb.compile_scene(long_rail()), output=fb.Output(path, checkpoint=path + ".checkpoint", checkpoint_every=0.0),
+    output = fb.Output(path, snapshots=SHAPES, checkpoint=path + ".checkpoint", checkpoint_every=0.0)
+    fb.simulate(fb.compile_scene(long_rail()), output=output,
                 order=int(order), callback=lambda t, state: say(t, time.monotonic()), progress=False, **RUN)
 
 
@@ -49,7 +51,7 @@ def fill(path: str, limit: str) -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), int(limit)))
     try:
-        result = fb.simulate(model, output=path, progress=False, **RUN)
+        result = fb.simulate(model, output=fb.Output(path, snapshots=SHAPES), progress=False, **RUN)
     except fb.ResultFileError as error:
         result = error.result
         say("refused", str(error), 0 if result is None else len(result.t),

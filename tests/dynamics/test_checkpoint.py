@@ -63,7 +63,7 @@ def stop_at(time_: float) -> Any:
 @pytest.mark.parametrize("make", [free_beam, bead, pulled])
 def test_run_from_a_checkpoint_is_the_rest_of_the_run(make: Any, order: int, control: dict[str, float], tmp_path: Path) -> None:
     model = fb.compile_scene(make())
-    settings: dict[str, Any] = {"t_end": 0.603, "step": H, "order": order, "output": fb.Output(snapshots=7), **control}
+    settings: dict[str, Any] = {"t_end": 0.603, "step": H, "order": order, **control}
     if not control:
         settings["every"] = 3
     whole = fb.simulate(model, **settings)
