@@ -16,9 +16,7 @@ from fastbeam.model.feature import Feature
 from fastbeam.model.loading import Loading, Remarks
 
 if TYPE_CHECKING:
-    from fastbeam.compile.links import Lines
     from fastbeam.model.contact.sliders import SlidingContact
-    from fastbeam.scene import Controller
 
 T = TypeVar("T")
 Array = np.ndarray
@@ -54,6 +52,19 @@ class Part(Generic[T]):
             return self  # type: ignore[return-value]
         found = vars(model)[self._name] = getattr(getattr(model, self._of), self._name)
         return found  # type: ignore[no-any-return]
+
+
+class Of(Generic[T]):
+    """Descriptor: an attribute of the feature with a key, or what stands for it in a model without that feature."""
+
+    def __init__(self, key: str, name: str, without: T) -> None:
+        self._key, self._name, self._without = key, name, without
+
+    def __get__(self, model: Any, owner: type | None = None) -> T:
+        if model is None:
+            return self  # type: ignore[return-value]
+        found = model.by_key.get(self._key)
+        return self._without if found is None else getattr(found, self._name)  # type: ignore[no-any-return]
 
 
 class WithFeatures:
@@ -96,6 +107,11 @@ class WithFeatures:
     motions = Found()
     moving = Found()
     added = Found()
+    twisting = Of[Array]("twist", "of", np.zeros(0, np.int64))  # sleeves with friction against twist of their beams, int64 [R]
+    user_forces = Of[tuple[str, ...]]("user_laws", "labels", ())  # labels of the forces by user laws
+    controllers = Of[tuple[Any, ...]]("control", "parts", ())
+    # links.Lines: springs, dampers and line forces whose ends may pass each other, or None
+    lines = Of[Any]("link_forces", "lines", None)
 
     def with_features(self, *more: Feature | None) -> Self:
         """Return the model with additional features; None: no feature."""
@@ -121,30 +137,6 @@ class WithFeatures:
         return {x.key: x for x in self.features}
 
     # --- attributes of some features ----------------------------------------------------------------------------------
-    @property
-    def twisting(self) -> Array:
-        """Numbers of the sleeves with friction against twist of their beams, int64 [R]."""
-        found: Any = self.by_key.get("twist")
-        return np.zeros(0, np.int64) if found is None else found.of
-
-    @property
-    def user_forces(self) -> tuple[str, ...]:
-        """Labels of the forces by user laws."""
-        found: Any = self.by_key.get("user_laws")
-        return () if found is None else found.labels
-
-    @property
-    def controllers(self) -> tuple[Controller, ...]:
-        """Controllers of the scene."""
-        found: Any = self.by_key.get("control")
-        return () if found is None else found.parts
-
-    @property
-    def lines(self) -> Lines | None:
-        """Springs, dampers and line forces whose ends may pass each other (links.Lines), or None."""
-        found: Any = self.by_key.get("link_forces")
-        return None if found is None else found.lines
-
     @cached_property
     def spring_rows(self) -> list[Any]:
         """Evaluators of springs, dampers, winches and bushings at rows."""

@@ -44,38 +44,30 @@ def load_result(path: str | PathLike[str]) -> Result:
     ResultFileError
         The file is missing, not HDF5, not a fastbeam result, of a newer format, or damaged.
     """
-    h5py = import_h5py()
-    path = Path(path)
-    return read_again(path, lambda left_open: _load(h5py, path, left_open))
+    return read_file("result file", Path(path), lambda reader: reader.result())
 
 
-def read_again(path: Path, read: Callable[[bool], T]) -> T:
-    """Return read(left_open); call it again where it fails on a file whose writer may be running.
+def read_file(kind: str, path: Path, read: Callable[[Reader], T]) -> T:
+    """Return what `read` finds in a file; call it again where it fails on a file whose writer may be running.
 
     Raises ResultFileError: it is no HDF5 file, or the last call failed.
     """
+    h5py = import_h5py()
     for attempt in reversed(range(ATTEMPTS)):
         left_open = check_file(path)
         try:
-            return read(left_open)
-        except ResultFileError:
+            with LeftOpen(path) if left_open else path.open("rb") as raw, h5py.File(raw, "r") as file:
+                return read(Reader(h5py, file, path, left_open))
+        except Exception as error:  # whatever a damaged file makes HDF5, JSON or NumPy raise
             # something may be half written for a moment
             if not (left_open and attempt):
-                raise
+                if isinstance(error, ResultFileError):
+                    raise
+                why = "too large to be read with the memory that is left" if isinstance(error, MemoryError) else (
+                    f"damaged ({type(error).__name__}: {error})")
+                raise ResultFileError(f"{kind} '{path}': {why}") from error
             time.sleep(0.1)
     raise AssertionError("unreachable")
-
-
-def _load(h5py: Any, path: Path, left_open: bool) -> Result:
-    try:
-        with LeftOpen(path) if left_open else path.open("rb") as raw, h5py.File(raw, "r") as file:
-            return Reader(h5py, file, path, left_open).result()
-    except ResultFileError:
-        raise
-    except MemoryError as error:
-        raise ResultFileError(f"result file '{path}': too large to be read with the memory that is left") from error
-    except Exception as error:  # whatever a damaged file makes HDF5, JSON or NumPy raise
-        raise ResultFileError(f"result file '{path}': damaged ({type(error).__name__}: {error})") from error
 
 
 class Reader:

@@ -23,7 +23,7 @@ import numpy as np
 
 from fastbeam.interface.errors import ResultFileError
 from fastbeam.interface.paths import check_new, claim
-from fastbeam.results.hdf5_reader import MARGIN, LeftOpen, Reader, import_h5py, read_again
+from fastbeam.results.hdf5_reader import MARGIN, Reader, import_h5py, read_file
 from fastbeam.results.hdf5_writer import lock
 
 Array = np.ndarray
@@ -176,35 +176,27 @@ def read_sweep(path: Path) -> tuple[dict[str, Any], list[Row]]:
 
     Raises ResultFileError: the file is missing, no sweep, or damaged.
     """
-    h5py = import_h5py()
-    return read_again(path, lambda left_open: _read(h5py, path, left_open))
+    return read_file("sweep file", path, _read)
 
 
-def _read(h5py: Any, path: Path, left_open: bool) -> tuple[dict[str, Any], list[Row]]:
-    try:
-        with LeftOpen(path) if left_open else path.open("rb") as raw, h5py.File(raw, "r") as file:
-            reader = Reader(h5py, file, path, left_open)
-            if reader.attribute("format") != FORMAT or reader.attribute("version") != VERSION:
-                raise reader.refuse(f"not a sweep of a known format ('{FORMAT}' {VERSION}); load_result reads results")
-            reader.present(["committed", "header", "rows", "numbers"])
-            committed = reader.read("committed", np.int64, ()).tolist()
-            if len(committed) != 5 or sum(committed) != 0 or min(committed[:4]) < 0:
-                raise reader.refuse("damaged, its counts are not valid")
-            text = reader.read("rows", np.uint8, (), committed[0], strict=True).tobytes()
-            numbers = reader.read("numbers", np.float64, (), committed[1], strict=True)
-            header = reader.read("header", np.uint8, ()).tobytes()
-            if [zlib.crc32(text), zlib.crc32(numbers.tobytes())] != committed[2:4]:
-                raise reader.refuse("damaged, its checksum is wrong")
-            reader.bound("rows", text)
-            reader.bound("header", header)
-            found = json.loads(header)
-            if not isinstance(found, dict):
-                raise reader.refuse("damaged, its header is missing")
-            return found, [_row(json.loads(line), numbers) for line in text.splitlines()]
-    except ResultFileError:
-        raise
-    except Exception as error:  # whatever a damaged file makes HDF5, JSON or NumPy raise
-        raise ResultFileError(f"sweep file '{path}': damaged ({type(error).__name__}: {error})") from error
+def _read(reader: Reader) -> tuple[dict[str, Any], list[Row]]:
+    if reader.attribute("format") != FORMAT or reader.attribute("version") != VERSION:
+        raise reader.refuse(f"not a sweep of a known format ('{FORMAT}' {VERSION}); load_result reads results")
+    reader.present(["committed", "header", "rows", "numbers"])
+    committed = reader.read("committed", np.int64, ()).tolist()
+    if len(committed) != 5 or sum(committed) != 0 or min(committed[:4]) < 0:
+        raise reader.refuse("damaged, its counts are not valid")
+    text = reader.read("rows", np.uint8, (), committed[0], strict=True).tobytes()
+    numbers = reader.read("numbers", np.float64, (), committed[1], strict=True)
+    header = reader.read("header", np.uint8, ()).tobytes()
+    if [zlib.crc32(text), zlib.crc32(numbers.tobytes())] != committed[2:4]:
+        raise reader.refuse("damaged, its checksum is wrong")
+    reader.bound("rows", text)
+    reader.bound("header", header)
+    found = json.loads(header)
+    if not isinstance(found, dict):
+        raise reader.refuse("damaged, its header is missing")
+    return found, [_row(json.loads(line), numbers) for line in text.splitlines()]
 
 
 def _row(raw: Any, numbers: Array) -> Row:

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,18 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 NEED = "must be arc lengths within the beam, m"
+
+
+class _Component:
+    """Descriptor: component of a force or moment along a director, [n, m]."""
+
+    def __init__(self, of: str, k: int) -> None:
+        self._of, self._k = of, k
+
+    def __get__(self, found: Any, owner: type | None = None) -> Array:
+        if found is None:
+            return self  # type: ignore[return-value]
+        return np.einsum("tsc,tsc->ts", getattr(found, self._of), found.directors[:, :, self._k])
 
 
 @dataclass(frozen=True)
@@ -61,32 +73,8 @@ class SectionForces:
     directors: Array
     strain_rates: Array | None = None
 
-    def _along(self, vector: Array, k: int) -> Array:
-        return np.einsum("tsc,tsc->ts", vector, self.directors[:, :, k])
-
-    @property
-    def N(self) -> Array:  # noqa: N802  the field's symbols
-        return self._along(self.force, 0)
-
-    @property
-    def Q2(self) -> Array:  # noqa: N802
-        return self._along(self.force, 1)
-
-    @property
-    def Q3(self) -> Array:  # noqa: N802
-        return self._along(self.force, 2)
-
-    @property
-    def T(self) -> Array:  # noqa: N802
-        return self._along(self.moment, 0)
-
-    @property
-    def M2(self) -> Array:  # noqa: N802
-        return self._along(self.moment, 1)
-
-    @property
-    def M3(self) -> Array:  # noqa: N802
-        return self._along(self.moment, 2)
+    N, Q2, Q3 = (_Component("force", k) for k in range(3))
+    T, M2, M3 = (_Component("moment", k) for k in range(3))
 
 
 class Sections:
