@@ -64,7 +64,7 @@ STATE = MODEL.state()
     ({"start": 3}, r"start: must be a State \(result.state, model.state\(\)\) or Checkpoint, got 3"),
     ({"start": STATE._replace(q=STATE.q[:24])}, r"start: q has shape \(24,\), scene 'free beam' needs \(84,\)"),
     ({"start": STATE._replace(s=np.zeros(1))}, r"start: s has shape \(1,\), scene 'free beam' needs \(0,\)"),
-    ({"start": STATE._replace(v=STATE.v * np.nan)}, "start: v holds values that are not finite")])
+    ({"start": STATE._replace(v=STATE.v * np.nan)}, "start: v has values that are not finite")])
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
         run(**arguments)
@@ -413,7 +413,7 @@ def test_run_far_from_zero_takes_all_its_steps(t_start: float, step: float, n: i
 
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"t_start": 1e16, "t_end": 1e16 + 100},
-     r"step: must be at least 8 s, got 0.01, because times near 1e\+16 s are doubles 2 s apart"),
+     r"step: must be at least 8 s, got 0.01, because floating-point times near 1e\+16 s are 2 s apart"),
     ({"t_end": 1e18}, "step: must be at least 512 s, got 0.01"),
     ({"t_end": 5e-324}, "t_end: lies 4.94e-324 s after t_start = 0 s, which is negligible against a step of 0.01 s"),
     ({"t_start": 1.7e9, "t_end": 1.7e9 + 1, "tolerance": 1e-3, "min_step": 1e-9},
