@@ -248,7 +248,7 @@ def test_noun_that_is_not_registered_is_refused() -> None:
     (lambda ends: [1.0], "the table of Tie must be a named tuple of arrays, got list"),
     (lambda ends: Ties(np.ones((4, 2))[:, 0]), r"the table of Tie: stiffness must be a C-contiguous array of float64 or int64, "
                                                r"got an array of float64, shape \(4,\)"),
-    (lambda ends: Ties(np.ones(1, np.float32)), "stiffness is an array of float32"),
+    (lambda ends: Ties(np.ones(1, np.float32)), "stiffness must be .* got an array of float32"),
     (lambda ends: Ties(1.0), "stiffness must be a C-contiguous array of float64 or int64, got float"),
     (lambda ends: Ties(np.ones(1)), "Ties has no assemble function; import the module")])
 @pytest.mark.usefixtures("registry")

@@ -415,7 +415,7 @@ def test_the_recipe_runs() -> None:
 @pytest.mark.parametrize(("options", "text"), [
     ({"coefficient": 0.1}, "needs its radius; give radius="), ({"radius": 0.1}, "radius= is part of friction by the load"),
     ({"length": 0.1}, "length= is part of friction by the load"),
-    ({"angle": 0.0, "coefficient": 0.1, "radius": 0.1}, "coefficient= changes"),
+    ({"angle": 0.0, "coefficient": 0.1, "radius": 0.1}, "coefficient= has no effect"),
     ({"angle": 0.0, "drive": fb.Drive(force=1.0)}, "drive= has no effect"),
     ({"drive": fb.Drive(speed=1.0)}, "prescribe its motion by angle= or speed= of the joint"),
     ({"stops": fb.Stops(0.1, 0.2)}, "must enclose its"), ({"drive": 3.0}, "drive must be a Drive")])

@@ -174,8 +174,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     said: list[tuple[str, str]] = []
     if velocities == "scene" and state is not None:
         if isinstance(start, Checkpoint):
-            raise SceneError("velocities: a checkpoint keeps its own velocities; use start=checkpoint.state to take those of the "
-                             "scene")
+            raise SceneError("velocities: a checkpoint keeps its own velocities; start=checkpoint.state takes those of the scene")
         start, said = with_velocities_of_scene(model, state, clock.now)
         state = start
     check_times(clock.now, t_end, step)
@@ -313,8 +312,7 @@ class _Run(Encounters):
             if self.control is not None:
                 raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, make it a function of time "
                                        "alone, or use a Controller or a user-defined law, which are evaluated inside the "
-                                       "step", step=self.steps,
-                                       time=t, state=self.stepper.copy_state())
+                                       "step", step=self.steps, time=t, state=self.stepper.copy_state())
             self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how large they are"})
         return stop
 
