@@ -396,7 +396,7 @@ def test_wrong_uses_are_refused() -> None:
             bad()
     with pytest.raises(fb.SceneError, match="beam 'net.0.' belongs to net 'net'; add the net"):
         fb.Scene(net.beam(0))
-    with pytest.raises(fb.SceneError, match="names all of net 'net'; use its node"):
+    with pytest.raises(fb.SceneError, match="names the whole net 'net'; use its node"):
         fb.Pin(net)
     with pytest.raises(fb.SceneError, match="use its beam"):
         fb.Slider("s", net.node(0), net, at=0.0)

@@ -181,8 +181,8 @@ REFUSED: dict[str, tuple[Callable[[], fb.Scene], str]] = {
                         "the section of beam 'beam' couples in-plane strains with out-of-plane strains"),
     "tilted section": (lambda: around(beam(d2=TILT[1])), "the section of beam 'beam' couples in-plane strains with out-of-plane "
                                                          "strains"),
-    "tilted, EI2 != EI3": (lambda: nearly_round(EI3=400.001), "the section of beam 'beam' couples strains"),
-    "tilted, GA2 != GA3": (lambda: nearly_round(GA2=5000.01), "the section of beam 'beam' couples strains"),
+    "tilted, EI2 != EI3": (lambda: nearly_round(EI3=400.001), "the section of beam 'beam' couples in-plane strains"),
+    "tilted, GA2 != GA3": (lambda: nearly_round(GA2=5000.01), "the section of beam 'beam' couples in-plane strains"),
     "tilted, rhoI2 != rhoI3": (lambda: nearly_round(rhoI3=0.100001),
                                "the section inertia of beam 'beam' is oblique to the plane"),
     "twisted": (lambda: around(beam(twist=0.5)), "beam 'beam' is twisted"),

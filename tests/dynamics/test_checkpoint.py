@@ -272,8 +272,10 @@ def test_forged_files_are_refused(good: Any, changes: dict[str, Any], message: s
 
 def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
     for data, message in ((b"", "not a fastbeam checkpoint"), (b"\x80\x04cos\nsystem\n", "not a fastbeam checkpoint"),
-                          (b"fastbeam-checkpoint 5\n{}\n", "format version 5, this fastbeam reads 4; install a newer fastbeam"),
-                          (b"fastbeam-checkpoint 1\n{}\n", "format version 1, this fastbeam reads 4; install an older fastbeam"),
+                          (b"fastbeam-checkpoint 5\n{}\n", "format version 5, but this fastbeam reads 4; install a newer "
+                                                           "fastbeam"),
+                          (b"fastbeam-checkpoint 1\n{}\n", "format version 1, but this fastbeam reads 4; install an older "
+                                                           "fastbeam"),
                           (b"fastbeam-checkpoint x\n{}\n", "its version is not a number"),
                           (b"fastbeam-checkpoint 4\n" + b"[" * 100000, "checksum of its 100022 bytes is wrong")):
         (tmp_path / "a").write_bytes(data)

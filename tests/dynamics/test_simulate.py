@@ -59,7 +59,7 @@ STATE = MODEL.state()
     ({"start": 3}, r"start: must be a State \(result.state, model.state\(\)\) or Checkpoint, got 3"),
     ({"start": STATE._replace(q=STATE.q[:24])}, r"start: q has shape \(24,\), scene 'free beam' needs \(84,\)"),
     ({"start": STATE._replace(s=np.zeros(1))}, r"start: s has shape \(1,\), scene 'free beam' needs \(0,\)"),
-    ({"start": STATE._replace(v=STATE.v * np.nan)}, "start: v holds values that are not finite")])
+    ({"start": STATE._replace(v=STATE.v * np.nan)}, "start: v has values that are not finite")])
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
         run(**arguments)

@@ -137,7 +137,7 @@ def test_runs_that_have_no_adjoint_and_weights_that_are_none() -> None:
         fb.adjoint_run(model, t_end=1e3, step=1e3, max_iterations=3)
     # as of a step in which the iterations went from one branch of friction to the other and back
     run._undecided = 1, "run"
-    with pytest.raises(fb.SceneError, match="in the step from t = 0.01 s neither slipping nor sticking of slider 'run' solved"):
+    with pytest.raises(fb.SceneError, match="in the step from t = 0.01 s neither slipping nor sticking of slider 'run' solves"):
         run.gradient(points={"tip": (0, 0, 1)})
 
 

@@ -27,6 +27,19 @@ def docstrings(path: Path) -> Iterator[tuple[int, str]]:
             yield getattr(node, "lineno", 1), text
 
 
+def messages(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the texts of a program that are no docstrings, with their lines; {} stands for values."""
+    tree = ast.parse(text)
+    silent = {node.body[0].value for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.ClassDef, ast.Module))
+              and node.body and isinstance(node.body[0], ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            silent.update(node.values)
+            yield node.lineno, "".join(x.value if isinstance(x, ast.Constant) else "{}" for x in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in silent:
+            yield node.lineno, node.value
+
+
 def identifiers(text: str) -> Iterator[tuple[int, str]]:
     """Yield all names of a program, and their parts, with their lines."""
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -63,7 +76,16 @@ def test_docstrings_and_pages_have_no_private_phrases() -> None:
             for found in pattern.finditer(text)] == []
 
 
+def test_messages_have_no_private_phrases() -> None:
+    old = listed("message")
+    pattern = re.compile(rf"\b({'|'.join(map(re.escape, old))})\b")
+    assert [f"{path.relative_to(ROOT)}:{line}: {found[0]}, better {old[found[0]]}" for path in SOURCES
+            for line, text in messages(path.read_text()) for found in pattern.finditer(text)] == []
+
+
 def test_what_is_looked_for_is_found() -> None:
+    assert list(messages('def f(x):\n    """Text."""\n    return "one", f"two {x} {\'three\'}"')) == [
+        (3, "one"), (3, "two {} {}"), (3, "three")]
     assert "whether" in {part for _, part in identifiers("def is_whetherOr(x): return NAME_whether")}
     assert first_words("The same, computed.") >= {"The"} and "The same," in first_words("The same, computed.")
     assert list(docstrings(Path(__file__)))[0][1].startswith("The words of the field")

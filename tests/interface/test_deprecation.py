@@ -85,7 +85,7 @@ def test_new_names_say_nothing_and_signatures_know_them_alone() -> None:
 
 
 def test_a_call_that_goes_says_what_to_write() -> None:
-    with pytest.warns(FutureWarning, match=r"stroll is going; write walk\(\); the old name works until 0\.3"):
+    with pytest.warns(FutureWarning, match=r"stroll is deprecated; write walk\(\); the old name works until 0\.3"):
         assert stroll() == "there"
 
 

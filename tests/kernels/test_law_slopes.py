@@ -132,8 +132,8 @@ def not_finite(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, 
 
 
 @pytest.mark.parametrize("derivative, text", [
-    (wrong, r"user force 'law': its derivative gives .* for the change of moment\[1\] with spin\[1\], differences"),
-    (not_finite, r"gives nan for the change of force\[2\] with position\[1\]"),
+    (wrong, r"user force 'law': its derivative returns .* for the change of moment\[1\] with spin\[1\], but differences"),
+    (not_finite, r"returns nan for the change of force\[2\] with position\[1\]"),
     (no_derivative, "user force 'law': numba cannot compile its derivative"),
     (lambda t: 0.0, "user force 'law': derivative must be a function of"),
     (1.0, "user force 'law': derivative must be a function of"),
@@ -166,7 +166,7 @@ def test_a_derivative_is_taken_far_from_the_origin(far: float) -> None:
 def test_a_derivative_of_a_tension_with_a_wrong_sign_is_refused() -> None:
     ball = fb.PointMass("ball", mass=1.0, position=(0, 0, 1))
     force = fb.LineForce(fb.GROUND.point((0, 0, 0)), ball, "law", law=stiffening, parameters=(3.0, 0.2), derivative=off_by_a_sign)
-    with pytest.raises(fb.SceneError, match="line force 'law': its derivative gives -0.2 for the change of tension with rate"):
+    with pytest.raises(fb.SceneError, match="line force 'law': its derivative returns -0.2 for the change of tension with rate"):
         fb.compile_scene(fb.Scene(ball, force))
 
 

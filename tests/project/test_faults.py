@@ -279,7 +279,7 @@ def test_current_folder_may_change_during_a_run(monkeypatch: pytest.MonkeyPatch,
 
 
 @pytest.mark.parametrize(("name", "text", "message"), [
-    ("events", b"{}\n" * 200_000, "200000 events of 600000 bytes, more than 100000"),
+    ("events", b"{}\n" * 200_000, "200000 events of 600000 bytes exceed the limit of 100000"),
     ("events", b'"' + b"x" * (1 << 25) + b'"\n', "1 events of 33554435 bytes"),
     ("events", b'{"x": [' + b"[]," * 1_000_000 + b"[]]}\n", "1000003 lists in 'events', more than 1000000"),
     ("final_info", b'{"x": [' + b"{}," * 1_000_000 + b"{}]}", "1000003 lists in 'final_info'"),

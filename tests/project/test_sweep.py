@@ -269,7 +269,7 @@ def test_columns_of_a_table_are_arrays_of_numbers() -> None:
     table = fb.sweep(lambda a: {"root": a**0.5, "word": "x"} if a >= 0 else {"root": 1 / 0}, {"a": [4, -1, 9]}, workers=1)
     assert np.array_equal(table.column("root"), [2.0, np.nan, 3.0], equal_nan=True)
     assert table.column("a").tolist() == [4.0, -1.0, 9.0] and [row["run"] for row in table[1:]] == [1, 2]
-    with pytest.raises(fb.SceneError, match="no case has a number 'word'; there are 'run', 'a', 'root'"):
+    with pytest.raises(fb.SceneError, match="no case has a result 'word'; there are 'run', 'a', 'root'"):
         table.column("word")
 
 

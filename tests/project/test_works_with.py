@@ -78,7 +78,8 @@ def test_a_model_is_refused_by_what_it_has_alone() -> None:
     still, air = fb.Scene(beam, fb.Clamp(beam.start)), fb.Drag("air", beam, normal=0.1)
     fb.simulate(fb.compile_scene(still), t_end=0.002, step=0.001, method="midpoint", progress=False)
     model = fb.compile_scene(fb.Scene(*still.parts, air))
-    with pytest.raises(fb.SceneError, match="^method 'midpoint' does not know drag 'air' on beam 'rod'; use the default method$"):
+    with pytest.raises(fb.SceneError, match="^method 'midpoint' does not support drag 'air' on beam 'rod'; use the default "
+                                            "method$"):
         fb.simulate(model, t_end=0.002, step=0.001, method="midpoint", progress=False)
     (dragged,) = [x for x in model.features if x.key == "dragged"]
     named = [list(lack.names(dragged, Asked(model, "", np.zeros(0, bool)))) for lack in dragged.lacks]

@@ -150,7 +150,7 @@ def test_two_wheels_of_a_trolley_in_an_element_are_told_of() -> None:
         scene = fb.Scene(cable, cart, fb.Pin(cable.start), fb.Pin(cable.end), *wheels, gravity=(0, 0, -G))
         return contact(fb.simulate(fb.compile_scene(scene), t_end=0.05, step=0.01, progress=False))
 
-    told = [text for text in run(10) if "'rear' and 'front' of body 'cart' stand 0.3 m apart on beam 'cable'" in text]
+    told = [text for text in run(10) if "'rear' and 'front' of body 'cart' are 0.3 m apart on beam 'cable'" in text]
     assert len(told) == 1 and "their sum is right" in told[0]
     assert not [text for text in run(80) if "their sum is right" in text]
 

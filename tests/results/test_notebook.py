@@ -47,7 +47,7 @@ def test_scenes_models_and_results_show_themselves() -> None:
                     events=[{"kind": "coarse", "time": 1.0, "text": "too few elements"}])
     page = Texts(run._repr_html_())
     assert {"Result bead", "total energy [J]", "|linear momentum| [kg m/s]", "max drift"} <= set(page.texts)
-    assert "not to be trusted, coarse: too few elements" in page.texts
+    assert "unreliable result, coarse: too few elements" in page.texts
     assert "2.00000000e+00" in page.texts and "0.00e+00" in page.texts
 
 

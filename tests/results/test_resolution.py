@@ -153,7 +153,7 @@ def test_a_bend_however_tight_is_none() -> None:
 
 def of_moving(result: fb.Result | list[dict[str, object]]) -> list[str]:
     events = result.events if isinstance(result, fb.Result) else result
-    return [event["text"] for event in events if "elements that move with its contacts" in event["text"]]
+    return [event["text"] for event in events if "moving elements" in event["text"]]
 
 
 def on_a_helix(elements: int | np.ndarray) -> fb.Scene:

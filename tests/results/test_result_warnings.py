@@ -12,7 +12,7 @@ from fastbeam.interface import result_warnings as doubts
 from fastbeam.interface.result_warnings import KINDS
 
 ROD = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
-SAYS = "not to be trusted, coarse: beam 'strip'"
+SAYS = "unreliable result, coarse: beam 'strip'"
 
 
 def roll(elements: int) -> fb.Scene:

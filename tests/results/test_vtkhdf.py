@@ -160,7 +160,8 @@ def test_section_forces_stand_at_the_points_of_their_beam(surface: bool, tmp_pat
         expected = np.stack([getattr(sections, x)[:, ::-1] for x in parts.split()], axis=-1)
         along = found[:, 2:].reshape(len(run.t_snap), 19, -1, 3)
         np.testing.assert_array_equal(along, np.broadcast_to(expected[:, :, None], along.shape))
-    for wrong, message in (({"rial": sections}, "'rial' is no beam"), ({"rail": 3}, "must be a dict of names"), ([1], "a dict"),
+    for wrong, message in (({"rial": sections}, "'rial' is not a beam"), ({"rail": 3}, "must be a dict of "
+                                                                                       "names"), ([1], "a dict"),
                            ({"rail": fb.section_forces(model, run.state, rail)}, "1 other shapes than the 5")):
         with pytest.raises(fb.SceneError, match=message):
             run.to_vtk(tmp_path / "wrong.vtkhdf", sections=wrong)
@@ -231,7 +232,7 @@ def test_bad_places_and_results_without_shapes_are_refused(tmp_path: Path, monke
     with pytest.raises(fb.ResultFileError, match="exists already; pass overwrite=True"):
         run.to_vtk(tmp_path / "run.vtkhdf")
     monkeypatch.setattr("shutil.disk_usage", lambda place: type("Free", (), {"free": 1000})())
-    with pytest.raises(fb.ResultFileError, match="needs 1 MB and 0 MB are free"):
+    with pytest.raises(fb.ResultFileError, match="needs 1 MB, but only 0 MB are free"):
         run.to_vtk(tmp_path / "run.vtkhdf", overwrite=True)
     # nothing is left behind, and the file is as it was
     assert [path.name for path in tmp_path.iterdir()] == ["run.vtkhdf"] and (tmp_path / "run.vtkhdf").read_bytes() == before

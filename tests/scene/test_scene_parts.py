@@ -108,7 +108,7 @@ def test_supports_take_nodes_bodies_and_masses():
 
 @pytest.mark.parametrize("kind", [Clamp, Pin])
 def test_supports_refuse_what_is_no_node(kind):
-    with pytest.raises(SceneError, match=r"at names all of beam 'boom'; use its start, end, node\(i\) or at\(s\)"):
+    with pytest.raises(SceneError, match=r"at names the whole beam 'boom'; use its start, end, node\(i\) or at\(s\)"):
         kind(BOOM)
     with pytest.raises(SceneError, match="at must be a node of a beam, a RigidBody, a point of one, or a PointMass, got 3"):
         kind(3)
@@ -156,7 +156,7 @@ def test_load_keeps_its_vectors_and_time():
 
 
 @pytest.mark.parametrize(("options", "text"), [
-    (dict(at=BOOM), "at names all of beam 'boom'"),
+    (dict(at=BOOM), "at names the whole beam 'boom'"),
     (dict(), r"give force \(N\) or moment \(N m\), 3 numbers each"),
     (dict(force=None, moment=None), "give force"),
     (dict(force=1.0), "force must be 3 finite numbers, got 1"),
@@ -232,7 +232,7 @@ def test_slider_keeps_its_point_as_a_node():
 
 
 @pytest.mark.parametrize(("options", "text"), [
-    (dict(point=BOOM), "point names all of beam 'boom'"),
+    (dict(point=BOOM), "point names the whole beam 'boom'"),
     (dict(beam=WHEEL), "beam must be a Beam"),
     (dict(at=np.nan), "at must be a finite number, got nan"),
     (dict(at="left"), "at must be a finite number, got 'left'"),

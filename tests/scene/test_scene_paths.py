@@ -120,13 +120,13 @@ def test_too_many_rounds_are_refused() -> None:
 def test_stops_outside_are_refused() -> None:
     with pytest.raises(fb.SceneError, match=r"end=4 m lies beyond path 'p' \(0 to 3 m\)"):
         fb.Slider("s", BEAD, on=fb.Path("p", [A, ON]), at=1.0, stops=fb.Stops(end=4.0))
-    with pytest.raises(fb.SceneError, match="exclude its place at=7"):
+    with pytest.raises(fb.SceneError, match="must enclose its place at=7"):
         fb.Slider("s", BEAD, on=TRIANGLE, at=7.0, stops=fb.Stops(end=6.0))
     fb.Slider("s", BEAD, on=TRIANGLE, at=7.0, stops=fb.Stops(end=16.0))
 
 
 def test_a_path_is_no_part_and_its_beams_are() -> None:
-    with pytest.raises(fb.SceneError, match="is no part of a scene; add its beams"):
+    with pytest.raises(fb.SceneError, match="is not a part of a scene; add its beams"):
         fb.Scene(A, TRIANGLE)
     path = fb.Path("p", [A, ON])
     with pytest.raises(fb.SceneError, match="beam 'on' is not in scene"):

@@ -77,9 +77,9 @@ def test_listing_is_short():
 
 
 def test_only_parts_can_be_added():
-    with pytest.raises(SceneError, match=r"is no part of a scene; unpack it: scene\.add\(\*parts\)"):
+    with pytest.raises(SceneError, match=r"is not a part of a scene; unpack it: scene\.add\(\*parts\)"):
         Scene([RAIL, CART])
-    with pytest.raises(SceneError, match=r"scene 'scene': 3 is no part of a scene \(Beam, RigidBody"):
+    with pytest.raises(SceneError, match=r"scene 'scene': 3 is not a part of a scene \(Beam, RigidBody"):
         Scene().add(3)
 
 
@@ -167,11 +167,11 @@ def test_a_mass_needs_exactly_one_place():
     bob = PointMass("bob", mass=1)
     refused(r"point mass 'bob' has no position: give position=\(x, y, z\), or place it by a Slider", RAIL, bob)
     refused("point mass 'bob' has no position", bob, CART, BallJoint(bob, CART))
-    refused(r"point mass 'bob': slider 'run' and slider 'jump' place it 1\.2 m apart", RAIL, bob,
+    refused(r"point mass 'bob': slider 'run' and slider 'jump' place it at points 1\.2 m apart", RAIL, bob,
             Slider("run", bob, RAIL, at=0), Slider("jump", bob, RAIL, at=1.2))
-    refused(r"point mass 'bob': slider 'run' and ball joint .* place it 0\.5 m apart", RAIL, bob,
+    refused(r"point mass 'bob': slider 'run' and ball joint .* place it at points 0\.5 m apart", RAIL, bob,
             Slider("run", bob, RAIL, at=0.7), BallJoint(bob, RAIL.end))
-    refused("place it 1 m apart; make them agree, or give its position", POST, bob, RigidConnection(bob, POST.start),
+    refused("place it at points 1 m apart; make them agree, or give its position", POST, bob, RigidConnection(bob, POST.start),
             RigidConnection(bob, POST.end))
     Scene(RAIL, POST, bob, Slider("run", bob, RAIL, at=1.2), Slider("lift", bob, POST, at=0)).check()
 

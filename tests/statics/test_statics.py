@@ -65,7 +65,7 @@ def test_what_is_not_compiled_is_refused(what: Any, shown: str) -> None:
 def test_time_functions_need_a_time() -> None:
     b = beam()
     scene = fb.Scene(b, fb.Clamp(b.start), fb.Load("tip", b.end, force=(0, 0, 40), time=lambda t: t))
-    with pytest.raises(fb.SceneError, match="loads have time functions; say with at_time"):
+    with pytest.raises(fb.SceneError, match="loads have time functions, so a time is needed; give the time with at_time"):
         solve(scene)
     np.testing.assert_allclose(solve(scene, at_time=0.5).state.q, solve(cantilever(20.0)).state.q, rtol=0.0, atol=1e-12)
 

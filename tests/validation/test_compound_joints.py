@@ -341,7 +341,7 @@ BODY = body("block", (0, 0, 0))
     (lambda: fb.CylindricalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), angle=1.0, friction=(1.0, 0.0)),
      "angle of cylindrical joint 'c': angle= prescribes its motion whatever the force, so friction="),
     (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), stops=(None, fb.Stops(0.1, 0.2))),
-     "second angle of universal joint 'c': stops from 0.1 to 0.2 rad exclude its start"),
+     "second angle of universal joint 'c': stops from 0.1 to 0.2 rad must enclose its .* at the start"),
     (lambda: fb.SphericalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), cone=fb.Stops(-0.1, 0.2)), "write fb.Stops.end="),
     (lambda: fb.SphericalJoint(fb.GROUND, fb.PointMass("m", mass=1.0, position=(0, 0, 0)), axis=(0, 0, 1)), "has no rotation")])
 def test_what_makes_no_sense_is_refused(call: Any, text: str) -> None:

@@ -113,8 +113,8 @@ def test_equilibria_do_not_know_damping() -> None:
     assert np.array_equal(*found)
 
 
-@pytest.mark.parametrize(("options", "says"), [({"method": "midpoint"}, "does not know damping"),
-                                               ({"method": "generalized_alpha"}, "does not know damping")])
+@pytest.mark.parametrize(("options", "says"), [({"method": "midpoint"}, "does not support damping"),
+                                               ({"method": "generalized_alpha"}, "does not support damping")])
 def test_what_damping_does_not_go_together_with_is_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(fb.SceneError, match=says) as refused:
         fb.simulate(fb.compile_scene(flight(0.02)), t_end=0.1, step=0.01, progress=False, **options)

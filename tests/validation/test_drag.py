@@ -130,7 +130,7 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit() -> None:
 
 def test_what_drag_does_not_go_together_with_is_refused() -> None:
     model = in_the_wind(True)
-    with pytest.raises(fb.SceneError, match="does not know drag"):
+    with pytest.raises(fb.SceneError, match="does not support drag"):
         fb.simulate(model, t_end=0.1, step=0.01, progress=False, method="midpoint")
     with pytest.raises(fb.SceneError, match="planar|plane"):
         beam = rope()

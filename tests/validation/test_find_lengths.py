@@ -200,19 +200,19 @@ def test_cables_of_a_net_bring_a_node_to_its_place() -> None:
     ([], {("joint", "x"): 1.1}, "lengths: must be beams or names"),
     ("hot", {("joint", "x"): 1.1}, "lengths: must be beams or names"),
     (["warm"], {("joint", "x"): 1.1}, "no beam 'warm'; its beams are 'hot', 'cold'"),
-    ([3], {("joint", "x"): 1.1}, "3 is no beam"),
-    (["hot", "hot"], {("joint", "x"): 1.1, ("hot", "N"): 1.0}, "beam 'hot' stands there twice"),
+    ([3], {("joint", "x"): 1.1}, "3 is not a beam"),
+    (["hot", "hot"], {("joint", "x"): 1.1, ("hot", "N"): 1.0}, "beam 'hot' is listed twice"),
     (["hot"], {}, "conditions: must be a mapping of quantities"),
     (["hot"], None, "conditions: must be a mapping of quantities"),
     (["hot"], {("joint", "x"): "a"}, "conditions: the value of"),
     (["hot"], {("tip", "x"): 1.1}, "'tip' is not a name in points="),
-    (["hot"], {("joint", "w"): 1.1}, "'joint' has no 'w'"),
+    (["hot"], {("joint", "w"): 1.1}, "'joint' has no quantity 'w'"),
     (["hot"], {"run": 1.1}, "has no slider 'run'"),
     (["hot"], {(lambda state: 0.0): 1.1}, "is a function, whose derivative is not known"),
     (["hot"], {("joint", "x"): 1.1, ("hot", "N"): 1.0}, "as many unknown lengths as conditions, 2, got 1; name more beams"),
     (["hot", "cold"], {("joint", "x"): 1.1}, "got 2; name fewer beams"),
-    (["hot"], {("joint", "y"): 0.1}, "no length moves y at 'joint' at the start"),
-    (["hot", "cold"], {("hot", "N"): 1.0, ("cold", "N"): 1.0}, "lengths of beam 'hot', beam 'cold' may change together")])
+    (["hot"], {("joint", "y"): 0.1}, "no length affects y at 'joint' at the start"),
+    (["hot", "cold"], {("hot", "N"): 1.0, ("cold", "N"): 1.0}, "lengths of beam 'hot', beam 'cold' can change together")])
 def test_what_cannot_be_is_refused(lengths: Any, conditions: Any, message: str) -> None:
     model, _, points = bars()
     with pytest.raises(fb.SceneError, match=message):
@@ -235,14 +235,15 @@ def test_a_held_slider_has_no_arc_length_that_lengths_could_move() -> None:
     bead = fb.PointMass("bead", mass=0.1)
     model = fb.compile_scene(fb.Scene(rail, bead, fb.Clamp(rail.start), fb.Clamp(rail.end), fb.Slider("run", bead, rail, at=0.4),
                                       gravity=(0, 0, -GRAVITY)), planar=True)
-    with pytest.raises(fb.SceneError, match="slider 'run' is held"):
+    with pytest.raises(fb.SceneError, match="slider 'run' is locked"):
         fb.find_lengths(model, ["rail"], {"run": 0.5}, held=("run",))
 
 
 def test_conditions_out_of_reach_end_with_the_last_equilibrium() -> None:
     """The joint of two bars between walls 2 apart: the second one is compressed to nothing at x = 2."""
     model, beams, points = bars()
-    with pytest.raises(fb.ConvergenceError, match=r"gone 0\.\d+ of their way.*x at 'joint' is 1\.99\d+ of 5") as caught:
+    with pytest.raises(fb.ConvergenceError, match=r"at a share of 0\.\d+ of the conditions.*x at 'joint' is 1\.99\d+ of "
+                                                  r"5") as caught:
         fb.find_lengths(model, ["hot"], {("joint", "x"): 5.0}, points=points)
     result = caught.value.result
     assert result is not None and 0.0 < result.t[-1] < 1.0

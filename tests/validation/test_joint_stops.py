@@ -415,9 +415,9 @@ def test_the_recipe_runs() -> None:
 @pytest.mark.parametrize(("options", "text"), [
     ({"coefficient": 0.1}, "needs its radius; give radius="), ({"radius": 0.1}, "radius= is part of friction by the load"),
     ({"length": 0.1}, "length= is part of friction by the load"),
-    ({"angle": 0.0, "coefficient": 0.1, "radius": 0.1}, "coefficient= changes"),
-    ({"angle": 0.0, "drive": fb.Drive(force=1.0)}, "drive= changes nothing"),
-    ({"drive": fb.Drive(speed=1.0)}, "is angle= or speed= of the joint"),
+    ({"angle": 0.0, "coefficient": 0.1, "radius": 0.1}, "coefficient= has no effect"),
+    ({"angle": 0.0, "drive": fb.Drive(force=1.0)}, "drive= has no effect"),
+    ({"drive": fb.Drive(speed=1.0)}, "prescribe its motion by angle= or speed= of the joint"),
     ({"stops": fb.Stops(0.1, 0.2)}, "must enclose its"), ({"drive": 3.0}, "drive must be a Drive")])
 def test_what_contradicts_each_other_is_refused(options: dict[str, Any], text: str) -> None:
     with pytest.raises(fb.SceneError, match=text):

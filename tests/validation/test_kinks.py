@@ -37,7 +37,7 @@ def test_a_rope_that_goes_slack_is_told_with_its_time() -> None:
     event, = told(run(model, 0.4, 0.01))
     assert event["time"] == pytest.approx(0.05 * np.pi, abs=0.011)
     assert event["text"].startswith("spring 'rope' passes a kink of its force law, at the elongation 0 m near t = 0.15")
-    assert "power 3 of the step" in event["text"] and "order=2" in event["text"]
+    assert "order 3 in the step" in event["text"] and "order=2" in event["text"]
     # before it nothing, with order 2 nothing, under step control nothing
     assert told(run(model, 0.15, 0.01)) == [] == told(run(model, 0.4, 0.01, order=2))
     assert told(run(model, 0.4, 0.01, tolerance=1e-8)) == []
@@ -182,7 +182,7 @@ def test_a_ball_that_is_thrown_up_turns_around_in_air() -> None:
     event, = told(run(model, 0.8, 0.01))
     assert event["time"] == pytest.approx(limit / G * np.arctan(4.0 / limit), abs=0.011)
     assert event["text"].startswith("drag 'air' on point mass 'ball': the velocity relative to the air changes sign near t = 0.3")
-    assert "power 3 of the step" in event["text"]
+    assert "order 3 in the step" in event["text"]
 
 
 @pytest.mark.parametrize(("velocity", "drag"), [

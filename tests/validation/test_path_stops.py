@@ -71,9 +71,9 @@ def test_a_path_ends_where_a_slider_is() -> None:
 
 @pytest.mark.parametrize(("stop", "message"), [
     ({}, "stop: must be a mapping of quantities"), (3.0, "stop: must be a mapping of quantities"),
-    ({("tip", "z"): np.inf}, "stop: the value of .* must be a finite number"), ({("top", "q"): 0.1}, "'top' has no 'q'"),
+    ({("tip", "z"): np.inf}, "stop: the value of .* must be a finite number"), ({("top", "q"): 0.1}, "'top' has no quantity 'q'"),
     ({("tip", "z"): 0.1}, "'tip' is not a name in points="), ({"ring": 1.0}, "has no slider 'ring'"),
-    ({("top", "N"): 1.0}, "lies on no beam"), ({3: 1.0}, "3 is no quantity"),
+    ({("top", "N"): 1.0}, "lies on no beam"), ({3: 1.0}, "3 is not a quantity"),
     ({(lambda state: None): 1.0}, "must return a finite number"),
     ({(lambda t, state: 0.0): 1.0}, "stop: <lambda> must be a function of .state., got one of .t, state."),
     ({(lambda: 0.0): 1.0}, "must be a function of .state., got one of ..")])

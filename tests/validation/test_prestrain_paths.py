@@ -87,7 +87,7 @@ def test_a_shallow_truss_snaps_through_by_cold() -> None:
 
 
 @pytest.mark.parametrize(("prestrains", "message"), [
-    ({}, "prestrains: must be a mapping"), ({3: 0.1}, "3 is no beam"), ({"column": 0.0}, "all changes are zero"),
+    ({}, "prestrains: must be a mapping"), ({3: 0.1}, "3 is not a beam"), ({"column": 0.0}, "all changes are zero"),
     ({"column": 2.0}, "must be a number from -10 to 0.99"), ({"column": "a"}, "must be a number from"),
     ({"else": 0.1}, "is not in scene")])
 def test_prestrains_that_cannot_be_are_refused(prestrains: Any, message: str) -> None:

@@ -137,7 +137,7 @@ def test_loads_of_time_are_those_of_their_time() -> None:
 
     steady, timed = fb.relax(scene(None, 0.5)), fb.relax(scene(lambda t: t * t, 0.125), at_time=2.0)
     np.testing.assert_allclose(places(timed.state), places(steady.state), atol=1e-9)
-    with pytest.raises(fb.SceneError, match="relax: loads have time functions; say with at_time="):
+    with pytest.raises(fb.SceneError, match="relax: loads have time functions, so a time is needed; give the time with at_time="):
         fb.relax(scene(lambda t: t, 1.0))
 
 
@@ -251,7 +251,8 @@ def test_drives_viscous_friction_and_elastic_stops_of_sliders(options: dict[str,
 
 
 def test_what_relax_does_not_know_along_beams() -> None:
-    with pytest.raises(fb.SceneError, match="relax: drives have time functions; say with at_time="):
+    with pytest.raises(fb.SceneError, match="relax: drives have time functions, so a time is needed; give one time with "
+                                            "at_time="):
         fb.relax(trolley(drive=fb.Drive(force=lambda t: t)))
     for options in ({"friction": 0.2}, {"stops": fb.Stops(start=0.2, end=3.0)}, {"drive": fb.Drive(speed=1.0)}):
         with pytest.raises(fb.SceneError, match="relax: slider 'hook' has Coulomb friction, a prescribed motion, rigid stops"):

@@ -195,7 +195,7 @@ def fails(until: Callable[..., Any]) -> None:
     (lambda: fails(lambda t, state: 1 / 0), "until must not fail"),
     (lambda: fails(lambda t, state: np.nan), "must return a finite number"),
     (lambda: fb.simulate(fb.compile_scene(pendulum(1.0)[0]), t_end=0.1, step=0.01, order=4), "where a support is released"),
-    (lambda: fb.simulate(fb.compile_scene(pendulum(1.0)[0]), t_end=0.1, step=0.01, method="midpoint"), "supports that let go")])
+    (lambda: fb.simulate(fb.compile_scene(pendulum(1.0)[0]), t_end=0.1, step=0.01, method="midpoint"), "supports with until=")])
 def test_what_makes_no_sense_is_refused(make: Callable[[], Any], says: str) -> None:
     with pytest.raises(fb.SceneError, match=says):
         make()

@@ -237,7 +237,8 @@ def test_what_is_no_equilibrium_or_unknown_is_refused() -> None:
     with pytest.raises(fb.SceneError, match="slider 's' has an unbalanced force of 0.027.* N along its beam"):
         fb.modes(incline, state=fb.solve_static(incline, held=True).state)
     timed = rigid_rail(0.0, 1.0, drive=fb.Drive(position=lambda t: 1.0, stiffness=2.0))
-    with pytest.raises(fb.SceneError, match="modes: drives have time functions; say with at_time="):
+    with pytest.raises(fb.SceneError, match="modes: drives have time functions, so a time is needed; give one time with "
+                                            "at_time="):
         fb.modes(timed)
     assert fb.modes(timed, at_time=0.0).angular[0] == pytest.approx(np.sqrt(2.0 / MASS), rel=1e-11)
 
@@ -391,7 +392,8 @@ def test_paths_of_what_drives_push(planar: Any) -> None:
 
 def test_paths_with_a_controller_whose_stiffness_grows() -> None:
     model = toggle("auto", drive=fb.Drive(position=lambda t: 1.2 + 2.0 * t, stiffness=8.0, damping=1.0))
-    with pytest.raises(fb.SceneError, match="solve_path: drives have time functions; say with at_time="):
+    with pytest.raises(fb.SceneError, match="solve_path: drives have time functions, so a time is needed; give one time with "
+                                            "at_time="):
         fb.solve_path(model)
     path = fb.solve_path(model, at_time=1.0)
     factor, s = path.series["load_factor"], path.slider("s")["s"]

@@ -165,7 +165,7 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(fb.SceneError, match="function of"):
         fb.UserForce("own", ball, lambda t: t)
     model = fb.compile_scene(fb.Scene(ball, fb.UserForce("air", ball, drag, parameters=(0.1,))))
-    with pytest.raises(fb.SceneError, match="does not know user force"):
+    with pytest.raises(fb.SceneError, match="does not support user force"):
         fb.simulate(model, t_end=0.1, step=0.01, method="generalized_alpha")
     with pytest.raises(fb.SceneError, match="user force 'air' may lead out of a plane"):
         fb.compile_scene(fb.Scene(ball, fb.UserForce("air", ball, drag, parameters=(0.1,))), planar=True)

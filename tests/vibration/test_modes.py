@@ -44,7 +44,7 @@ def test_what_is_no_equilibrium_is_refused_with_its_force() -> None:
     with pytest.raises(fb.SceneError, match="the state is no equilibrium"):
         fb.modes(model, state=rest.state, load_factor=0.5)
     assert fb.modes(model, state=rest.state, n=2).info["solver"] in ("PARDISO", "SuperLU")
-    with pytest.raises(fb.SceneError, match="loads have time functions; say with at_time="):
+    with pytest.raises(fb.SceneError, match="loads have time functions, so a time is needed; give the time with at_time="):
         fb.modes(compiled(timed()))
     assert len(fb.modes(compiled(timed()), at_time=0.0, n=2)) == 2
 

@@ -45,7 +45,7 @@ def response(**changes: Any) -> Any:
     ({"loads": fb.Load("x", straight("other", (0, 0, 0), (1, 0, 0)).end, force=(1, 0, 0))}, "acts on a part that is not in "
                                                                                             "scene"),
     ({"loss_factor": -1.0}, "loss_factor: must be a finite number >= 0"),
-    ({"load_factor": 1.0}, "frequency_response: the state is no equilibrium")])
+    ({"load_factor": 1.0}, "frequency_response: the state is not an equilibrium")])
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
         response(**arguments)

@@ -60,24 +60,24 @@ IN_SPACE = "moving meshes are available in space only"
 class Moving(Feature):
     """Moving meshes of a model."""
 
-    key, title, order, is_told_first = "moving", "elements that move (MovingMesh)", 100, True
+    key, title, order, is_told_first = "moving", "moving elements (MovingMesh)", 100, True
     lacks = (
-        Lack((Analysis.PLANAR,), "elements that move", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
-        Lack((Analysis.COMPARED,), "elements that move", "moving mesh with slider {name!r}: {who} does not support moving "
+        Lack((Analysis.PLANAR,), "moving elements", IN_SPACE, "use planar='auto'", lambda moving, asked: moving.names),
+        Lack((Analysis.COMPARED,), "moving elements", "moving mesh with slider {name!r}: {who} does not support moving "
                                                          "elements",
              "compile the scene without MovingMesh", lambda moving, asked: moving.names),
-        Lack((*AT_REST, Analysis.TRAVEL), "elements that move",
+        Lack((*AT_REST, Analysis.TRAVEL), "moving elements",
              "moving mesh with slider {name!r}: equilibria and modes do not support moving elements",
              "compile the scene without MovingMesh; solve_static(contacts='exact') has no mesh error at contacts either",
              lambda moving, asked: moving.names),
-        Lack((Analysis.FILTERED,), "elements that move",
-             "rho_inf: moving mesh with slider {name!r}: strains of elements that move are not filtered",
+        Lack((Analysis.FILTERED,), "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
+             "rho_inf: moving mesh with slider {name!r}: strains of moving elements are not filtered",
              "leave rho_inf out, or compile the scene without MovingMesh", lambda moving, asked: moving.names),
         Lack((Analysis.POINT_INSIDE,), "points inside",
              "point {who!r}: the elements of {name} move, so no node stays at a material point inside",
              "observe its start or end, or a point that slides on it",
              lambda moving, asked: [asked.part.label] * moving.has(asked.model.numbers.first.get(asked.part))),
-        without_adjoint("elements that move"))
+        without_adjoint("moving elements"))
 
     tables: tuple[Any, ...]  # the terms
     names: list[str]  # names of the contacts

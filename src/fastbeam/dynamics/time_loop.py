@@ -284,8 +284,7 @@ class _Run(Encounters):
             if self.control is not None:
                 raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, make it a function of time "
                                        "alone, or use a Controller or a user-defined law, which are evaluated inside the "
-                                       "step", step=self.steps,
-                                       time=t, state=self.stepper.copy_state())
+                                       "step", step=self.steps, time=t, state=self.stepper.copy_state())
             self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how large they are"})
         return stop
 

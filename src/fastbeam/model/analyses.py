@@ -23,7 +23,7 @@ class Analysis(Enum):
     COMPOSED = "simulate(order=4) in one run"
     FILTERED = "simulate(method=Method(rho_inf=...))"
     STEP_CONTROL = "simulate(tolerance=...)"
-    BLOWS = "rigid stops, locks, supports that take hold"
+    BLOWS = "rigid stops, locks, supports with since="
     MASSES = "impacts, Start(mend=True)"
     PROJECTION = "Scene(project_velocities=True)"
     CATCHING = "since= of supports"

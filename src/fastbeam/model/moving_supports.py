@@ -34,7 +34,7 @@ class PrescribedMotions(Feature):
     key, title, order = "prescribed", "supports that move", 60
     lacks = (
         unknown_to_methods("supports that move"),
-        Lack((Analysis.AT_TIME,), "supports that take hold (since=)", "{who}(at_time=): {name} engages in a run (since=)",
+        Lack((Analysis.AT_TIME,), "supports with since=", "{who}(at_time=): {name} engages in a run (since=)",
              "leave since out, or leave the motion out",
              lambda of, asked: [motion.label for motion in of.motions if motion.since is not None]),
         Lack((Analysis.SENSITIVITY,), "supports that move",

@@ -22,17 +22,17 @@ class Released(Feature):
     """Supports with `until` or `since`, R of them. Their history variables count the changes of each: supports with `since` take
     hold first, those with `until` let go."""
 
-    key, title, order = "released", "supports that let go or take hold", 70
+    key, title, order = "released", "supports with until= or since=", 70
     lacks = (
-        unknown_to_methods("supports that let go or take hold"),
-        Lack((Analysis.ORDER_4,), "supports that let go or take hold",
+        unknown_to_methods("supports with until= or since="),
+        Lack((Analysis.ORDER_4,), "supports with until= or since=",
              "order=4: where a support is released or engages, velocities are of second order only, and so is the motion after "
              "it",
              "use order=2", always("supports")),
-        Lack((Analysis.RELAX,), "supports that let go or take hold",
+        Lack((Analysis.RELAX,), "supports with until= or since=",
              "relax: a support is released or engages (until=, since=)",
              "leave that out for the equilibrium, or run in time", always("supports")),
-        without_adjoint("supports that let go or take hold"))
+        without_adjoint("supports with until= or since="))
 
     names: tuple[str, ...]
     # until, since: tuple of float, callable or None

@@ -370,10 +370,8 @@ class Contacts:
                         f"but its kinetic energy along the beam is at most {moving:.2g} J. The place where it stops, and its "
                         "vibration there, depend on the mesh")
                 enough = max(ENERGY * moving, 1e-300)
-                found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, "elements that move with it "
-                                                                                                     "(with_moving_meshes), "
-                                                                                                     "where these support the "
-                                                                                                     "scene")))
+                other = "moving elements (with_moving_meshes), where these support the scene"
+                found.append((energy / enough, t, text + _cure(contact, lambda x: x.energy < enough, other)))
         return [*({"kind": "unresolved", "time": t, "text": text, "blow": size} for size, t, text in blows),
                 *self._in_order(found)]
 

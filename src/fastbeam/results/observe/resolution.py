@@ -113,7 +113,7 @@ class Resolution:
     def _note_moving(self, kind: str, worst: float, t: float, beam: str, grown: float, size: float, text: str) -> None:
         if worst > self._worst.get((kind, beam), (0.0, 0.0, ""))[0]:
             self._worst[kind, beam] = worst, t, (
-                f"{beam}: elements that move with its contacts are up to {size:.3g} m long, {grown:.2g} times the average: "
+                f"{beam}: moving elements are up to {size:.3g} m long, {grown:.2g} times the average: "
                 f"{text}. Use more elements on the side that contacts move away from, by Beam(elements=[...]) and MovingMesh, or "
                 "use fixed elements")
 
