@@ -438,5 +438,5 @@ def _at_rest(base: Response) -> Response:
                              f"scene, and {base.label(worst)} has an unbalanced force of {abs(right[worst]):.3g}; find it with "
                              "fb.solve_static(model), and give the load_factor and at_time that it has")
         if not last:
-            base.go(x)
+            base.move(x)
     return base
