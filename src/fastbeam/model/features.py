@@ -139,7 +139,7 @@ class WithFeatures:
         found: Any = self.by_key.get("control")
         return () if found is None else found.parts
 
-    @property
+    @cached_property
     def lines(self) -> Lines | None:
         """Springs, dampers and line forces whose ends may pass each other (links.Lines), or None."""
         found: Any = self.by_key.get("link_forces")
@@ -183,7 +183,7 @@ class WithFeatures:
         """Offset of the works in the history."""
         return self.loss_place + len(self.losses)
 
-    @property
+    @cached_property
     def history_size(self) -> int:
         """Number of all history variables."""
         return len(self.losses) + len(self.works) + sum(x.history_size for x in self.features)

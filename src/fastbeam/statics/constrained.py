@@ -89,8 +89,6 @@ class SaddleSolver(StaticSolver):
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.place("motions"), at_time)
-        # part of that increment that was applied at the last equilibrium
-        self._reached = 0.0
         # coordinates that friction or rigid stops may hold, and places of those of joints
         self.joints, self.resting = static_joints(self), np.zeros(0)
         if self.joints is not None:
@@ -117,10 +115,6 @@ class SaddleSolver(StaticSolver):
         if self.along is not None:
             self.along.share = share
         self.hold_joints()
-
-    def count_turns(self) -> None:
-        super().count_turns()
-        self._reached = self.share
 
     @property
     def turns_too_far(self) -> bool:
@@ -185,7 +179,7 @@ class SaddleSolver(StaticSolver):
             found = found._replace(sliding=found.sliding - force, bend=found.bend - slope)
         kept = contact.residual[:state.s.size, self.core.dim]
         kept[:] = found.sliding
-        kept[~self.sliding] = 0.0
+        kept[self.held if along is None else ~along.free] = 0.0
         return found
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
@@ -307,7 +301,8 @@ class SaddleSolver(StaticSolver):
             return OK, size
 
         def after(sizes: list[float]) -> int:
-            self.interrupts.serve()
+            if self.interrupts.asked:
+                self.interrupts.serve()
             return NOT_CONVERGED if not patient and len(sizes) >= LEAST_PATIENCE and sizes[-1] > sizes[0] else OK
 
         status, sizes = newton_loop(increment, self.max_iterations, after, lambda: is_whole)

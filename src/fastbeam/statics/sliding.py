@@ -76,7 +76,7 @@ class SlidingSolver(SaddleSolver):
         status, more = self._newton(np.zeros(self.held.size, bool))
         sizes += more
         for _ in range(ROUNDS * (self.held.size + 1)):
-            if status == OK and self.sliding.any():
+            if status == OK and np.logical_or.reduce(self.sliding):
                 status, more = self._release()
                 sizes += more
             if status != OK or along is None:

@@ -242,14 +242,14 @@ class Constraints:
         line = self._line[at]
         force, is_slider = self._of_force[k], k < core.n_sliders
         used = (line != 0.0) & force[:, None]
-        moves, turns = used[:, :d].any(axis=(1, 2)), used[:, d:].any(axis=(1, 2))
+        moves, turns = (np.logical_or.reduce(x, axis=(1, 2)) for x in (used[:, :d], used[:, d:]))
         # positions act on the same components of a gap; those of nodes whose shape function vanishes have slopes
         place = is_slider & (moves | ~turns)
         used[place, :d, :d] |= np.eye(d, dtype=bool)
         moves &= ~is_slider
         used[moves, :d] |= force[moves, None]
         used[turns, d:] |= force[turns, None]
-        slide = is_slider[:, None] & ((line[:, :, d] != 0.0) | used.any(axis=2))
+        slide = is_slider[:, None] & ((line[:, :, d] != 0.0) | np.logical_or.reduce(used, axis=2))
         unknown = n * row[:, None] + np.arange(n)
         free = self._free[unknown]
         used &= free[:, :, None]
