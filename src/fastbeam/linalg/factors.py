@@ -15,8 +15,8 @@ import numpy as np
 
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
-from fastbeam.kernels.linalg.scaling import leave
 from fastbeam.kernels.linalg.pardiso import PardisoTables
+from fastbeam.kernels.linalg.scaling import leave
 from fastbeam.linalg.mkl import OnThreads, mkl_for, pardiso_tables, threads_for
 from fastbeam.linalg.scaling import entry_scales, equilibrated, rows_of, with_values
 
