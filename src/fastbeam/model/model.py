@@ -285,7 +285,7 @@ class Model(WithFeatures):
         """Doubles of the scratch of one thread, for the largest group of elements, or eight nodes."""
         metas = [t.meta for t in (self.simo, self.green) if t is not None]
         kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
-        most = max(NODES_SCRATCH, *(layout_of(self.dofs, nn, nq).doubles for nn, nq in kinds))
+        most = max([NODES_SCRATCH, *(layout_of(self.dofs, nn, nq).doubles for nn, nq in kinds)])
         return most if self.substructures is None else most + front_size(len(self.dofs))
 
     @property
