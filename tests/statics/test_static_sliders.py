@@ -233,9 +233,9 @@ def test_directions_are_counted_among_the_motions_that_constraints_allow(negativ
     from scipy import sparse
     for seed in range(5):
         matrix, multiplier, _ = dense(12, 4, seed, negative)
-        assert Saddle(sparse.csc_matrix(matrix), multiplier).signs() == (negative, 0)
+        assert Saddle(sparse.csr_matrix(matrix), multiplier).signs() == (negative, 0)
     matrix, multiplier, _ = dense(12, 4, 9, 0, free=2)
-    assert Saddle(sparse.csc_matrix(matrix), multiplier).signs() == (0, 2)
+    assert Saddle(sparse.csr_matrix(matrix), multiplier).signs() == (0, 2)
 
 
 def test_directions_of_an_unsymmetric_matrix_follow_from_its_determinant() -> None:
@@ -245,7 +245,7 @@ def test_directions_of_an_unsymmetric_matrix_follow_from_its_determinant() -> No
         matrix = np.zeros((4, 4))
         matrix[:2, :2] = [[1.0, skew], [-skew, own]]
         matrix[2, 2], matrix[2, 3], matrix[3, 2] = 1.0, 1.0, 1.0
-        assert Saddle(sparse.csc_matrix(matrix), np.arange(4) == 3).signs(symmetric=False) == found
+        assert Saddle(sparse.csr_matrix(matrix), np.arange(4) == 3).signs(symmetric=False) == found
 
 
 BACKENDS = ["superlu", pytest.param("pardiso", marks=pytest.mark.skipif(load_mkl() is None, reason="no MKL"))]
@@ -258,16 +258,16 @@ def test_saddle_is_solved_whatever_the_units(backend: str) -> None:
     x = np.random.default_rng(0).standard_normal(16)
     # of the size of the units
     x *= np.sqrt(1.0 / np.abs(matrix).max(axis=0))
-    saddle = Saddle(sparse.csc_matrix(matrix), multiplier, factoriser_for(backend, threads=1))
+    saddle = Saddle(sparse.csr_matrix(matrix), multiplier, factoriser_for(backend, threads=1))
     found = saddle.solve(matrix @ x)
     assert found is not None and not saddle.is_singular
     np.testing.assert_allclose(found / x, 1.0, rtol=0.0, atol=1e-9)
-    row, column = equilibrated(sparse.csc_matrix(matrix))
+    row, column = equilibrated(sparse.csr_matrix(matrix))
     np.testing.assert_array_equal(row, column)
     largest = (np.abs(matrix) * row[:, None] * column).max(axis=0)
     assert np.all((largest > 0.4) & (largest < 2.1))
     assert saddle.solve(np.full(16, np.nan)) is None
-    assert Saddle(sparse.csc_matrix(np.full((2, 2), np.nan)), np.zeros(2, bool)).solve(np.ones(2)) is None
+    assert Saddle(sparse.csr_matrix(np.full((2, 2), np.nan)), np.zeros(2, bool)).solve(np.ones(2)) is None
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -279,7 +279,7 @@ def test_what_a_singular_saddle_is_not_asked_for_stays_small(backend: str) -> No
     matrix[0, 3:] = 1.0
     matrix[1, 1] = 5e3
     factors = factoriser_for(backend, threads=1)
-    saddle = Saddle(sparse.csc_matrix(matrix), np.array([False, False, False, True, True]), factors)
+    saddle = Saddle(sparse.csr_matrix(matrix), np.array([False, False, False, True, True]), factors)
     x = saddle.solve(np.array([7.0, 1.0, 0.0, 0.0, 0.0]))
     assert x is not None and saddle.is_singular
     np.testing.assert_allclose(x, [0.0, 2e-4, 0.0, 3.5, 3.5], rtol=0.0, atol=1e-7)

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from fastbeam.kernels.joints.conditions import JointConditions
 from fastbeam.kernels.joints.coordinates import JointMotion
 from fastbeam.kernels.loop import OK
 from fastbeam.kernels.state import State
-from fastbeam.kernels.terms import Conserving, Equilibrium
+from fastbeam.kernels.terms import Conserving, Equilibrium, System
 from fastbeam.linalg.factors import LU, lu
 from fastbeam.model.connections import held_axes
 from fastbeam.model.contact.sleeve_twist import with_known_twist
@@ -132,9 +133,13 @@ class Reactions:
     def of_equilibrium(self, q: Array, factors: Array, second: Array | None = None) -> Array:
         """Return reactions [6 (R + C)] of the equilibrium at q [N, 4, 3] whose loads, with factors [K], are in `work.f_ext`;
         second: as in `FreeBodies.forces`."""
+        return self._evaluate(self._at_rest, q, 0.0, factors, second)
+
+    @cached_property
+    def _at_rest(self) -> System:
+        """Data that all terms share in equilibria."""
         own = self.own
-        system = system_of(own.core, Equilibrium(), own.contact, None, own.core_state, own.work)
-        return self._evaluate(system, q, 0.0, factors, second)
+        return system_of(own.core, Equilibrium(), own.contact, None, own.core_state, own.work)
 
     def _of_slider(self, k: int, system: Any) -> Array:
         """Return the forces that slider k exerts on nodes in the step, [N, 8]; nodes that share a row are kept apart."""

@@ -434,5 +434,5 @@ def _at_rest(base: Response) -> Response:
                              f"{abs(right[worst]):.3g}. Find the equilibrium with fb.solve_static(model), and give its "
                              "load_factor and at_time")
         if not last:
-            base.go(x)
+            base.move(x)
     return base

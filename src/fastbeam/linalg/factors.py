@@ -6,6 +6,7 @@ are not, another analysis follows, then SuperLU with few exchanges of rows, then
 """
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -14,9 +15,10 @@ import numpy as np
 
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
+from fastbeam.kernels.linalg.pardiso import PardisoTables
 from fastbeam.kernels.linalg.scaling import leave
-from fastbeam.linalg.mkl import PardisoMemory, mkl_for, pardiso_tables, threads_for
-from fastbeam.linalg.scaling import entry_scales, equilibrated, rows_of, structure_of, with_values
+from fastbeam.linalg.mkl import OnThreads, mkl_for, pardiso_tables, threads_for
+from fastbeam.linalg.scaling import entry_scales, equilibrated, rows_of, with_values
 
 Array = np.ndarray
 # a smaller pivot next to the largest tells a singular matrix
@@ -50,6 +52,35 @@ class Limits(NamedTuple):
 # limits for equilibria, where a singular matrix has to be noticed; for a step, whose iteration goes on anyway
 EXACT = Limits(1e-14, 1e-12, 1e-2, 1e-12, 2, 2, True)
 OF_STEP = Limits(1e-13, 1e-8, 1e-2, 1e-12, 2, 2)
+
+
+class PardisoMemory:
+    """Memory of PARDISO for one structure and its values, freed with this object.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+    tables : PardisoTables
+    threads : int
+        Threads of all calls: PARDISO crashes with fewer than it was analysed on.
+    """
+
+    def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
+        self.tables, self.threads = tables, OnThreads(mkl, threads)
+        self._count, self._on_threads = threads, mkl.MKL_Set_Num_Threads_Local
+
+    def call(self, phase: int, b: Array, x: Array) -> int:
+        """Call PARDISO with right-hand sides and solutions [m, n]; return its error code."""
+        before = self._on_threads(self._count)
+        try:
+            return int(kernels.call_pardiso(self.tables, phase, b, x))
+        finally:
+            self._on_threads(before)
+
+    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
+        # at exit compiled code may be gone before this object, and the memory goes with the process
+        if not python_ends() and self.tables.handle.any():
+            self.call(kernels.RELEASE, self.tables.b, self.tables.x)
 
 
 class Factoriser:
@@ -86,7 +117,7 @@ class Factoriser:
         self._memory: PardisoMemory | None = None
         self._indices = self._indptr = np.zeros(0, np.int32)
         # entries that PARDISO takes
-        self._upper = np.zeros(0, bool)
+        self._upper: Array | slice = slice(None)
         self._kind = 0
         self.count = self.analyses = self.refused = 0
         self.is_fresh = False
@@ -110,18 +141,19 @@ class Factoriser:
             self._memory = None
             self._indices, self._indptr, self._kind = matrix.indices, matrix.indptr, kind
             indptr = matrix.indptr
-            self._upper = matrix.indices >= rows_of(matrix) if self._symmetric else np.ones(data.size, bool)
+            self._upper = slice(None)
             if self._symmetric:
+                self._upper = matrix.indices >= rows_of(matrix)
                 indptr = np.concatenate(([0], np.cumsum(self._upper)))[indptr]
             tables = pardiso_tables(indptr, matrix.indices[self._upper], kind, self._settings)
             if is_complex:
                 tables = tables._replace(data=empty(2 * tables.indices.size))
             if self._order is not None:
                 tables.perm[:] = self._order
-            self._memory = PardisoMemory(self._mkl, tables, threads_for(self._mkl, matrix.shape[0], self._threads))
+            self._memory = PardisoMemory(self._mkl, tables, threads_for(self._mkl, indptr.size - 1, self._threads))
         assert self._memory is not None
         t = self._memory.tables
-        t.data[:] = (data[self._upper] if self._symmetric else data).view(float)
+        t.data[:] = data[self._upper].view(float)
         if self.is_fresh:
             self.analyses += 1
             if self._memory.call(kernels.ANALYSE, t.b, t.x):
@@ -226,7 +258,7 @@ class Factors:
 
     Parameters
     ----------
-    matrix : sparse [n, n]
+    matrix : sparse by rows [n, n]
         Real or complex.
     factoriser : Factoriser, optional
         Used before SuperLU.
@@ -252,11 +284,9 @@ class Factors:
 
     def __init__(self, matrix: Any, factoriser: Factoriser | None = None, limits: Limits = EXACT,
                  scales: tuple[Array, Array] | None = None, give: Array | None = None, exchange: float = 0.1) -> None:
-        self.matrix, self.limits, self._factoriser = matrix.tocsr(), limits, factoriser
-        self.is_finite = bool(np.logical_and.reduce(np.isfinite(self.matrix.data)))
-        if scales is not None:
-            self.scales = scales
-        self._give = give
+        self.matrix, self.limits, self._factoriser = matrix, limits, factoriser
+        self.is_finite = bool(np.logical_and.reduce(np.isfinite(matrix.data)))
+        self._scales, self._give = scales, give
         self.residual, self.factorisations = 0.0, 0
         # factorisations to try in turn: by PARDISO, with the known analysis or another one, by SuperLU with options
         self._ways: list[bool | dict[str, Any]] = [] if factoriser is None else [False, True]
@@ -265,9 +295,14 @@ class Factors:
         self._last: LU | None = None
         self._number, self._least = 0, -1.0
 
-    @cached_property
+    @property
     def scales(self) -> tuple[Array, Array]:
         """Factors of rows and columns that bring them to a size of 1, [n] each."""
+        if self._scales is None:
+            self._scales = self._find_scales()
+        return self._scales
+
+    def _find_scales(self) -> tuple[Array, Array]:
         known = self._factoriser
         if not self.is_finite:
             return (np.ones(self.matrix.shape[0]),) * 2
@@ -279,9 +314,11 @@ class Factors:
                 self._data = data
                 return known.scales[0]
         scales = equilibrated(self.matrix)
+        factors = entry_scales(self.matrix, *scales)
+        self._data = self.matrix.data * factors
         if known is not None:
-            has_empty = bool((self.matrix.indptr[1:] == self.matrix.indptr[:-1]).any())
-            known.scales = None if has_empty else (scales, entry_scales(self.matrix, *scales))
+            has_empty = np.logical_or.reduce(self.matrix.indptr[1:] == self.matrix.indptr[:-1])
+            known.scales = None if has_empty else (scales, factors)
         return scales
 
     @property
@@ -304,7 +341,7 @@ class Factors:
         """Entries of `scaled`, unless `scales` has kept them."""
         return np.asarray(self.matrix.data * entry_scales(self.matrix, *self.scales))
 
-    @cached_property
+    @property
     def _held(self) -> Array:
         """Entries of the matrix that is factored."""
         if self._give is None:
@@ -347,7 +384,7 @@ class Factors:
             # another matrix came between
             by.factor(self.matrix, self._held)
             self._number, self.factorisations = by.count, self.factorisations + 1
-        if b.dtype.kind == "c" and self.matrix.dtype.kind != "c":
+        if b.dtype.kind == "c" and self.matrix.data.dtype.kind != "c":
             x = by.solve(np.array([b.real, b.imag]).reshape(-1, b.shape[-1]), transposed).reshape(2, *b.shape)
             return np.asarray(x[0] + 1j * x[1])
         return by.solve(b, transposed)
@@ -381,19 +418,14 @@ class Factors:
                     # another analysis would be the same
                     self._ways.pop(0)
 
-    def _rest_of(self, b: Array, transposed: bool) -> Callable[[Array], Array]:
-        """Return the function from solutions to residuals b - A x of the scaled matrix."""
-        if b.ndim > 1 or transposed or "c" in (b.dtype.kind, self.matrix.dtype.kind):
+    def _rest_of(self, b: Array, transposed: bool) -> Callable[[Array, Array, Array], Any]:
+        """Return the function that puts residuals b - A x of the scaled matrix into an array, given x and right-hand sides such
+        as b."""
+        if b.ndim > 1 or transposed or "c" in (b.dtype.kind, self.matrix.data.dtype.kind):
             matrix = self.scaled.T if transposed else self.scaled
-            return lambda x: np.asarray(b - (matrix @ x.T).T)
-
-        def rest_of(x: Array) -> Array:
-            rest = np.empty(b.size)
-            leave(self.matrix.data, *structure, *self.scales, x, b, rest)
-            return rest
-
-        structure = structure_of(self.matrix)
-        return rest_of
+            return lambda x, b, rest_out: np.subtract(b, (matrix @ x.T).T, out=rest_out)
+        structure = [x.astype(np.int32, copy=False) for x in (self.matrix.indptr, self.matrix.indices)]
+        return partial(leave, self.matrix.data, *structure, *self.scales)
 
     def _is_accepted(self, x: Array, b: Array, transposed: bool) -> bool:
         of = self.limits
@@ -408,7 +440,9 @@ class Factors:
             return False
         matrix = abs(self.scaled.T if transposed else self.scaled)
         terms = float(np.max((matrix @ np.abs(x).T).T + np.abs(b)))
-        return float(np.max(np.abs(self._rest_of(b, transposed)(x)))) <= self.limits.round_off * terms
+        rest = np.empty_like(x)
+        self._rest_of(b, transposed)(x, b, rest)
+        return float(np.max(np.abs(rest))) <= self.limits.round_off * terms
 
     def _given(self, x: Array) -> float:
         """Return the part of the right-hand sides that `give` takes up at multipliers."""
@@ -428,16 +462,18 @@ class Factors:
         return self._least
 
 
-def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array], Array], right: Array,
+def refined(solve: Callable[[Array], Array], rest_of: Callable[[Array, Array, Array], Any], right: Array,
             limits: Limits) -> tuple[Array, float]:
     """Refine solutions of equations for a right-hand side [n], or rows of several [m, n], as long as that helps; return the best
-    and the largest residual next to its right-hand side. solve: by factors; rest_of: residual of a solution."""
+    and the largest residual next to its right-hand side. solve: by factors; rest_of: puts residuals of solutions and
+    right-hand sides into an array."""
     size = _norms(right)
     size += size == 0.0
     x = best = solve(right)
     worst = np.inf
     for k in range(limits.most + 1):
-        rest = rest_of(x)
+        rest = np.empty(x.shape, x.dtype)
+        rest_of(x, right, rest)
         norms = _norms(rest)
         left = float(np.maximum.reduce(norms / size, axis=None))
         if not left < worst:

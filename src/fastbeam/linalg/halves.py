@@ -14,7 +14,8 @@ import numpy as np
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
-from fastbeam.linalg.mkl import OnThreads, PardisoMemory, pardiso_tables
+from fastbeam.linalg.factors import PardisoMemory
+from fastbeam.linalg.mkl import OnThreads, pardiso_tables
 
 Array = np.ndarray
 Each = Callable[[Callable[[int, Any], Any], Sequence[Any]], Any]

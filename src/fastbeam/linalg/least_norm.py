@@ -118,5 +118,5 @@ def nearest_by(mass: Any, matrix: Any, right: Array, given: Array, spin: Array, 
     pull = weight @ start[:n] if momentum is None else weight @ start[:n] + unit @ momentum
     goal = np.concatenate((pull, right / size))
     off = goal - exact @ start
-    kept = start + refined(factors.solve, lambda x: np.asarray(off - exact @ x), off, LIMITS)[0]
+    kept = start + refined(factors.solve, lambda x, b, rest_out: np.subtract(b, exact @ x, out=rest_out), off, LIMITS)[0]
     return kept[:n] / np.sqrt(scale), -kept[n:] / size

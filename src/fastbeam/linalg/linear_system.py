@@ -10,10 +10,10 @@ import numpy as np
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
-from fastbeam.linalg.factors import OF_STEP, Factors
+from fastbeam.linalg.factors import OF_STEP, Factors, PardisoMemory
 from fastbeam.linalg.halves import Each, Halves, cut
 from fastbeam.linalg.inertia import Blocks, Nodes, Signs, held
-from fastbeam.linalg.mkl import PardisoMemory, mkl_for, pardiso_tables, threads_for
+from fastbeam.linalg.mkl import mkl_for, pardiso_tables, threads_for
 from fastbeam.linalg.pattern import Pattern
 
 Array = np.ndarray

@@ -1,5 +1,4 @@
-"""MKL runtime: its library, number of threads, settings of PARDISO, and the order in which METIS, which comes with it, eliminates
-the rows of a matrix."""
+"""MKL runtime: its library, number of threads, and settings of PARDISO."""
 from __future__ import annotations
 
 import ctypes
@@ -7,7 +6,6 @@ import ctypes.util
 import glob
 import os
 import sys
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -16,7 +14,6 @@ import numpy as np
 from fastbeam.interface.errors import BackendError
 from fastbeam.kernels.empty_arrays import empty
 from fastbeam.kernels.jit.decorators import link_library
-from fastbeam.kernels.linalg import pardiso as kernels
 from fastbeam.kernels.linalg.pardiso import PardisoTables
 
 Array = np.ndarray
@@ -112,54 +109,4 @@ def pardiso_tables(indptr: Array, indices: Array, kind: int, more: dict[int, int
     return PardisoTables(
         np.zeros(64, np.int64), iparm, np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32),
         np.zeros(max(n, 1), np.int32), indptr, indices, every, every, empty(size**2 * indices.size),
-        *(empty((m, rows)) for m in (columns, columns, *(columns * refined,) * 2)), np.zeros(5, np.int64), np.zeros(2))
-
-
-class PardisoMemory:
-    """Memory of PARDISO for one structure and its values, freed with this object.
-
-    Parameters
-    ----------
-    mkl : the MKL runtime
-    tables : PardisoTables
-    threads : int
-        Threads of all calls: PARDISO crashes with fewer than it was analysed on.
-    """
-
-    def __init__(self, mkl: Any, tables: PardisoTables, threads: int) -> None:
-        self.tables, self.threads = tables, OnThreads(mkl, threads)
-        self._count, self._on_threads = threads, mkl.MKL_Set_Num_Threads_Local
-
-    def call(self, phase: int, b: Array, x: Array) -> int:
-        """Call PARDISO with right-hand sides and solutions [m, n]; return its error code."""
-        before = self._on_threads(self._count)
-        try:
-            return int(kernels.call_pardiso(self.tables, phase, b, x))
-        finally:
-            self._on_threads(before)
-
-    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
-        # at exit compiled code may be gone before this object, and the memory goes with the process
-        if not python_ends() and self.tables.handle.any():
-            self.call(kernels.RELEASE, self.tables.b, self.tables.x)
-
-
-def nested_dissection(matrix: Any) -> Array | None:
-    """Return rows of a matrix of symmetric structure, its diagonal included, in the order in which METIS eliminates them.
-
-    Parameters
-    ----------
-    matrix : scipy.sparse array [n, n] by rows, columns ascending
-
-    Returns
-    -------
-    int32 [n], or None
-        None without MKL, or if its analysis fails.
-    """
-    mkl = load_mkl()
-    if mkl is None:
-        return None
-    t = pardiso_tables(matrix.indptr, matrix.indices, kernels.UNSYMMETRIC, {4: 2})
-    t.data[:] = 1.0
-    failed = PardisoMemory(mkl, t, 1).call(kernels.ANALYSE, t.b, t.x)
-    return None if failed else t.perm
+        *map(empty, [(m, rows) for m in (columns, columns, *(columns * refined,) * 2)]), np.zeros(5, np.int64), np.zeros(2))

@@ -8,7 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from fastbeam.kernels.linalg.chain import Elimination
-from fastbeam.linalg.mkl import nested_dissection
+from fastbeam.kernels.linalg.pardiso import ANALYSE, UNSYMMETRIC
+from fastbeam.linalg.factors import PardisoMemory
+from fastbeam.linalg.mkl import load_mkl, pardiso_tables
 
 Array = np.ndarray
 # rows beyond which orders other than that of the nodes are not tried, and fill is not followed where there is much of it
@@ -131,10 +133,16 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
 def dissected(n: int, low: Array, high: Array) -> Array | None:
     """Return the rank of every node in the order of METIS; None without it."""
     from scipy import sparse
+    mkl = load_mkl()
+    if mkl is None:
+        return None
     own = np.arange(n)
     i, j = np.concatenate((low, high, own)), np.concatenate((high, low, own))
-    found = nested_dissection(sparse.csr_array((np.ones(i.size), (i, j)), (n, n)))
-    return None if found is None else np.argsort(found)
+    matrix = sparse.csr_array((np.ones(i.size), (i, j)), (n, n))
+    t = pardiso_tables(matrix.indptr, matrix.indices, UNSYMMETRIC, {4: 2})
+    t.data[:] = 1.0
+    failed = PardisoMemory(mkl, t, 1).call(ANALYSE, t.b, t.x)
+    return None if failed else np.argsort(t.perm)
 
 
 def breadth_first(n: int, coupled: Array) -> Array:

@@ -46,7 +46,7 @@ class Saddle(Factors):
 
     Parameters
     ----------
-    matrix : sparse float64 [n, n]
+    matrix : sparse float64 [n, n] by rows
         All rows and columns, coordinates and multipliers in any order.
     multiplier : bool [n]
         True for unknowns that are multipliers.
@@ -92,13 +92,9 @@ class Saddle(Factors):
         """Return the matrix with some coordinates fixed by stiffnesses."""
         return Saddle(held(self.matrix, unknowns), self.multiplier, self._factoriser)
 
-    def solve(self, right: Array, transposed: bool = False) -> Array | None:
-        if self.left.shape[1]:
-            self.unbalanced, self.drift, self.left = 0.0, np.zeros(right.size), self.left[:, :0]
-        return super().solve(right, transposed)
-
     def _otherwise(self, b: Array, transposed: bool, fair: tuple[Factoriser | LU, Array, float] | None) -> Array | None:
         """Solve without null vectors; if there are none, return the fair solution."""
+        self.unbalanced, self.drift, self.left = 0.0, np.zeros(self.multiplier.size), self.left[:, :0]
         right, left = self._null_vectors[::-1] if transposed else self._null_vectors
         if right.shape[1]:
             by, asked = self._near, left.T @ b
@@ -109,9 +105,9 @@ class Saddle(Factors):
                 x = by.solve(rest, transposed)
                 return np.asarray(x - right @ (right.T @ x))
 
-            def without(x: Array) -> Array:
-                rest = rest_of(x)
-                return np.asarray(rest - left @ (left.T @ rest))
+            def without(x: Array, b: Array, rest_out: Array) -> None:
+                rest_of(x, b, rest_out)
+                rest_out -= left @ (left.T @ rest_out)
 
             x, self.residual = refined(solved, without, met, self.limits._replace(most=REFINEMENTS))
             if np.isfinite(x).all() and self.residual <= self.limits.fair:
@@ -162,7 +158,7 @@ class Saddle(Factors):
 
         A + p B^T B has on these motions the signs of A, whatever p is. Its negative eigenvalues less those of B (A + p B^T B)^-1
         B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
-        if not self.multiplier.any():
+        if not np.logical_or.reduce(self.multiplier):
             return Signs(Entries(self.matrix), self.nodes, self.free).count(symmetric)
         free = np.zeros(0, np.int64) if self.free is None else self.free(lambda: self.matrix)
         if not free.size and is_positive(self.matrix, self.multiplier):
@@ -219,7 +215,7 @@ def is_positive(matrix: Any, multiplier: Array) -> bool:
     rows of multipliers [n], allow: all pivots of A + B^T D B are, with a D that brings B^T D B to the size of A."""
     from scipy.sparse.csgraph import reverse_cuthill_mckee
     n = multiplier.size
-    row, column, data = np.repeat(np.arange(n), np.diff(matrix.indptr)), matrix.indices, matrix.data
+    row, column, data = np.arange(n).repeat(matrix.indptr[1:] - matrix.indptr[:-1]), matrix.indices, matrix.data
     above, left = multiplier[row], multiplier[column]
     within, constrains, own = ~(above | left), above & ~left, row == column
     stiff = np.zeros(n)
@@ -227,14 +223,14 @@ def is_positive(matrix: Any, multiplier: Array) -> bool:
     # constraints, and all pairs of the entries of each
     b, j = data[constrains], column[constrains]
     count = np.bincount(row[constrains], minlength=n)
-    first, size = (np.cumsum(count) - count)[count > 0], count[count > 0]
+    first, size = (count.cumsum() - count)[count > 0], count[count > 0]
     largest = np.maximum.reduceat(b * b, first) if b.size else b
     weight = np.where(largest > 0.0, np.maximum.reduceat(stiff[j], first) / np.where(largest > 0.0, largest, 1.0), 0.0)
-    pairs = np.repeat(size, size)
-    one = np.repeat(np.arange(b.size), pairs)
-    other = np.arange(one.size) + np.repeat(np.repeat(first, size) - np.cumsum(pairs) + pairs, pairs)
+    pairs = size.repeat(size)
+    one = np.arange(b.size).repeat(pairs)
+    other = np.arange(one.size) + (first.repeat(size) - pairs.cumsum() + pairs).repeat(pairs)
     half, i, k = 0.5 * data[within], row[within], column[within]
-    values = np.concatenate((half, half, np.repeat(weight, size)[one] * b[one] * b[other]))
+    values = np.concatenate((half, half, weight.repeat(size)[one] * b[one] * b[other]))
     order = reverse_cuthill_mckee(matrix, symmetric_mode=True)
     number = np.empty(n, np.int64)
     number[order] = np.add.accumulate(~multiplier[order], dtype=np.int64) - 1

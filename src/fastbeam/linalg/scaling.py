@@ -19,11 +19,6 @@ def rows_of(matrix: Any) -> Array:
     return np.arange(matrix.shape[0]).repeat(matrix.indptr[1:] - matrix.indptr[:-1])
 
 
-def structure_of(matrix: Any) -> tuple[Array, Array]:
-    """Return `indptr` and `indices` of a matrix by rows, int32."""
-    return matrix.indptr.astype(np.int32, copy=False), matrix.indices.astype(np.int32, copy=False)
-
-
 def with_values(matrix: Any, data: Array) -> Any:
     """Return a sparse matrix with the structure of this one, shared, and other values: making one anew looks at the structure."""
     out = object.__new__(type(matrix))
@@ -52,11 +47,13 @@ def with_diagonal(matrix: Any) -> Any:
 
 
 def equilibrated(matrix: Any, begin: tuple[Array, Array] | None = None) -> tuple[Array, Array]:
-    """Return factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz,
-    2001); the same for both if the matrix is symmetric. 1 for those without entries. begin: factors to begin with; default: 1."""
-    by_rows = matrix.tocsr()
-    row, column = (np.ones(by_rows.shape[0]), np.ones(by_rows.shape[1])) if begin is None else (begin[0].copy(), begin[1].copy())
-    balance(np.abs(by_rows.data), *structure_of(by_rows), SWEEPS, row, column, np.zeros(row.size), np.zeros(column.size))
+    """Return factors of rows and columns [n] of a matrix by rows, powers of two, with which the largest entry of each comes close
+    to 1 (D. Ruiz, 2001); the same for both if the matrix is symmetric. 1 for those without entries. begin: factors to begin with;
+    default: 1."""
+    n = matrix.indptr.size - 1
+    structure = [x.astype(np.int32, copy=False) for x in (matrix.indptr, matrix.indices)]
+    row, column = (np.ones(n), np.ones(n)) if begin is None else (begin[0].copy(), begin[1].copy())
+    balance(np.abs(matrix.data), *structure, SWEEPS, row, column, np.zeros(n), np.zeros(n))
     return np.exp2(np.rint(np.log2(row))), np.exp2(np.rint(np.log2(column)))
 
 

@@ -175,7 +175,7 @@ class WithFeatures:
         """Offset of the works in the history."""
         return self.loss_place + len(self.losses)
 
-    @property
+    @cached_property
     def history_size(self) -> int:
         """Number of all history variables."""
         return len(self.losses) + len(self.works) + sum(x.history_size for x in self.features)

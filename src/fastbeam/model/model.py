@@ -14,14 +14,15 @@ from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.algebra.dimensions import SPACE
 from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
-from fastbeam.kernels.beams.nodes import Bodies, Held
+from fastbeam.kernels.beams.nodes import NODES_SCRATCH, Bodies, Held
 from fastbeam.kernels.beams.planar_nodes import PlanarBodies, PlanarTies
 from fastbeam.kernels.beams.ties import Ties
 from fastbeam.kernels.contact.curves import Paths
 from fastbeam.kernels.contact.slider import END_SLACK
 from fastbeam.kernels.contact.slider_forces import HISTORY
+from fastbeam.kernels.layout import NODES, POINTS, layout_of
 from fastbeam.kernels.linalg.carriers import Carriers
-from fastbeam.kernels.linalg.substructures import ELEMENTS, Substructures
+from fastbeam.kernels.linalg.substructures import ELEMENTS, Substructures, front_size
 from fastbeam.kernels.state import State
 from fastbeam.linalg.pattern import Pattern
 from fastbeam.model.feature import Feature
@@ -180,14 +181,14 @@ class Model(WithFeatures):
         return [*(f"slider {name!r}" for name in names), *(link.name for link in self.kept),
                 *(f"sleeve {names[k]!r} (moments)" for k in self.sleeve_pairs[:, 0])]
 
-    @property
+    @cached_property
     def forces(self) -> Array:
         """Number of forces of every constraint, int64 [C]."""
         moments = 3 if self.dim == 3 else 1
         return np.array([self.dim] * self.n_sliders + [link.forces(self.dim) for link in self.kept]
                         + [moments] * len(self.sleeve_pairs), np.int64)
 
-    @property
+    @cached_property
     def first_force(self) -> Array:
         """Number of the first force of every constraint among all forces, int64 [C]."""
         return np.cumsum(self.forces) - self.forces
@@ -197,16 +198,16 @@ class Model(WithFeatures):
         """Number of forces of all constraints."""
         return int(self.forces.sum())
 
-    @property
+    @cached_property
     def softness(self) -> Array:
         """Share of 1/a, theory.md (5.5), in the equations of every constraint, float64 [C]; 0: plain multipliers."""
         return np.concatenate((np.ones(self.n_sliders), self.kept_softness, np.ones(len(self.sleeve_pairs))))
 
-    @property
+    @cached_property
     def unknowns(self) -> Array:
         """Number of unknowns of every constraint, int64 [C]: sliders have a place and a mean gap besides forces, moments of
         sleeves a copy of a spin and idle unknowns up to the same number."""
-        out = self.forces
+        out = self.forces.copy()
         out[:self.n_sliders] = out[self.n_sliders + len(self.kept):] = self.border
         return out
 
@@ -239,6 +240,14 @@ class Model(WithFeatures):
     def past_size(self) -> int:
         """Number of values of the last two steps that a run keeps for the predictor, besides the increments of the last step."""
         return 5 + len(self.dofs) * self.n_nodes + 2 * (self.dim + 1) * self.n_sliders
+
+    @cached_property
+    def scratch_size(self) -> int:
+        """Doubles of the scratch of one thread, for the largest group of elements, or eight nodes."""
+        metas = [t.meta for t in (self.simo, self.green) if t is not None]
+        kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
+        most = max([NODES_SCRATCH, *(layout_of(self.dofs, nn, nq).doubles for nn, nq in kinds)])
+        return most if self.substructures is None else most + front_size(len(self.dofs))
 
     @property
     def n_unknowns(self) -> int:
@@ -285,7 +294,7 @@ class Model(WithFeatures):
 
     def ends_at(self, s: Array) -> Array:
         """Return the arc lengths of the ends of curves, as `slider_ends`; on switches, of the tracks of sliders at s [S]."""
-        ends = self.slider_ends
+        ends = self.slider_ends.copy()
         for k, spans in self.spans.items():
             ends[k] = spans[int(np.argmin(np.maximum(spans[:, 0] - s[k], s[k] - spans[:, 1])))]
         return ends
@@ -322,7 +331,7 @@ class Model(WithFeatures):
         """Kind of curve of the sliders, 'path' or 'beam', for messages."""
         return "path" if isinstance(self.curves, Paths) else "beam"
 
-    @property
+    @cached_property
     def slider_ends(self) -> Array:
         """Arc lengths of the ends of the curves of sliders, infinite for closed paths, float64 [S, 2]."""
         ends = np.stack((np.zeros(self.n_sliders), self.slider_lengths), axis=1)
@@ -360,7 +369,7 @@ class Model(WithFeatures):
             carried = int(self.carriers.tables[self.carriers.tables[:, 1] == (tables is self.green), 3].sum())
         return len(tables.meta) - int(groups[:, ELEMENTS].sum()) - carried
 
-    @property
+    @cached_property
     def by_rows(self) -> bool:
         """True if sliders are rows of the block matrix (theory.md 9) and not a dense border."""
         return self.n_constraints > 0 and self.pattern.plan is not None and self.substructures is None

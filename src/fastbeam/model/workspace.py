@@ -9,16 +9,14 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.inner_nodes import Inner
-from fastbeam.kernels.beams.nodes import NODES_SCRATCH
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
 from fastbeam.kernels.contact.moving_beam import MovingBeam, Scratch
 from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
 from fastbeam.kernels.forces.user_force import FACTOR, SIZE
-from fastbeam.kernels.layout import NODES, POINTS, layout_of
 from fastbeam.kernels.linalg.constraints import Constraints
-from fastbeam.kernels.linalg.substructures import Substructures, front_size, place_stores
+from fastbeam.kernels.linalg.substructures import Substructures, place_stores
 from fastbeam.kernels.state import LastIncrement, Work, aligned
 from fastbeam.kernels.terms import NoTies
 from fastbeam.model.model import Model
@@ -86,12 +84,8 @@ def physical_memory() -> float:
 
 
 def scratch_of(model: Model) -> Array:
-    """Allocate the scratch of one thread, for the largest group of elements, or eight nodes."""
-    metas = [t.meta for t in (model.simo, model.green) if t is not None]
-    kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
-    sizes = [layout_of(model.dofs, nn, nq).doubles for nn, nq in kinds]
-    most = max([*sizes, NODES_SCRATCH])
-    return aligned_empty(most if model.substructures is None else most + front_size(len(model.dofs)))
+    """Allocate the scratch of one thread."""
+    return aligned_empty(model.scratch_size)
 
 
 def entries_of(model: Model, bounded: bool = True) -> int:
@@ -188,18 +182,18 @@ def contact_of(model: Model, entries: int | None = None, at_rest: bool = False) 
     n, row = model.n_constraints, 8 * len(model.dofs)
     if not n:
         return None
-    shape = np.zeros((1, 3), np.int64) if model.curves is None else model.curves.shape
+    _, degree, nodes = (0, 0, 0) if model.curves is None else model.curves.shape.max(axis=0)
     entries = entries or (entries_at_rest(model) if at_rest else entries_of(model) if model.n_bordered else 0)
     first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else np.where(
         model.carried, -1, model.border * (np.cumsum(~model.carried) - 1))
     kind = ContactInRows if model.by_rows else Contact if model.n_bordered else ContactOfCarriers
     kind = ContactAtRest if at_rest else kind
-    columns, lines = (aligned_empty(n * row * entries).reshape(n, row * entries) for _ in range(2))
+    columns, lines = map(aligned_empty, [n * row * entries] * 2)
     # the identity behind the forces of joints, with zeros on the right
     corner = aligned(64 * n).reshape(n, 64)
     corner[:, ::9] = model.forces[:, None] <= np.arange(8)
-    return kind(basis=empty((5, shape[:, 2].max())), legendre=empty((3, shape[:, 1].max())),
-                entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
+    return kind(basis=empty((5, nodes)), legendre=empty((3, degree)), entries=np.zeros(n, np.int64),
+                row=np.zeros((n, entries), np.int64), column=columns.reshape(n, -1), line=lines.reshape(n, -1),
                 corner=corner, residual=np.zeros((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
                 first_force=model.first_force, compliance=empty(n), softness=model.softness,

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 # text where a result has none
 NOTHING = "nothing (none recorded)"
+# dict first: it is recognised without a look at abstract classes
+MAPPING = dict, Mapping
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
 # rows of Result.table: series, label, unit
@@ -147,7 +149,7 @@ class Table:
     of: Any
 
     def __call__(self, value: Any) -> dict[str, Any]:
-        if not isinstance(value, Mapping) or not _are_texts(value):
+        if not isinstance(value, MAPPING) or not _are_texts(value):
             raise Refusal(f"must map names to values, got {shown(value)}")
         out = {}
         for key, item in value.items():
@@ -165,7 +167,7 @@ class Items:
     of: type = object
 
     def __call__(self, value: Any) -> list[Any]:
-        fits = isinstance(value, Iterable) and not isinstance(value, (str, bytes, type, range))
+        fits = isinstance(value, (list, Iterable)) and not isinstance(value, (str, bytes, type, range))
         fits = fits and not (isinstance(value, np.ndarray) and value.ndim == 0)
         items = list(value) if fits else []
         if not fits or self.of is not object and not all(isinstance(item, self.of) for item in items):
@@ -467,12 +469,12 @@ class Result(Readings, Exports, Doubts):
         if not all(_is_node(k, n_nodes) for k in nodes) or nodes and len(nodes) != len(self.names.get("sliders", [])):
             raise SceneError(f"names: 'slider_nodes' must hold a node number for every slider, got {shown(nodes)}")
         for rope in self.names.get("ropes", []):
-            chain = rope.get("nodes") if isinstance(rope, Mapping) else None
+            chain = rope.get("nodes") if isinstance(rope, MAPPING) else None
             if not isinstance(chain, list) or len(chain) < 2 or not all(_is_node(k, n_nodes) for k in chain):
                 raise SceneError(f"names: an entry of 'ropes' must hold nodes, two at least, got {shown(rope)}")
         for kind, keys in PLACES.items():
             for entry in self.names.get(kind, []):
-                fits = isinstance(entry, Mapping) and all(_is_node(entry.get(key), None) for key in keys)
+                fits = isinstance(entry, MAPPING) and all(_is_node(entry.get(key), None) for key in keys)
                 if fits and n_nodes is not None:
                     fits = entry[keys[0]] + (entry[keys[1]] if len(keys) > 1 else 1) <= n_nodes
                 if not fits:

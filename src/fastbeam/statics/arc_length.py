@@ -13,7 +13,6 @@ from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.linalg.scaling import with_values
 from fastbeam.model.model import Model
-from fastbeam.statics.constrained import Increment
 from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
 from fastbeam.statics.load_laws import LawPath
 from fastbeam.statics.prestrains import StrainPath
@@ -292,7 +291,6 @@ class PathSolver(SlidingSolver):
         at which the step ends instead of the plane across the direction."""
         self.work.increment.control[0] = 0.0
         self.stepper.forget_failures()
-        nodes = self._cuts[0]
         self.gone, first = np.zeros_like(along.x), self.factor
         if self.motion is not None:
             self.motion.begin(first)
@@ -307,7 +305,7 @@ class PathSolver(SlidingSolver):
         def increment() -> tuple[int, float | None]:
             saddle, right, loads = self.equations()
             x = self._bordered(saddle, loads, row, corner, right, 0.0)
-            if x is None or self._size(x[:nodes]) > LONGEST:
+            if x is None or self._size(x[:self.nodes]) > LONGEST:
                 return NOT_CONVERGED, None
             size = move(x[:-1], float(x[-1]))
             return (SLIDER_END if self.beyond_ends(self.stepper.core_state.s) else OK), size
@@ -317,16 +315,9 @@ class PathSolver(SlidingSolver):
         strayed = to is None and self._strayed(along, step, first) > max(STRAY * step, LEAST_STRAY)
         return 0 if status != OK or strayed else len(sizes)
 
-    @property
-    def _cuts(self) -> tuple[int, int]:
-        """Offsets of the sliding coordinates and of the forces among the unknowns of a direction."""
-        n = self.weight.size - self.core.n_forces
-        return n - self.sliding.size, n
-
     def _go_by(self, x: Array, factor: float) -> float:
         """Add an increment of all unknowns and of the load factor; return its size."""
-        nodes, n = self._cuts
-        size = self.move(Increment(x[:nodes], x[nodes:n], x[n:]))
+        size = self.move(x)
         self.factor += factor
         return size + abs(factor)
 

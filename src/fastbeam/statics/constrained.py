@@ -2,7 +2,8 @@
 contact forces in one saddle matrix."""
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -33,16 +34,7 @@ STIFFNESSES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 # in one iteration, in sizes of the scene
 UNBALANCED, DRIFT = 1e-9, 0.2
 EPSILON = 1e-13
-
-
-class Increment(NamedTuple):
-    """Increment of nodes, sliding coordinates and contact forces."""
-
-    nodes: Array          # float64 [n], m and rad
-    s: Array              # float64 [S], m
-    force: Array          # float64 [d S], N
-    whole: bool = True    # whether it is a whole one of Newton's method
-    size: float = 0.0     # of the nodes, in sizes of the scene and rad
+NO_SHAPE = np.zeros(0)
 
 
 class SaddleSolver(StaticSolver):
@@ -62,6 +54,13 @@ class SaddleSolver(StaticSolver):
     flat : bool, optional
         Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
     backend : {'auto', 'pardiso', 'superlu'}
+
+    Attributes
+    ----------
+    nodes : int
+        Unknowns of the nodes, which stand first among all.
+    places : slice
+        Sliding coordinates among all unknowns; the multipliers stand behind them.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None,
@@ -75,6 +74,9 @@ class SaddleSolver(StaticSolver):
         self.map = RowMap(uneliminated, None if plane is None else plane.axes)
         self.constraints = Constraints(self.stepper)
         core = self.core
+        self.nodes = len(core.dofs) * core.pattern.n
+        self.places = slice(self.nodes, self.nodes + held.size)
+        self._multiplier = np.arange(self.places.stop + core.n_forces) >= self.places.stop
         self._matrix = SaddleMatrix(core.pattern, len(core.dofs), core.n_sliders, core.n_forces)
         self._factoriser = factoriser_for(backend, threads=1)
         self.held = held
@@ -87,8 +89,6 @@ class SaddleSolver(StaticSolver):
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.place("motions"), at_time)
-        # part of that increment that was applied at the last equilibrium
-        self._reached = 0.0
         # coordinates that friction or rigid stops may hold, and places of those of joints
         self.joints, self.resting = static_joints(self), np.zeros(0)
         if self.joints is not None:
@@ -116,10 +116,6 @@ class SaddleSolver(StaticSolver):
             self.along.share = share
         self.hold_joints()
 
-    def count_turns(self) -> None:
-        super().count_turns()
-        self._reached = self.share
-
     @property
     def turns_too_far(self) -> bool:
         """True where a prescribed joint angle lies half a turn or more beyond the last equilibrium, so that its direction is
@@ -145,6 +141,11 @@ class SaddleSolver(StaticSolver):
         if f is None or not f.count:
             return "SuperLU on nodes and sliders"
         return f"PARDISO on nodes and sliders, {f.count} factorisations, {f.refused} left to SuperLU"
+
+    @cached_property
+    def _records(self) -> tuple[Any, Any]:
+        """Terms of the scene, and what they share, as compiled code takes them."""
+        return self.stepper.records
 
     @property
     def sliding(self) -> Array:
@@ -176,20 +177,19 @@ class SaddleSolver(StaticSolver):
             found = with_friction(self.constraints, found, along.slip if rubs else np.zeros(state.s.size))
             force, slope = along.known(state.s)
             found = found._replace(sliding=found.sliding - force, bend=found.bend - slope)
-        sliding = self.sliding
-        contact.residual[:sliding.size, self.core.dim] = np.where(sliding, found.sliding, 0.0)
+        kept = contact.residual[:state.s.size, self.core.dim]
+        kept[:] = found.sliding
+        kept[self.held if along is None else ~along.free] = 0.0
         return found
-
-    def _shape(self) -> Array:
-        """Return coordinates in space [12 N]; nothing where no equation asks for them."""
-        return self.state.q if self.steady is not None or self.motion is not None else np.zeros(0)
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
     def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
         """Assemble tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
         model, work = self.core, self.work
         size, n = len(model.dofs), model.pattern.n
-        equations, q = self._of_constraints(), self._shape()
+        equations = self._of_constraints()
+        # coordinates in space, for equations that ask for them
+        q = self.state.q if self.steady is not None or self.motion is not None else NO_SHAPE
         work.f_ext[:] = self._loads
         if self.steady is not None:
             work.f_ext[:] += self.steady.loads(q)
@@ -197,27 +197,30 @@ class SaddleSolver(StaticSolver):
         self._all_loads = work.f_ext + equations.loads
         given = None if self.motion is None else self.motion.pending(coordinates_of(self.stepper, self.motion.own))
         if given is None:
-            kernels.assemble_all(*self.stepper.records, 0.0)
+            kernels.assemble_all(*self._records, 0.0)
         else:
             x = self.motion.rows(given, model, self.map.axes)
-            self.carrying.assemble(self.stepper, self.stepper.records[1], x)
+            self.carrying.assemble(self.stepper, self._records[1], x)
         matrix = self._matrix.of(work.blocks, equations, sliding, drag)
-        r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1).copy()
-        gaps = equations.gaps
+        right, gaps = np.zeros(self._multiplier.size), equations.gaps
+        r = right[:self.nodes].reshape(n, size)
+        r[:] = work.r[:8 * n].reshape(n, 8)[:, :size]
         if given is not None:
             # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
-            r -= 2.0 * x.reshape(-1)
+            r -= 2.0 * x
             gaps = self.motion.opened(self.constraints.gaps_at, q, given) if gaps.size else gaps
-        right = np.concatenate((-r, np.where(sliding, -equations.sliding, 0.0), gaps))
-        multiplier = np.zeros(right.size, bool)
-        multiplier[r.size + sliding.size:] = True
-        saddle = Saddle(matrix, multiplier, self._factoriser)
+        np.negative(r, out=r)
+        np.negative(equations.sliding, out=right[self.places], where=sliding)
+        right[self.places.stop:] = gaps
+        saddle = Saddle(matrix, self._multiplier, self._factoriser)
         saddle.nodes, saddle.free = self.free_motions.nodes, self.hold_free
         return saddle, right
 
-    def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:
+    def _increment(self, sliding: Array, drag: float = 0.0) -> tuple[Array, float, bool] | None:
+        """Solve for an increment of all unknowns, arguments as of `_assembled`. Return it, the size of its part of the nodes, and
+        whether it is one of Newton's method; None where there is none."""
         saddle, right = self._assembled(sliding, drag)
-        n = len(self.core.dofs) * self.core.pattern.n
+        n = self.nodes
         if self.free_motions.has_axes:
             saddle = self._with_spins_held(saddle, right[:n])
         for stiffness in (0.0, *STIFFNESSES):
@@ -229,12 +232,12 @@ class SaddleSolver(StaticSolver):
                 # forces push along free motions: follow them a little, sliders too
                 size = self._size(used.drift[:n])
                 if size > 0.0:
-                    x[:n + sliding.size] += DRIFT / size * used.drift[:n + sliding.size]
+                    x[:self.places.stop] += DRIFT / size * used.drift[:self.places.stop]
             # soft motions grow without bounds: stiffness is added against these alone
             size = self._size(x[:n])
             if size <= LARGEST_MOVE:
                 break
-        return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0, size)
+        return x, size, stiffness == 0.0
 
     def _with_spins_held(self, saddle: Saddle, right: Array) -> Saddle:
         """Fix one unknown of every beam that may spin about its axis; right: residual of the nodes [n]. Return the fixed
@@ -261,18 +264,18 @@ class SaddleSolver(StaticSolver):
         """Return the share of an increment of the nodes of this size that is not too long."""
         return min(1.0, LARGEST_MOVE / max(size, 1e-300))
 
-    def move(self, x: Increment) -> float:
-        """Add an increment. Returns its size."""
+    def move(self, x: Array) -> float:
+        """Add an increment of all unknowns. Returns its size."""
         state, core, work = self.stepper.core_state, self.core, self.work
         # arms of tied nodes are those of the present shape, which need not be that of the last equations
         if work.q_end.size:
             work.q_mid[:] = work.q_end[:] = state.q
         # the kernels take half of what solves the equations of half the tangent, and subtract it
-        work.panel.reshape(-1, core.width)[:x.nodes.size, 0] = -2.0 * x.nodes
-        moved = float(kernels.update(*self.stepper.records))
-        state.s[:] += x.s
-        state.force[:] += x.force
-        return moved + float(np.maximum.reduce(np.abs(x.s), initial=0.0)) / core.length
+        work.panel.reshape(-1, core.width)[:self.nodes, 0] = -2.0 * x[:self.nodes]
+        moved = float(kernels.update(*self._records))
+        state.s[:] += x[self.places]
+        state.force[:] += x[self.places.stop:]
+        return moved + float(np.maximum.reduce(np.abs(x[self.places]), initial=0.0)) / core.length
 
     def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
         """Iterate by Newton's method with these sliders [S] free; not patient: give up where increments do not become smaller."""
@@ -281,22 +284,25 @@ class SaddleSolver(StaticSolver):
 
         def increment() -> tuple[int, float | None]:
             nonlocal is_whole, carries
-            x = self._increment(sliding)
-            if x is None:
+            found = self._increment(sliding)
+            if found is None:
                 return self.no_increment, None
-            if self.beyond_ends(self.stepper.core_state.s + x.s):
+            x, size, is_whole = found
+            if self.beyond_ends(self.stepper.core_state.s + x[self.places]):
                 return SLIDER_END, None
-            share = self._share(x.size)
-            is_whole = share == 1.0 and x.whole
+            share = self._share(size)
+            is_whole &= share == 1.0
             # forces stand in the equations as they are: whole ones balance the loads whatever nodes do
-            size = self.move(Increment(share * x.nodes, share * x.s, x.force))
+            x[:self.places.stop] *= share
+            size = self.move(x)
             if carries:
                 self._led = self.stepper.core_state.q.copy()
             carries = False
             return OK, size
 
         def after(sizes: list[float]) -> int:
-            self.interrupts.serve()
+            if self.interrupts.asked:
+                self.interrupts.serve()
             return NOT_CONVERGED if not patient and len(sizes) >= LEAST_PATIENCE and sizes[-1] > sizes[0] else OK
 
         status, sizes = newton_loop(increment, self.max_iterations, after, lambda: is_whole)

@@ -42,7 +42,7 @@ class StaticSolver:
     def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None) -> None:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
         # well, unless moments act (theory.md 8)
-        self.moments = bool(np.any(model.loads.entries[:, 3:6]))
+        self.moments = bool(np.logical_or.reduce(model.loads.entries[:, 3:6], axis=None))
         self._turns = any(isinstance(x, (UserForces, ForceElements)) for x in model.links)
         self._turns |= model.dragged is not None and model.dragged.turns
         self.moments |= bool(model.user_forces) or self._turns
@@ -61,6 +61,8 @@ class StaticSolver:
         self._carrying: Carrying | None = None
         # part of their path that these, and other prescribed coordinates, have gone
         self.share = 0.0
+        # that part at the last equilibrium
+        self._reached = 0.0
         # coordinates to which moving supports lead the scene, before Newton's method on all unknowns
         self._led: Array | None = None
         # load factors of the last equilibrium; without loads at the start
@@ -85,6 +87,7 @@ class StaticSolver:
 
     def count_turns(self) -> None:
         """Update turns of coordinates of joints and supports to the present equilibrium."""
+        self._reached = self.share
         if self.motion is not None:
             self.motion.count_turns(self.core.turns_of(self.stepper.core_state.history))
         motions = self.core.motions
@@ -98,7 +101,7 @@ class StaticSolver:
     def set_time(self, t: float, factor: float) -> None:
         """Set the time and the load factor at which forces by laws, moving air and drives are evaluated."""
         self.stepper.load_at(t, factor)
-        if self.stepper.motion is not None:
+        if self.core.motions is not None:
             self.core.motions.at_rest(self.stepper.motion, t, factor)
 
     def move_to(self, share: float) -> None:
@@ -161,7 +164,7 @@ class StaticSolver:
         """Return whether the present equilibrium, under load factors [K], is remote and has to be rejected: it lies too far from
         the shape to which moving supports have led the scene, next to the distance of the coordinates `before`. With `may_leap`
         keep it in `leaps` instead. Where loads change too, as on a slack rope, nothing is decided."""
-        changed, self._factors_before = bool(np.any(factors != self._factors_before)), factors.copy()
+        changed, self._factors_before = np.logical_or.reduce(factors != self._factors_before, axis=None), factors.copy()
         if self._led is None or changed:
             return False
         q, size, dim = self.stepper.core_state.q, 12 if self.stepper.plane is None else 4, self.core.dim

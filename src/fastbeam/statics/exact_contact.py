@@ -19,7 +19,6 @@ from fastbeam.kernels.state import State
 from fastbeam.model.mapping import follow
 from fastbeam.model.model import Model
 from fastbeam.results.observe.observer import Observer
-from fastbeam.statics.constrained import Increment
 from fastbeam.statics.equilibrium import Counts
 from fastbeam.statics.reactions import reactions_of
 from fastbeam.statics.slider_friction import ALONG_ONLY, RESERVE
@@ -55,7 +54,7 @@ class Found(NamedTuple):
     solver: SlidingSolver
     slope: Array  # float64 [S], N: derivatives of the energy by s; NaN where it has none
     bend: Array   # float64 [F, F], N/m: second ones with all nodes in equilibrium, by the s of the contacts that are free
-    ahead: list[Increment]  # how nodes and forces follow the s of each of these
+    ahead: list[Array]      # increments with which nodes and forces follow the s of each of these
     stretch: Array  # float64 [S]: length of the derivative of the axis by s, mean of both sides; NaN where there is no slope
 
 
@@ -216,7 +215,8 @@ class ExactSolver(SlidingSolver):
         """Return Newton's increments of the free s [F] where some slip with friction; bend: without it."""
         assert self.along is not None
         slip, (normal, force) = self.along.slip[free], self._normal(found)
-        ahead = np.array([x.force[:force.size].reshape(force.shape)[free] for x in found.ahead])
+        first = found.solver.places.stop
+        ahead = np.array([x[first:first + force.size].reshape(force.shape)[free] for x in found.ahead])
         change = found.stretch[free, None]**2 * np.einsum("fd,jfd->fj", force[free], ahead) - found.slope[free, None] * found.bend
         return np.linalg.solve(bend + slip[:, None] * change / normal[free, None], -push)
 
@@ -250,10 +250,8 @@ class ExactSolver(SlidingSolver):
         before = found.solver
         if cut.same_mesh and way.size:
             # nodes go with the contacts
-            nodes, force = (sum(w * x for w, x in zip(way, y)) for y in ([a.nodes for a in found.ahead],
-                                                                         [a.force for a in found.ahead]))
             saved = before._saved()
-            before.move(Increment(nodes, np.zeros(self.held.size), force))
+            before.move(np.asarray(sum(w * x for w, x in zip(way, found.ahead))))
             at = State(*(x.copy() for x in before.state))
             before._restore(saved)
         else:
@@ -304,26 +302,27 @@ class ExactSolver(SlidingSolver):
             return Found(cut, solver, along.slope, np.zeros((0, 0)), [], stretch)
         saddle, right = solver._assembled(np.zeros(self.held.size, bool))
         by = self._by_unknowns(solver, along, free)
-        n, bend, ahead = by.shape[1], along.bend[np.ix_(free, free)], []
+        bend, ahead = along.bend[np.ix_(free, free)], []
         for row in by:
             right[:] = 0.0
-            right[:n] = -row
+            right[:solver.nodes] = -row
             x = saddle.solve(right)
             if x is None or not np.isfinite(x).all():
                 return None
-            ahead.append(Increment(x[:n], np.zeros(self.held.size), x[n + self.held.size:]))
-        bend = bend + by @ np.array([x.nodes for x in ahead]).T
+            x[solver.places] = 0.0
+            ahead.append(x)
+        bend = bend + by @ np.array([x[:solver.nodes] for x in ahead]).T
         for i, k in enumerate(free):
             if along.node[k] >= 0:
                 bend[i, i] = self._bend(cut, solver, acting, int(k), ahead[i])
         return Found(cut, solver, along.slope, 0.5 * (bend + bend.T), ahead, stretch)
 
-    def _bend(self, cut: Cut, solver: SlidingSolver, acting: dict[Any, Acting], k: int, ahead: Increment) -> float:
+    def _bend(self, cut: Cut, solver: SlidingSolver, acting: dict[Any, Acting], k: int, ahead: Array) -> float:
         """Return the derivative of the slope of contact k by its place, with all nodes in equilibrium: a difference along the way
         that they take, because in the sum of derivatives that of the normal force of a stiff beam is left as round-off."""
         step, saved, slope = BEND_STEP * cut.length_at(k), solver._saved(), []
         for way in (step, -step):
-            solver.move(Increment(way * ahead.nodes, ahead.s, way * ahead.force))
+            solver.move(way * ahead)
             there = energy_along(cut.shifted(k, way), solver.stepper.model.numbers, acting, solver.state.q.reshape(-1, 4, 3), k)
             self._less_contact_forces(solver, there)
             slope.append(float(there.slope[k]))

@@ -49,6 +49,8 @@ class Part(NamedTuple):
 
 
 _KNOWN: WeakKeyDictionary[Model, list[Part]] = WeakKeyDictionary()
+# parts of a model, or of one in a plane, as `_alike`
+_GROUPS: WeakKeyDictionary[Model, list[_Alike]] = WeakKeyDictionary()
 
 
 class FreeMotions:
@@ -69,7 +71,7 @@ class FreeMotions:
 
     def __init__(self, model: Model, axes: Array | None) -> None:
         self.model, self.axes = model, axes
-        core = model if axes is None else model.plane.model
+        self._core = core = model if axes is None else model.plane.model
         size = len(core.dofs)
         self.nodes = Nodes(size * core.pattern.n, size, core.dim)
         self.names: tuple[str, ...] = ()
@@ -94,7 +96,7 @@ class FreeMotions:
     @cached_property
     def held(self) -> Array:
         """True where unknowns of nodes are fixed by supports or belong to tied nodes, bool [n]."""
-        core, size = self.model if self.axes is None else self.model.plane.model, self.nodes.size
+        core, size = self._core, self.nodes.size
         held = np.zeros(self.nodes.total, bool)
         if core.held is not None:
             bits = (core.held.mask[:, None] >> np.arange(size)) & 1 != 0
@@ -109,14 +111,17 @@ class FreeMotions:
             found = _KNOWN[self.model] = _parts(self.model)
         return found
 
-    @cached_property
+    @property
     def _alike(self) -> list[_Alike]:
         """Parts, grouped by their number of nodes. A node that supports fix in all directions leaves its part no motion."""
+        if (found := _GROUPS.get(self._core)) is not None:
+            return found
         pattern = self.model.pattern
         clamped = self.held.reshape(-1, self.nodes.size).all(axis=1) & self.own.all(axis=1)
         inside = [part.nodes[pattern.first_on_row[part.nodes] == part.nodes] for part in self.parts]
         count = np.array([0 if clamped[pattern.row_of[x]].any() else x.size for x in inside], np.int64)
-        return [_Alike(self, np.flatnonzero(count == k)) for k in np.unique(count[count > 0])]
+        found = _GROUPS[self._core] = [_Alike(self, np.flatnonzero(count == k)) for k in np.unique(count[count > 0])]
+        return found
 
     @cached_property
     def has_axes(self) -> bool:

@@ -226,7 +226,7 @@ class StaticJoints:
         solver = self.solver
         saddle, right = solver._assembled(solver.sliding)
         at = self.rows[moving]
-        first = right.size - solver.core.n_forces
+        first = solver.places.stop
         out = np.zeros((moving.size, moving.size))
         for column, row in enumerate(at.tolist()):
             unit = np.zeros(right.size)

@@ -12,7 +12,6 @@ from fastbeam.model.mapping import follow, turned
 from fastbeam.model.model import Model
 from fastbeam.results.observe.contact_ripples import rest_events
 from fastbeam.results.observe.resolution import Resolution
-from fastbeam.statics.constrained import Increment
 from fastbeam.statics.sliding import SlidingSolver
 
 Array = np.ndarray
@@ -49,18 +48,17 @@ class Response(SlidingSolver):
         self.factors = factors
         self._load(factors)
         self._loads[:] = self.work.f_ext
-        self.nodes = len(self.core.dofs) * self.core.pattern.n
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns: nodal ones, also fixed, sliding coordinates and multipliers."""
-        return self.nodes + self.sliding.size + self.core.n_forces
+        return self.places.stop + self.core.n_forces
 
     def weighed(self, x: Array) -> Array:
         """Return motions of the nodes and sliders among unknowns [n], in sizes of the scene and rad."""
         size = len(self.core.dofs)
         moved = x[:self.nodes].reshape(-1, size) / np.where(np.arange(size) < self.core.dim, self.core.length, 1.0)
-        return np.append(moved.reshape(-1), x[self.nodes:self.nodes + self.sliding.size] / self.core.length)
+        return np.append(moved.reshape(-1), x[self.places] / self.core.length)
 
     @property
     def weights(self) -> Array:
@@ -85,13 +83,8 @@ class Response(SlidingSolver):
         out = np.full(self.unknowns, NOISE * length)
         loads = self._all_loads[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
         out[:self.nodes] = NOISE * (length * np.abs(self.linearised()[0].matrix.diagonal()[:self.nodes]) + np.abs(loads))
-        out[self.nodes:self.nodes + self.sliding.size] *= 1.0 + np.linalg.norm(self.stepper.core_state.force)
+        out[self.places] *= 1.0 + np.linalg.norm(self.stepper.core_state.force)
         return out
-
-    def go(self, x: Array) -> None:
-        """Add an increment of all unknowns [n]."""
-        n = self.nodes + self.sliding.size
-        self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:]))
 
     def unbalanced(self) -> Array:
         """Return residual forces, sliding forces and gaps [n]; fixed unknowns have none."""
@@ -162,9 +155,8 @@ def at_shape(like: Response, model: Model, factors: Array, way: Array, length: f
                    float(like.stepper.law_work[1]) if load_factor is None else load_factor)
     if (out.stepper.plane is None) != (own_plane is None):
         raise OutOfPlane
-    n = like.nodes + s.size
-    out.stepper.core_state.s[:] += length * way[like.nodes:n]
-    out.stepper.core_state.force[:] = like.stepper.core_state.force + length * way[n:]
+    out.stepper.core_state.s[:] += length * way[like.places]
+    out.stepper.core_state.force[:] = like.stepper.core_state.force + length * way[like.places.stop:]
     return out
 
 
@@ -174,13 +166,12 @@ def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
     if not np.any(solver.sliding):
         return []
     saddle, free = solver.at_places()
-    first = saddle.multiplier.size - solver.core.n_forces - free.size
 
     def compliance(k: int) -> Array | None:
         push = np.zeros(saddle.multiplier.size)
-        push[first + k] = 1.0
+        push[solver.nodes + k] = 1.0
         x = saddle.solve(push)
-        return None if x is None else x[first:first + free.size]
+        return None if x is None else x[solver.places]
 
     state = State(*(x.copy() for x in solver.state))
     return rest_events(model, state, Resolution(model).tension(state.q), free, compliance)

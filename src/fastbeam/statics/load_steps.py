@@ -320,13 +320,14 @@ class LoadSteps:
         row = {**observer.row(t, state), "iterations": iterations, "step_size": size}
         loads = factor * task.factors if task.raise_loads else task.factors
         if observer.needs_forces:
-            found = self.reactions.at(loads, state) if self.reactions else ()
-            observer.add_forces(row, np.concatenate((state.force, found)), factor)
+            found = np.append(state.force, self.reactions.at(loads, state)) if self.reactions else state.force
+            observer.add_forces(row, found, factor)
         if isinstance(solver, ExactSolver) and solver.found is not None:
             row |= solver.row(Observed(self.observed, task.points or {}), t, loads, factor)
             shown = solver.shown
         self.buffer.append(row | self._also(), factor)
-        self.passes.look(state.q, factor, f"the load factor {factor:.6g}")
+        if task.model.lines is not None:
+            self.passes.look(state.q, factor, f"the load factor {factor:.6g}")
         q = shown.q.reshape(-1, 4, 3)
         self.buffer.snapshot(factor, q[:, 0], q[:, 1:])
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from fastbeam.kernels.loop import NOT_CONVERGED, OK, SINGULAR, SLIDER_END
 from fastbeam.linalg.saddle import Saddle
-from fastbeam.statics.constrained import Increment, SaddleSolver
+from fastbeam.statics.constrained import SaddleSolver
 from fastbeam.statics.equilibrium import Counts
 from fastbeam.statics.slider_friction import RESERVE
 
@@ -76,7 +76,7 @@ class SlidingSolver(SaddleSolver):
         status, more = self._newton(np.zeros(self.held.size, bool))
         sizes += more
         for _ in range(ROUNDS * (self.held.size + 1)):
-            if status == OK and self.sliding.any():
+            if status == OK and np.logical_or.reduce(self.sliding):
                 status, more = self._release()
                 sizes += more
             if status != OK or along is None:
@@ -171,7 +171,7 @@ class SlidingSolver(SaddleSolver):
         and away from stops, and which these are, bool [S]."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self._unhindered)
-        return self._with_spins_held(saddle, right[:len(self.core.dofs) * self.core.pattern.n]), self._unhindered
+        return self._with_spins_held(saddle, right[:self.nodes]), self._unhindered
 
     @property
     def _unhindered(self) -> Array:
@@ -200,12 +200,11 @@ class SlidingSolver(SaddleSolver):
         it."""
         self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self.sliding)
-        n = len(self.core.dofs) * self.core.pattern.n
-        saddle = self._with_spins_held(saddle, right[:n])
+        saddle = self._with_spins_held(saddle, right[:self.nodes])
         right[:] = 0.0
-        right[n:n + way.size] = np.where(self.sliding, way, 0.0)
+        right[self.places] = np.where(self.sliding, way, 0.0)
         x = saddle.solve(right)
-        return x is None or bool(way @ x[n:n + way.size] >= 0.0)
+        return x is None or bool(way @ x[self.places] >= 0.0)
 
     def _steps(self, s: Array, slope: Array, beyond: Array) -> tuple[Array, int]:
         """Return increments of the sliding coordinates, none too long, none beyond an end, and half the way to places [S] that
@@ -259,25 +258,28 @@ class _Descent:
         if not free.any():
             return OK
         solver.work.increment.control[0] = 0.0
-        x = solver._increment(free, self.drag)
-        if x is None:
+        found = solver._increment(free, self.drag)
+        if found is None:
             return SINGULAR
+        x, size, _ = found
+        s = x[solver.places]
         slope = np.where(free, solver._of_constraints().sliding, 0.0)
-        largest = float(np.max(np.abs(x.s) / solver.lengths))
+        largest = float(np.max(np.abs(s) / solver.lengths))
         close = largest * float(np.max(solver.lengths)) <= CLOSE * solver.core.length
-        work = float(slope @ x.s)
+        work = float(slope @ s)
         if not close and not work < 0.0:
             # uphill, to where it is steepest or highest: as much against it as turns the increment round
-            self.drag = max(4.0 * self.drag, 2.0 * abs(work) / float(x.s @ x.s) + self.drag)
+            self.drag = max(4.0 * self.drag, 2.0 * abs(work) / float(s @ s) + self.drag)
             return None
         saved = solver._saved()
         status = None
         if close or (largest <= self.near and self.drag == 0.0):
-            status = self._arrive(x, free, largest, close, saved)
-        return self._slide(x, free, slope, saved) if status is None else status
+            status = self._arrive(s, free, largest, close, saved)
+        return self._slide(x, size, free, slope, saved) if status is None else status
 
-    def _arrive(self, x: Increment, free: Array, largest: float, close: bool, saved: Any) -> int | None:
-        """Try Newton's method on everything. largest: share of the beams; close: whether the increment is one of its."""
+    def _arrive(self, s: Array, free: Array, largest: float, close: bool, saved: Any) -> int | None:
+        """Try Newton's method on everything. largest: share of the beams of the increment s [S]; close: whether it is one of
+        Newton's method."""
         solver = self.solver
         status, more = solver._newton(free, close)
         self.sizes += more
@@ -285,7 +287,7 @@ class _Descent:
         if status == OK and (close or (np.all(np.abs(way) <= 4.0 * largest * solver.lengths) and solver._rises(way))):
             return OK
         solver._restore(saved)
-        if not close or (status == SLIDER_END and solver._met(x.s, x.s).any()):
+        if not close or (status == SLIDER_END and solver._met(s, s).any()):
             self.near = 0.25 * largest
             return None
         off = np.nan_to_num(np.abs(self.beyond - self.state.s) / solver.lengths, nan=1.0)
@@ -297,18 +299,21 @@ class _Descent:
         self.is_probed = True
         return None
 
-    def _slide(self, x: Increment, free: Array, slope: Array, saved: Any) -> int | None:
-        """Take a step downhill, and go back where it leads uphill."""
+    def _slide(self, x: Array, size: float, free: Array, slope: Array, saved: Any) -> int | None:
+        """Take a step downhill, and go back where it leads uphill. size: of the part of the nodes of the increment x."""
         solver, along, state = self.solver, self.solver.along, self.state
-        steps, out = solver._steps(x.s, slope, self.beyond)
+        s = x[solver.places]
+        steps, out = solver._steps(s, slope, self.beyond)
         steps *= self.trust
-        met = solver._met(x.s, steps)
+        met = solver._met(s, steps)
         if out >= 0:
             solver.runaway = out
             return SLIDER_END
-        share = float(np.max(np.abs(steps)) / np.max(np.abs(x.s)))
-        share *= solver._share(share * x.size)
-        self.sizes.append(solver.move(Increment(share * x.nodes, steps, share * x.force)))
+        share = float(np.max(np.abs(steps)) / np.max(np.abs(s)))
+        share *= solver._share(share * size)
+        x *= share
+        s[:] = steps
+        self.sizes.append(solver.move(x))
         status, more = solver._newton(np.zeros(free.size, bool))
         self.sizes += more
         after = np.where(free, solver._of_constraints().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)

@@ -217,11 +217,12 @@ def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
     """
     forces = model.slider_forces
     rubs = np.zeros(asked.size, bool) if forces is None else forces.hold_by_friction & ~stays
-    if given is not True and np.any(asked & ~rubs):
-        name = model.names["sliders"][np.flatnonzero(asked & ~rubs)[0]]
+    others = (asked & ~rubs).nonzero()[0]
+    if given is not True and others.size:
+        name = model.names["sliders"][others[0]]
         raise SceneError(f"rest_intervals: slider {name!r} has no Coulomb friction, or is locked or driven by a prescribed "
                          "motion; name sliders with friction=")
-    return [int(k) for k in np.flatnonzero(asked & rubs)]
+    return (asked & rubs).nonzero()[0].tolist()  # type: ignore[no-any-return]
 
 
 def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
@@ -246,7 +247,7 @@ def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> 
     """
     names = model.names["sliders"]
     if isinstance(held, bool):
-        return np.full(len(names), held)
+        return np.array([held] * len(names), bool)
     for name in held:
         if name not in names:
             raise SceneError(f"{what}: scene {model.scene_name!r} has no slider {name!r}; {its_sliders(names, name)}")

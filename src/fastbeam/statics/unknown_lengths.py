@@ -18,7 +18,6 @@ from fastbeam.results.observe.points import place_of
 from fastbeam.results.observe.resolution import Resolution
 from fastbeam.scene import Beam
 from fastbeam.scene.checks import Place
-from fastbeam.statics.constrained import Increment
 from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
 from fastbeam.statics.linear_response import Response
 from fastbeam.statics.path_stops import AXES, MOMENTS, Wanted
@@ -288,7 +287,6 @@ class LengthSolver(Response):
     def _find(self) -> tuple[int, list[float]]:
         """Iterate by Newton's method for the conditions of the present share of their way."""
         self.runaway = self.stuck = -1
-        state, n = self.stepper.core_state, self.nodes + self.sliding.size
         wanted = self.begun + self.part * (self.asked - self.begun) if self.part < 1.0 else self.asked
         ways: list[Array] = []
 
@@ -300,12 +298,12 @@ class LengthSolver(Response):
             prestrains = self.tables.first + change
             if self._size(x[:self.nodes]) > LONGEST or np.any((prestrains < LEAST) | (prestrains > MOST)):
                 return NOT_CONVERGED, None
-            if self.beyond_ends(state.s + x[self.nodes:n]):
+            if self.beyond_ends(self.stepper.core_state.s + x[self.places]):
                 return NOT_CONVERGED, None
             ways.append(x)
             self.change = change
             self._put(change)
-            moved = self.move(Increment(x[:self.nodes], x[self.nodes:n], x[n:self.unknowns]))
+            moved = self.move(x[:self.unknowns])
             return OK, moved + float(np.max(np.abs(x[self.unknowns:])))
 
         status, sizes = newton_loop(increment, self.max_iterations, self.interrupted)

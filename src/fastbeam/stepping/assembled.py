@@ -9,6 +9,7 @@ A step holds half the derivatives of its sliding equations, as it holds half the
 """
 from __future__ import annotations
 
+from functools import cached_property
 from operator import is_
 from typing import Any, NamedTuple
 
@@ -125,9 +126,9 @@ class Constraints:
         self._touched = b"", b""
         self._inside = np.zeros((count, most), bool)
         forces = contact.forces[contact.pair[:, 1]]
-        o, p = np.nonzero(np.arange(8) < forces[:, None])
+        o, p = (np.arange(8) < forces[:, None]).nonzero()
         self._turns = (contact.first_force[contact.pair[o, 1]] + p, contact.pair[o, 0]), (o, p)
-        self._third = np.flatnonzero(forces > 2)
+        self._third = (forces > 2).nonzero()[0]
         self._no_turns = None if o.size else Entries(*self._turns[0], np.zeros(0))
 
     # --- what holds coordinates -----------------------------------------------------------------------------------------
@@ -169,45 +170,26 @@ class Constraints:
             self._sleeves.keyed[o] = 1
 
     # --- equations ------------------------------------------------------------------------------------------------------
+    @cached_property
+    def _table(self) -> tuple[Any, Any]:
+        """Terms of the constraints, and what they share, as compiled code takes them."""
+        return self._terms.on(self.stepper.records[1])
+
     def at(self, force: Array | None = None) -> Equations:
         """Evaluate the equations at the present shape; force: other forces of all constraints [F] than those of the state."""
-        stepper = self.stepper
-        state, work = stepper.core_state, stepper.work
-        if self._contact is None:
+        state, work, core, contact = self.stepper.core_state, self.stepper.work, self.stepper.core, self._contact
+        if contact is None:
             return self._none()
         if self.angles:
             self._aim()
         work.q_mid[:] = work.q_end[:] = state.q
         work.r[:] = 0.0
-        terms = self._terms.on(stepper.records[1])
-        if force is None:
-            kernels.assemble_some(*terms, 0.0)
-        else:
-            before = state.force.copy()
+        before = None if force is None else state.force.copy()
+        if force is not None:
             state.force[:] = force
-            kernels.assemble_some(*terms, 0.0)
+        kernels.assemble_some(*self._table, 0.0)
+        if before is not None:
             state.force[:] = before
-        return self._found()
-
-    def gaps_at(self, q: Array) -> Array:
-        """Evaluate the gaps of all constraints at coordinates q [12 N] in space, [F]."""
-        stepper = self.stepper
-        own, residual = stepper.core_state.q, self._contact.residual.copy()
-        before, there = own.copy(), stepper.state._replace(q=q)
-        own[:] = there.q if stepper.plane is None else stepper.plane.reduce(there).q
-        found = self.at().gaps
-        own[:], self._contact.residual[:] = before, residual
-        return found
-
-    def _none(self) -> Equations:
-        """Return the equations of a scene without constraints."""
-        none = np.zeros((0, self.stepper.core.dim))
-        return Equations(none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, NONE,
-                         np.zeros_like(self.stepper.work.r))
-
-    def _found(self) -> Equations:
-        """Read the equations that compiled code has left."""
-        core, contact = self.stepper.core, self._contact
         s, d = core.n_sliders, core.dim
         touched = contact.entries.tobytes(), contact.row[self._inside].tobytes()
         if touched != self._touched or np.logical_or.reduce(self._line[self._unused]):
@@ -226,10 +208,26 @@ class Constraints:
             gaps[idle] = 0.0
             if loose.size:
                 gradient.value[np.isin(gradient.row, loose)] = 0.0
-        (force, slider), at = self._turns
-        turns = self._no_turns or Entries(force, slider, contact.cross[at[0], 0, at[1]])
+        (of, slider), at = self._turns
+        turns = self._no_turns or Entries(of, slider, contact.cross[at[0], 0, at[1]])
         return Equations(residual[:s, :d].copy(), corner[:, 8 * d:9 * d].copy(), residual[:s, d].copy(), 2.0 * corner[:, 9 * d],
-                         gaps, gradient, slide, turns, idle, -self.stepper.work.r)
+                         gaps, gradient, slide, turns, idle, -work.r)
+
+    def gaps_at(self, q: Array) -> Array:
+        """Evaluate the gaps of all constraints at coordinates q [12 N] in space, [F]."""
+        stepper = self.stepper
+        own, residual = stepper.core_state.q, self._contact.residual.copy()
+        before, there = own.copy(), stepper.state._replace(q=q)
+        own[:] = there.q if stepper.plane is None else stepper.plane.reduce(there).q
+        found = self.at().gaps
+        own[:], self._contact.residual[:] = before, residual
+        return found
+
+    def _none(self) -> Equations:
+        """Return the equations of a scene without constraints."""
+        none = np.zeros((0, self.stepper.core.dim))
+        return Equations(none, none, none[:, 0], none[:, 0], none[:, 0], NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, NONE,
+                         np.zeros_like(self.stepper.work.r))
 
     def _look(self) -> None:
         """Find which numbers of the lines are entries: those that are not zero, and others that become so as nodes move."""
@@ -239,19 +237,19 @@ class Constraints:
         self._inside = np.arange(contact.row.shape[1]) < contact.entries[:, None]
         row = contact.row[self._inside]
         self._touched = contact.entries.tobytes(), row.tobytes()
-        k = np.nonzero(self._inside)[0]
+        k = self._inside.nonzero()[0]
         at = self._entry[self._inside][:, None, None] + 8 * np.arange(n)[:, None] + np.arange(8)
         line = self._line[at]
         force, is_slider = self._of_force[k], k < core.n_sliders
         used = (line != 0.0) & force[:, None]
-        moves, turns = used[:, :d].any(axis=(1, 2)), used[:, d:].any(axis=(1, 2))
+        moves, turns = (np.logical_or.reduce(x, axis=(1, 2)) for x in (used[:, :d], used[:, d:]))
         # positions act on the same components of a gap; those of nodes whose shape function vanishes have slopes
         place = is_slider & (moves | ~turns)
         used[place, :d, :d] |= np.eye(d, dtype=bool)
         moves &= ~is_slider
         used[moves, :d] |= force[moves, None]
         used[turns, d:] |= force[turns, None]
-        slide = is_slider[:, None] & ((line[:, :, d] != 0.0) | used.any(axis=2))
+        slide = is_slider[:, None] & ((line[:, :, d] != 0.0) | np.logical_or.reduce(used, axis=2))
         unknown = n * row[:, None] + np.arange(n)
         free = self._free[unknown]
         used &= free[:, :, None]
@@ -261,9 +259,9 @@ class Constraints:
         rest = every & ~used
         rest[:, :, d] &= ~slide
         self._unused = at[rest]
-        of, i, j = np.nonzero(used)
+        of, i, j = used.nonzero()
         self._gradient = Entries(self._number[k[of], j], unknown[of, i], at[used])
-        of, i = np.nonzero(slide)
+        of, i = slide.nonzero()
         self._slide = Entries(k[of], unknown[of, i], at[:, :, d][slide])
 
 
@@ -282,15 +280,12 @@ class SaddleMatrix:
     def __init__(self, pattern: Pattern, size: int, sliders: int, forces: int) -> None:
         self.nodes = size * pattern.n
         self.sliders, self.n = sliders, self.nodes + sliders + forces
-        row, column = (size * x for x in (pattern.rows, pattern.columns))
-        within = np.arange(size)
-        shape = (row.size, size, size)
-        row = np.broadcast_to(row[:, None, None] + within[:, None], shape).reshape(-1)
-        column = np.broadcast_to(column[:, None, None] + within, shape).reshape(-1)
-        block = np.arange(len(pattern.rows))[:, None, None]
-        at = (8 * size * block + 8 * within[:, None] + within).reshape(-1)
-        order = np.argsort(row * self.n + column)
-        self._keys, self._blocks = (row * self.n + column)[order], at[order]
+        rows, within = pattern.rows, np.arange(size)
+        row, column = (size * x[:, None, None] for x in (rows, pattern.columns))
+        keys = ((row + within[:, None]) * self.n + (column + within)).reshape(-1)
+        at = (8 * size * np.arange(rows.size)[:, None, None] + 8 * within[:, None] + within).reshape(-1)
+        order = keys.argsort()
+        self._keys, self._blocks = keys[order], at[order]
         self._known = np.zeros(0, np.int64)
         # rows and columns of the entries of constraints last put in, and where these stand
         self._last: tuple[Any, ...] = (None,) * 6
@@ -301,10 +296,9 @@ class SaddleMatrix:
     def _merge(self, keys: Array) -> None:
         """Form the structure with entries of constraints at these keys, row n + column, ascending."""
         from scipy import sparse
-        at = np.searchsorted(self._keys, keys)
-        there = self._keys[np.minimum(at, self._keys.size - 1)] == keys
-        new = np.flatnonzero(~there)
-        before = np.cumsum(np.bincount(at[new], minlength=self._keys.size + 1))
+        at = self._keys.searchsorted(keys)
+        new = (self._keys[np.minimum(at, self._keys.size - 1)] != keys).nonzero()[0]
+        before = np.bincount(at[new], minlength=self._keys.size + 1).cumsum()
         of_blocks = np.arange(self._keys.size) + before[:-1]
         self._position = at + before[at]
         self._position[new] = at[new] + np.arange(new.size)
@@ -313,7 +307,7 @@ class SaddleMatrix:
         self._source = np.zeros(merged.size, np.int64)
         self._source[of_blocks] = self._blocks
         self._added = self._position[new]
-        indptr = np.searchsorted(merged, self.n * np.arange(self.n + 1)).astype(np.int32)
+        indptr = merged.searchsorted(self.n * np.arange(self.n + 1)).astype(np.int32)
         self._matrix = sparse.csr_matrix((np.zeros(merged.size), (merged % self.n).astype(np.int32), indptr),
                                          shape=(self.n, self.n))
         self._known = keys
@@ -335,7 +329,8 @@ class SaddleMatrix:
         push = slide.value * free[slide.row]
         tangent = (equations.tangent * free[:, None]).reshape(-1)
         turn = turns.value * free[turns.column]
-        diagonal = np.where(sliding, equations.bend + drag, 1.0)
+        diagonal = equations.bend + drag
+        diagonal[~sliding] = 1.0
         value = np.concatenate((bent.value, push, -gradient.value, push, diagonal, tangent, turn, -gradient.value, tangent, turn,
                                 -np.ones(equations.idle.size) if equations.idle.size else NO_ENTRIES.value,
                                 rubbing.value * free[rubbing.row], by_force.value * free[by_force.row]))
@@ -356,7 +351,7 @@ class SaddleMatrix:
         gradient, slide, turns, bent = equations.gradient, equations.slide, equations.turns, equations.bent
         rubbing, by_force = equations.rubbing, equations.by_force
         diagonal = m + np.arange(s)
-        of, component = m + np.repeat(np.arange(s), dim), m + s + np.arange(dim * s)
+        of, component = m + np.arange(s).repeat(dim), m + s + np.arange(dim * s)
         idle = m + s + equations.idle
         row = np.concatenate((bent.row, slide.column, gradient.column, m + slide.row, diagonal, of, m + turns.column,
                               m + s + gradient.row, component, m + s + turns.row, idle, m + rubbing.row, m + by_force.row))
@@ -364,10 +359,10 @@ class SaddleMatrix:
                                  m + s + turns.row, gradient.column, of, m + turns.column, idle, rubbing.column,
                                  m + s + by_force.column))
         keys = row.astype(np.int64) * self.n + column
-        place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
+        place = np.minimum(self._known.searchsorted(keys), max(self._known.size - 1, 0))
         if self._matrix is None or not (self._known.size and np.array_equal(self._known[place], keys)):
             # earlier entries stay for a while, because entries that vanish come back
             before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
             self._merge(np.unique(np.concatenate((keys, before))))
-            place = np.searchsorted(self._known, keys)
+            place = self._known.searchsorted(keys)
         self._at = self._position[place]

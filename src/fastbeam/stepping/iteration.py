@@ -76,10 +76,10 @@ def newton_loop(increment: Callable[[], tuple[int, float | None]], most: int, af
             return NOT_FINITE, sizes
         if kernels.has_converged(size, before, expected) and is_settled():
             return OK, sizes
+        before, expected = size, kernels.next_increment(size, before)
         status = after(sizes)
         if status != OK:
             return status, sizes
-        before, expected = size, kernels.next_increment(size, before)
     return NOT_CONVERGED, sizes
 
 

@@ -153,7 +153,7 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
         system = sparse.bmat([[mass, -gap.T, None], [gap, soft, -along], [None, along.T, None]] if s else
                              [[mass, -gap.T], [gap, soft]]).tocsc()
         right = np.concatenate((right, _convective(model, rows, gaps, state) - gaps.rates @ bias, np.zeros(s)))
-    x = Factors(system, limits=OF_STEP).solve(right)
+    x = Factors(system.tocsr(), limits=OF_STEP).solve(right)
     if x is None:
         raise ConvergenceError(
             "the accelerations at the start are not determined: generalized alpha and the trapezoidal rule need inertia of every "

@@ -148,8 +148,8 @@ class Stepper:
         self._recorded: tuple[Any, ...] = (None,) * 8
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
         self.stop: Callable[[], bool] = bool
-        mass = float(model.gravity_weight.sum()) + (0.0 if model.moving is None else model.moving.mass)
-        self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
+        mass = float(np.add.reduce(model.gravity_weight)) + (0.0 if model.moving is None else model.moving.mass)
+        self._least = LEAST_COMPLIANCE * float(np.minimum.reduce(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
         self._timed = any(t is not None for t in model.load_times)
         self._put_first_loads(t)
         if self.alpha is not None and memory is None:

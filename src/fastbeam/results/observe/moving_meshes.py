@@ -22,16 +22,13 @@ class MeshRows:
         self.motions, self.place = model.motions, 0 if model.motions is None else model.place("motions")
         # contacts with forces along the beam: their numbers, and those of their coordinates
         names = [] if model.moving is None else model.moving.along
-        self.some = np.flatnonzero(np.array([name != "" for name in names], bool))
+        self.some = np.array([name != "" for name in names], bool).nonzero()[0]
         self.along = np.array([model.motions.names.index(names[k]) for k in self.some.tolist()], np.int64)
         self.energy = energy and self.some.size > 0
+        # whether rows hold forces along beams
+        self.acts = self.slider and self.some.size > 0
         # coordinates that rest against rigid stops at the newest row
         self._rests = np.zeros(0, bool)
-
-    @property
-    def acts(self) -> bool:
-        """True where rows hold forces along beams."""
-        return self.slider and self.some.size > 0
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Return the shape of one row of every series."""
@@ -96,7 +93,7 @@ class MeshRows:
 def moving_weight(model: Model, q: Array) -> float:
     """Return the energy of all moving beams in the gravity of the scene, J."""
     total = 0.0
-    for table in () if model.moving is None else model.moving.tables:
+    for table in model.moving.tables:
         values, weight = table.mass_shape[0], table.mass_point[1]
         for e, nodes in enumerate(table.node):
             s = [0.0, float(table.length[0])]

@@ -19,6 +19,7 @@ from fastbeam.model.contact.sleeve_conditions import Section, sections
 from fastbeam.model.contact.sleeve_twist import angles, push_of_twist
 from fastbeam.model.forces.loads import factor_at
 from fastbeam.model.joints.motion import Motions
+from fastbeam.model.feature import Feature
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.start import own_state
@@ -77,6 +78,9 @@ class Observer:
         self.held = self.joint and model.motions.holds.held.size > 0
         self.balance = self.energy and (model.balances or lost is not None)
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
+        # features with an answer to a question
+        self._of = {name: [x for x in model.features if getattr(type(x), name) is not getattr(Feature, name)]
+                    for name in ("read", "add_motion", "weight", "stored")}
         # data of the newest row for `add_forces`
         self._moment: Any = None
         # energy of ropes of winches in the gravity of the scene, and of what stops of moving meshes store
@@ -124,11 +128,11 @@ class Observer:
         """Return the row of a state, except iterations, step size and contact force, which the run knows."""
         model = self.model
         out: dict[str, Any] = {}
-        for feature in model.features:
+        for feature in self._of["read"]:
             out |= feature.read(self.kinds, model, t, state)
         if self.energy or self.momentum:
             self._motion(state.q, state.v)
-            for feature in model.features:
+            for feature in self._of["add_motion"]:
                 feature.add_motion(model, state, self._out)
             self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
             self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
@@ -144,21 +148,25 @@ class Observer:
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             self._weight = 0.0
-            for feature in model.features:
+            for feature in self._of["weight"]:
                 self._weight += feature.weight(model, state.q)
-            out["gravity"] += self._weight + factor * moving_weight(model, state.q)
-            out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi)) + self._in_stops
-            out["potential"] += self._stored(state)
+            out["gravity"] += self._weight + (0.0 if model.moving is None else factor * moving_weight(model, state.q))
+            loads = float(np.add.reduce(model.constant_load * phi, axis=None))
+            out["potential"] = out["strain"] + out["gravity"] - loads + self._in_stops
+            if self._of["stored"]:
+                out["potential"] += self._stored(state)
             out["total"] = out["kinetic"] + out["potential"]
             # the drift of a total that starts at zero is measured by the largest of its parts
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
         if self.inner:
             out |= self._inner(state)
-        out |= self.meshes.row(t, state)
+        if model.moving is not None:
+            out |= self.meshes.row(t, state)
         if self.slider:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
+        if self.moments:
             self._directions = sections(model, state.s, state.q.reshape(-1, 4, 3))
             if model.twisting.size:
                 self._angles = angles(model, state.history)
@@ -246,7 +254,7 @@ class Observer:
     def _stored(self, state: State) -> float:
         """Return the energy, besides strain energy, that features store, J."""
         out = 0.0
-        for feature in self.model.features:
+        for feature in self._of["stored"]:
             out += feature.stored(state)
         return out
 

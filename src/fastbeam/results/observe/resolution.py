@@ -149,7 +149,7 @@ class Resolution:
 
     # --- what is looked for ---------------------------------------------------------------------------------------------
     def _reversed_axis(self, t: float, e: _Elements, along: Array) -> None:
-        k = int(np.argmin(along))
+        k = int(along.argmin())
         if along[k] < 0.0:
             self._note("reversed", -float(along[k]), t, e, k, "the axis points against its sections: it was compressed to zero "
                                                               "length and beyond, or sheared by more than a right angle, which "
@@ -157,8 +157,8 @@ class Resolution:
 
     def _turns_between_nodes(self, t: float, q: Array, e: _Elements) -> None:
         cosine = _cosines(q, e)
-        k = int(np.argmin(np.min(cosine, axis=1)))
-        worst = float(np.min(cosine[k]))
+        k = int(np.minimum.reduce(cosine, axis=1).argmin())
+        worst = float(np.minimum.reduce(cosine[k]))
         if worst < 0.0:
             angle = math.acos(max(-1.0, worst))
             self._note("turn", angle, t, e, k, f"neighbouring nodes are rotated by {angle:.2f} rad relative to each other, more "
@@ -167,7 +167,7 @@ class Resolution:
 
     def _short_directors(self, t: float, e: _Elements, square: Array) -> None:
         loss = e.square - square
-        k = int(np.argmax(loss))
+        k = int(loss.argmax())
         if loss[k] > LARGEST_LOSS:
             p = e.nodes.shape[1] - 1
             self._note("curvature", float(loss[k]), t, e, k, f"it bends or twists too much for one element of degree {p}: "
@@ -182,7 +182,7 @@ class Resolution:
             bending = np.sqrt(e.EI / np.maximum(force, 0.0))
         spacing = e.length / p
         coarse = spacing > LONGEST * bending
-        if not np.any(coarse):
+        if not np.logical_or.reduce(coarse, axis=None):
             return
         turn = _turn(q, e.nodes) - e.turn
         near = np.stack((np.where((e.before >= 0)[:, None], turn[e.before], np.nan),

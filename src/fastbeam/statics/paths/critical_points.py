@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastbeam.statics.arc_length import Direction, PathSolver, root
-from fastbeam.statics.constrained import Increment
 
 Array = np.ndarray
 # zeros within this share of the step belong to one point; eigenvalues beside a limit point are counted at these shares from it,
@@ -309,11 +308,11 @@ def mode_of(solver: PathSolver, vector: Array) -> tuple[Array, Array] | None:
     """Return displacements of all nodes [N, 3] and of sliders [S] by a vector [n], the largest of them 1; None where nothing
     moves."""
     before, places = solver.saved(), []
-    n, s = vector.size - solver.core.n_forces, solver.sliding.size
     for sign in (1.0, -1.0):
         solver.restore(before)
         x = sign * SHORT * vector
-        solver.move(Increment(x[:n - s], x[n - s:n], 0.0 * x[n:]))
+        x[solver.places.stop:] = 0.0
+        solver.move(x)
         state = solver.state
         places.append((state.q.reshape(-1, 4, 3)[:, 0].copy(), state.s.copy()))
     solver.restore(before)
