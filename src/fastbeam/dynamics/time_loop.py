@@ -212,7 +212,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     stepper.points = rows_of_points
     if isinstance(stepper, ReactingStepper):
         stepper.cut(rows_of_points.sections)
-    observer = Observer(model, observe, rows_of_points, stepper.lost if chosen.filters else None)
+    observer = Observer(model, observe, rows_of_points, stepper.lost if chosen.filters else None, stepper.strains)
     run = _Run(model, stepper, observer, clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     run.notes = notes

@@ -45,6 +45,8 @@ class Model(WithFeatures):
     ----------
     simo, green : ElementTables or None
         Elements with strain set (2.2), (2.1).
+    reference_strains : float64 [*]
+        Strains of all elements that are free of stress at the start, where `ElementTables.meta` says.
     inner, substructures, carriers, bodies, ties, held : tables or None
         None where the scene has none; then no code is compiled for them.
     links : tuple
@@ -91,6 +93,7 @@ class Model(WithFeatures):
     n_nodes: int
     simo: ElementTables | None
     green: ElementTables | None
+    reference_strains: Array
     inner: Inner | None
     substructures: Substructures | None
     carriers: Carriers | None

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import os
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,7 +17,7 @@ from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
 from fastbeam.kernels.forces.user_force import FACTOR, SIZE
-from fastbeam.kernels.layout import NODES, POINTS, layout_of
+from fastbeam.kernels.layout import LIST, NODES, POINTS, REFERENCE, layout_of
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.linalg.substructures import Substructures, front_size, place_stores
 from fastbeam.kernels.state import LastIncrement, Work, aligned
@@ -26,9 +27,64 @@ from fastbeam.model.model import Model
 Array = np.ndarray
 
 
-def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
+class ReferenceStrains:
+    """Reference strains of one run, in the order of the tables of every form of its model.
+
+    Parameters
+    ----------
+    beams : sequence of (int, int, float)
+        Beams whose prestrains change: first node, number of nodes, and the change at factor 1.
+    """
+
+    def __init__(self, beams: Sequence[tuple[int, int, float]] = ()) -> None:
+        self.beams = beams
+        self._factors = np.zeros(len(beams))
+        self._arrays: dict[Model, Array] = {}
+        # number of a beam, an array, where its axial strains are there, and these at factor 0
+        self._parts: list[tuple[int, Array, Any, Array]] = []
+
+    def of(self, model: Model) -> Array:
+        """Return the strains as the tables of a model have them, float64 [*]: those of the model where nothing changes them, else
+        an array that `put` changes."""
+        if not self.beams:
+            return model.reference_strains
+        if model not in self._arrays:
+            own = self._arrays[model] = aligned(model.reference_strains.size)
+            own[:] = model.reference_strains
+            for tables in (model.simo, model.green):
+                for k, (start, count, _) in enumerate(self.beams if tables is not None else ()):
+                    first = tables.nodes[tables.meta[:, LIST, None] + np.arange(8)]
+                    group, lane = np.nonzero((first >= start) & (first < start + count))
+                    points = tables.meta[group, POINTS]
+                    point = np.arange(points.sum()) - np.repeat(np.cumsum(points) - points, points)
+                    at = np.repeat(tables.meta[group, REFERENCE] + lane, points) + 8 * len(model.dofs) * point
+                    self._follow(k, own, at)
+        return self._arrays[model]
+
+    def watch(self, sections: Sequence[Any]) -> None:
+        """Let the reference strains of these `resultants.Sections`, or None, change as well."""
+        for section in sections:
+            for k, (start, count, _) in enumerate(self.beams):
+                if section is not None and start <= section.first < start + count:
+                    self._follow(k, section.reference, (..., 0))
+
+    def _follow(self, k: int, array: Array, at: Any) -> None:
+        self._parts.append((k, array, at, array[at].copy()))
+        self._put(*self._parts[-1])
+
+    def _put(self, k: int, array: Array, at: Any, first: Array) -> None:
+        array[at] = first - self._factors[k] * self.beams[k][2]
+
+    def put(self, factors: float | Array) -> None:
+        """Set the prestrains of all beams by one factor, or by one of each [B]."""
+        self._factors[:] = factors
+        for part in self._parts:
+            self._put(*part)
+
+
+def work_of(model: Model, keep: bool = True, rates: bool = False, strains: ReferenceStrains | None = None) -> Work:
     """Allocate the work arrays of one run; keep: with room for the state before a step; rates: for a method with its own rates
-    (generalised alpha)."""
+    (generalised alpha); strains: those of the run, default those of the model."""
     n, s, size = model.n_nodes, model.n_sliders, len(model.dofs)
     kept = int(keep)
     q = model.q0.size
@@ -55,7 +111,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 past=np.zeros(model.past_size),
                 keep_past=empty(kept * model.past_size),
                 increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned_empty(8 * (n + 1)),
-                               NoTies() if model.ties is None else _padded(model.dim * n)))
+                               NoTies() if model.ties is None else _padded(model.dim * n)),
+                reference_strains=model.reference_strains if strains is None else strains.of(model))
 
 
 def check_border(model: Model) -> None:

@@ -3,10 +3,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastbeam.interface.arguments import shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.kernels.state import State
@@ -14,6 +16,7 @@ from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.model import Model
 from fastbeam.model.tables import elements_of
+from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.results.observe.points import place_of
 from fastbeam.results.observe.resolution import Resolution
 from fastbeam.scene import Beam
@@ -22,10 +25,11 @@ from fastbeam.statics.constrained import Increment
 from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
 from fastbeam.statics.linear_response import Response
 from fastbeam.statics.path_stops import AXES, MOMENTS, Wanted
-from fastbeam.statics.prestrains import LEAST, MOST, StrainPath
 from fastbeam.stepping.iteration import newton_loop
 
 Array = np.ndarray
+# of a prestrain, from its least to its largest value
+LEAST, MOST = -10.0, 0.99
 # longest increment, in sizes of the scene and rad
 LONGEST = 1.0
 # steps of coordinates, in distances of nodes and as they are, for derivatives of section forces, and differences of order 6
@@ -37,8 +41,24 @@ UNMOVED, DEPENDENT = 1e-9, 1e-9
 UNBALANCED = 1e-9
 
 
-class LengthTables(StrainPath):
-    """Prestrains of beams, each by itself, counted from those of the scene.
+def check_beam(who: str, model: Model, beam: Any) -> None:
+    """Refuse arguments that are no beam of the scene of a model; who: the call and argument.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not isinstance(beam, Beam):
+        raise SceneError(f"{who}: {shown(beam)} is no beam; of a net name its beams, net.beam(k)")
+    try:
+        model.numbers.start(beam)
+    except KeyError:
+        raise SceneError(f"{who}: {beam.label} is not in scene {model.scene_name!r}; name a beam of the compiled "
+                         "scene") from None
+
+
+class Lengths:
+    """Prestrains of beams, each by itself, counted from those of the scene, and their weights.
 
     Parameters
     ----------
@@ -46,24 +66,38 @@ class LengthTables(StrainPath):
     beams : list of Beam
     per_length : bool
         Whether their weights go with their unstressed lengths.
+
+    Attributes
+    ----------
+    model : Model
+        The same scene, with loads of its own where `put` changes weights.
+    strains : ReferenceStrains
     """
 
     def __init__(self, model: Model, beams: list[Beam], per_length: bool) -> None:
-        self.beams, self.first = beams, np.array([beam.start_strain[0] for beam in beams])
+        self.model, self.beams, self.first = model, beams, np.array([beam.start_strain[0] for beam in beams])
+        self.strains = ReferenceStrains([(model.numbers.start(beam), beam.basis.n_nodes, 1.0) for beam in beams])
         self.weighs = per_length and bool(np.any(model.gravity))
         # arrays of loads and of weights, what they are at first, and their change with the prestrain of every beam
         self._weights: list[tuple[Array, Array, list[tuple[Array, Array]]]] = []
-        self._axes: Array | None = None
-        # nodes of every beam, one element after the other, and how their masses change with its prestrain, kg
-        self._shares = [_shares(model, beam, first) for beam, first in zip(beams, self.first.tolist())] if self.weighs else []
-        super().__init__(model, dict.fromkeys(beams, 1.0))
+        self._change, self._made = np.zeros(len(beams)), dict[bool, Model]()
+        if self.weighs:
+            # nodes of every beam, one element after the other, and how their masses change with its prestrain, kg
+            self._shares = [_shares(model, beam, first) for beam, first in zip(beams, self.first.tolist())]
+            self._axes = None if model.plane is None else model.plane.axes
+            self._uneliminated = model.uneliminated
+            self.model = self._own(model)
+
+    def _form(self, planar: bool) -> Model:
+        """Return the model of `Model.uneliminated` with loads of its own."""
+        if planar not in self._made:
+            assert self._uneliminated is not None
+            self._made[planar] = self._own(self._uneliminated(planar=planar))
+            self.put(self._change)
+        return self._made[planar]
 
     def _own(self, model: Model) -> Model:
-        if model.plane is not None:
-            self._axes = model.plane.axes
-        own = super()._own(model)
-        if not self.weighs:
-            return own
+        """Return the model with loads and weights of its own."""
         # gravity is in the first vector of all loads
         loads, weight = model.loads._replace(first=model.loads.first.copy()), model.gravity_weight.copy()
         rows = loads.first.reshape(-1, 8)
@@ -73,14 +107,17 @@ class LengthTables(StrainPath):
         row_of = model.pattern.row_of
         self._weights.append((rows, rows.copy(), [(row_of[at], share[:, None] * pull) for at, share in self._shares]))
         self._weights.append((weight, weight.copy(), self._shares))
-        return own.with_loading(loads=loads, gravity_weight=weight)
+        plane = None if model.plane is None else replace(model.plane, model=self._own(model.plane.model))
+        return replace(model.with_loading(loads=loads, gravity_weight=weight), plane=plane, uneliminated=self._form)
 
-    def put(self, factor: float | Array) -> None:
-        super().put(factor)
+    def put(self, change: Array) -> None:
+        """Set these changes of the prestrains of the beams [m], and their weights."""
+        self._change = change.copy()
+        self.strains.put(change)
         for array, first, changes in self._weights:
             array[:] = first
-            for k, (at, change) in enumerate(changes):
-                np.add.at(array, at, self._now[k] * change)
+            for (at, share), by in zip(changes, change):
+                np.add.at(array, at, by * share)
 
     @property
     def lengths(self) -> Array:
@@ -164,7 +201,7 @@ class LengthSolver(Response):
 
     Parameters
     ----------
-    tables : LengthTables
+    unknown : Lengths
     start : State
         An equilibrium with the lengths of the scene.
     max_iterations, held, backend, at_time, factors
@@ -173,13 +210,14 @@ class LengthSolver(Response):
         As many as beams.
     """
 
-    def __init__(self, tables: LengthTables, start: State, max_iterations: int, held: Array, backend: str, at_time: float,
+    def __init__(self, unknown: Lengths, start: State, max_iterations: int, held: Array, backend: str, at_time: float,
                  factors: Array, conditions: list[Condition]) -> None:
-        plane = tables.model.plane
-        self.tables, self.conditions = tables, conditions
-        self.change = np.zeros(len(tables.beams))
-        tables.watch([condition.wanted.section for condition in conditions])
-        super().__init__(tables.model, start, held, plane is not None and plane.holds(start), backend, at_time, factors, 1.0)
+        plane = unknown.model.plane
+        self.unknown, self.conditions = unknown, conditions
+        self.change = np.zeros(len(unknown.beams))
+        unknown.strains.watch([condition.wanted.section for condition in conditions])
+        super().__init__(unknown.model, start, held, plane is not None and plane.holds(start), backend, at_time, factors, 1.0,
+                         unknown.strains)
         # conditions are at the start
         self.part, self.may_leap = 0.0, False
         self.max_iterations = max_iterations
@@ -198,7 +236,7 @@ class LengthSolver(Response):
     @property
     def prestrains(self) -> Array:
         """Present prestrains of the beams [m]."""
-        return self.tables.first + self.change
+        return self.unknown.first + self.change
 
     def values(self) -> Array:
         """Return the values of the quantities of all conditions [m]."""
@@ -212,8 +250,8 @@ class LengthSolver(Response):
 
     def _put(self, change: Array) -> None:
         """Set these changes of the prestrains of beams [m], and the weights that depend on them."""
-        self.tables.put(change)
-        if self.tables.weighs:
+        self.unknown.put(change)
+        if self.unknown.weighs:
             self._load(self.factors)
             self._loads[:] = self.work.f_ext
 
@@ -296,7 +334,7 @@ class LengthSolver(Response):
             if x is None:
                 return self.no_increment, None
             change = self.change + x[self.unknowns:]
-            prestrains = self.tables.first + change
+            prestrains = self.unknown.first + change
             if self._size(x[:self.nodes]) > LONGEST or np.any((prestrains < LEAST) | (prestrains > MOST)):
                 return NOT_CONVERGED, None
             if self.beyond_ends(state.s + x[self.nodes:n]):
@@ -313,7 +351,7 @@ class LengthSolver(Response):
         # further off than conditions that are nearly linear lead: another equilibrium
         gone = np.sum(ways, axis=0)
         if self._extent(gone - ways[0]) > max(STRAY * self._extent(ways[0]), LEAST_STRAY):
-            if not self.may_leap or Resolution(self.tables.model).is_folded(self.state.q):
+            if not self.may_leap or Resolution(self.unknown.model).is_folded(self.state.q):
                 return NOT_CONVERGED, sizes
             self.leaps.append((self.part, self._extent(gone)))
         return OK, sizes
