@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.beams.nodes import NODES_SCRATCH
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
@@ -51,14 +52,9 @@ class ReferenceStrains:
         if model not in self._arrays:
             own = self._arrays[model] = aligned(model.reference_strains.size)
             own[:] = model.reference_strains
-            for tables in (model.simo, model.green):
-                for k, (start, count, _) in enumerate(self.beams if tables is not None else ()):
-                    first = tables.nodes[tables.meta[:, LIST, None] + np.arange(8)]
-                    group, lane = np.nonzero((first >= start) & (first < start + count))
-                    points = tables.meta[group, POINTS]
-                    point = np.arange(points.sum()) - np.repeat(np.cumsum(points) - points, points)
-                    at = np.repeat(tables.meta[group, REFERENCE] + lane, points) + 8 * len(model.dofs) * point
-                    self._follow(k, own, at)
+            for k, (start, count, _) in enumerate(self.beams):
+                for tables in (x for x in (model.simo, model.green) if x is not None):
+                    self._follow(k, own, _axial_strains(tables, start, count, len(model.dofs)))
         return self._arrays[model]
 
     def watch(self, sections: Sequence[Any]) -> None:
@@ -80,6 +76,15 @@ class ReferenceStrains:
         self._factors[:] = factors
         for part in self._parts:
             self._put(*part)
+
+
+def _axial_strains(tables: ElementTables, start: int, count: int, strains: int) -> Array:
+    """Return where the axial strains of a beam with these nodes stand among the reference strains, so many at every point."""
+    first = tables.nodes[tables.meta[:, LIST, None] + np.arange(8)]
+    group, lane = np.nonzero((first >= start) & (first < start + count))
+    points = tables.meta[group, POINTS]
+    point = np.arange(points.sum()) - np.repeat(np.cumsum(points) - points, points)
+    return np.asarray(np.repeat(tables.meta[group, REFERENCE] + lane, points) + 8 * strains * point)
 
 
 def work_of(model: Model, keep: bool = True, rates: bool = False, strains: ReferenceStrains | None = None) -> Work:
