@@ -90,7 +90,7 @@ def test_a_shallow_truss_snaps_through_by_cold() -> None:
 
 
 @pytest.mark.parametrize(("prestrains", "message"), [
-    ({}, "prestrains: must be a mapping"), ({3: 0.1}, "3 is no beam"), ({"column": 0.0}, "all changes are zero"),
+    ({}, "prestrains: must be a mapping"), ({3: 0.1}, "needs a beam of the scene"), ({"column": 0.0}, "all changes are zero"),
     ({"column": 2.0}, "must be a number from -10 to 0.99"), ({"column": "a"}, "must be a number from"),
     ({"else": 0.1}, "is not in scene")])
 def test_prestrains_that_cannot_be_are_refused(prestrains: Any, message: str) -> None:
@@ -163,7 +163,7 @@ def test_reference_strains_of_a_run_are_those_of_a_scene_with_its_prestrain(stra
     plain, beam = scene(0.0)
     model, warm = (fb.compile_scene(x, planar=planar) for x in (plain, scene(0.03)[0]))
     initial = model.reference_strains.copy()
-    strains = ReferenceStrains([(model.numbers.start(beam), beam.basis.n_nodes, 0.06)])
+    strains = ReferenceStrains([(model.numbers.span(beam), 0.06)])
     run, expected = Stepper(model, np.ones(1), strains=strains), Stepper(warm, np.ones(1))
     strains.put(0.5)
     for stepper in (run, expected):

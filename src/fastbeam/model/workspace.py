@@ -33,11 +33,11 @@ class ReferenceStrains:
 
     Parameters
     ----------
-    beams : sequence of (int, int, float)
-        Beams whose prestrains change: first node, number of nodes, and the change at factor 1.
+    beams : sequence of (slice, float)
+        Beams whose prestrains change: nodes, and the change at factor 1.
     """
 
-    def __init__(self, beams: Sequence[tuple[int, int, float]] = ()) -> None:
+    def __init__(self, beams: Sequence[tuple[slice, float]] = ()) -> None:
         self.beams = beams
         self._factors = np.zeros(len(beams))
         self._arrays: dict[Model, Array] = {}
@@ -52,36 +52,31 @@ class ReferenceStrains:
         if model not in self._arrays:
             own = self._arrays[model] = aligned(model.reference_strains.size)
             own[:] = model.reference_strains
-            for k, (start, count, _) in enumerate(self.beams):
-                for tables in (x for x in (model.simo, model.green) if x is not None):
-                    self._follow(k, own, _axial_strains(tables, start, count, len(model.dofs)))
+            for k, (span, _) in enumerate(self.beams):
+                for at in (_axial_strains(x, span, len(model.dofs)) for x in (model.simo, model.green) if x is not None):
+                    self._parts.append((k, own, at, own[at]))
+            self.put(self._factors)
         return self._arrays[model]
 
     def watch(self, sections: Sequence[Any]) -> None:
         """Let the reference strains of these `resultants.Sections`, or None, change as well."""
         for section in sections:
-            for k, (start, count, _) in enumerate(self.beams):
-                if section is not None and start <= section.first < start + count:
-                    self._follow(k, section.reference, (..., 0))
-
-    def _follow(self, k: int, array: Array, at: Any) -> None:
-        self._parts.append((k, array, at, array[at].copy()))
-        self._put(*self._parts[-1])
-
-    def _put(self, k: int, array: Array, at: Any, first: Array) -> None:
-        array[at] = first - self._factors[k] * self.beams[k][2]
+            for k, (span, _) in enumerate(self.beams):
+                if section is not None and section.span == span:
+                    self._parts.append((k, section.reference, (..., 0), section.reference[..., 0].copy()))
+        self.put(self._factors)
 
     def put(self, factors: float | Array) -> None:
         """Set the prestrains of all beams by one factor, or by one of each [B]."""
         self._factors[:] = factors
-        for part in self._parts:
-            self._put(*part)
+        for k, array, at, first in self._parts:
+            array[at] = first - self._factors[k] * self.beams[k][1]
 
 
-def _axial_strains(tables: ElementTables, start: int, count: int, strains: int) -> Array:
+def _axial_strains(tables: ElementTables, span: slice, strains: int) -> Array:
     """Return where the axial strains of a beam with these nodes stand among the reference strains, so many at every point."""
     first = tables.nodes[tables.meta[:, LIST, None] + np.arange(8)]
-    group, lane = np.nonzero((first >= start) & (first < start + count))
+    group, lane = np.nonzero((first >= span.start) & (first < span.stop))
     points = tables.meta[group, POINTS]
     point = np.arange(points.sum()) - np.repeat(np.cumsum(points) - points, points)
     return np.asarray(np.repeat(tables.meta[group, REFERENCE] + lane, points) + 8 * strains * point)

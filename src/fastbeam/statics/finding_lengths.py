@@ -18,6 +18,7 @@ from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model, check_model
 from fastbeam.results.observe.observer import OBSERVED, POINTS
+from fastbeam.results.observe.resultants import span_of
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result, ResultBuffer
 from fastbeam.scene import Beam
@@ -25,7 +26,7 @@ from fastbeam.scene.checks import Place
 from fastbeam.statics.load_steps import KEPT, LONG, LoadSteps, StaticTask
 from fastbeam.statics.path_stops import wanted_of
 from fastbeam.statics.static_analysis import SHARE, START, held_sliders, solve_static, which_sliders
-from fastbeam.statics.unknown_lengths import DEPENDENT, UNMOVED, Condition, Lengths, LengthSolver, check_beam, conditions_of
+from fastbeam.statics.unknown_lengths import DEPENDENT, UNMOVED, Condition, Lengths, LengthSolver, conditions_of
 
 Array = np.ndarray
 MASSES = ("kept", "per_length")
@@ -256,7 +257,7 @@ def _beams_of(model: Model, lengths: Any) -> list[Beam]:
                 raise SceneError(f"find_lengths, lengths: scene {model.scene_name!r} has no beam {one!r}; its beams are "
                                  f"{known(named, one)}; of a net name net.beam(k)")
             one = named[one]
-        check_beam("find_lengths, lengths", model, one)
+        span_of("find_lengths, lengths", model, one)
         if any(one is other for other in out):
             raise SceneError(f"find_lengths, lengths: {one.label} stands there twice; each length is one unknown")
         out.append(one)

@@ -32,14 +32,12 @@ class Response(SlidingSolver):
 
     Parameters
     ----------
-    model, start, held, flat, backend, at_time
+    model, start, held, flat, backend, at_time, strains
         See `SlidingSolver`.
     factors : float64 [K]
         Load factors.
     load_factor : float
         Common factor that `factors` contain.
-    strains : ReferenceStrains, optional
-        See `SlidingSolver`.
     """
 
     def __init__(self, model: Model, start: State, held: Array, flat: bool, backend: str, at_time: float, factors: Array,

@@ -2,13 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fastbeam.interface.arguments import shown
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.loop import NOT_CONVERGED, OK
 from fastbeam.kernels.state import State
@@ -19,6 +18,7 @@ from fastbeam.model.tables import elements_of
 from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.results.observe.points import place_of
 from fastbeam.results.observe.resolution import Resolution
+from fastbeam.results.observe.resultants import span_of
 from fastbeam.scene import Beam
 from fastbeam.scene.checks import Place
 from fastbeam.statics.constrained import Increment
@@ -41,24 +41,8 @@ UNMOVED, DEPENDENT = 1e-9, 1e-9
 UNBALANCED = 1e-9
 
 
-def check_beam(who: str, model: Model, beam: Any) -> None:
-    """Refuse arguments that are no beam of the scene of a model; who: the call and argument.
-
-    Raises
-    ------
-    SceneError
-    """
-    if not isinstance(beam, Beam):
-        raise SceneError(f"{who}: {shown(beam)} is no beam; of a net name its beams, net.beam(k)")
-    try:
-        model.numbers.start(beam)
-    except KeyError:
-        raise SceneError(f"{who}: {beam.label} is not in scene {model.scene_name!r}; name a beam of the compiled "
-                         "scene") from None
-
-
 class Lengths:
-    """Prestrains of beams, each by itself, counted from those of the scene, and their weights.
+    """Prestrains of beams, each by itself, counted from those of the scene, and a model with the weights that go with them.
 
     Parameters
     ----------
@@ -66,48 +50,33 @@ class Lengths:
     beams : list of Beam
     per_length : bool
         Whether their weights go with their unstressed lengths.
-
-    Attributes
-    ----------
-    model : Model
-        The same scene, with loads of its own where `put` changes weights.
-    strains : ReferenceStrains
     """
 
     def __init__(self, model: Model, beams: list[Beam], per_length: bool) -> None:
         self.model, self.beams, self.first = model, beams, np.array([beam.start_strain[0] for beam in beams])
-        self.strains = ReferenceStrains([(model.numbers.start(beam), beam.basis.n_nodes, 1.0) for beam in beams])
+        self.strains = ReferenceStrains([(span_of("find_lengths, lengths", model, beam), 1.0) for beam in beams])
         self.weighs = per_length and bool(np.any(model.gravity))
         # arrays of loads and of weights, what they are at first, and their change with the prestrain of every beam
         self._weights: list[tuple[Array, Array, list[tuple[Array, Array]]]] = []
-        self._change, self._made = np.zeros(len(beams)), dict[bool, Model]()
+        self._change = np.zeros(len(beams))
         if self.weighs:
             # nodes of every beam, one element after the other, and how their masses change with its prestrain, kg
             self._shares = [_shares(model, beam, first) for beam, first in zip(beams, self.first.tolist())]
-            self._axes = None if model.plane is None else model.plane.axes
-            self._uneliminated = model.uneliminated
-            self.model = self._own(model)
+            given, axes = model.uneliminated, np.eye(3) if model.plane is None else model.plane.axes
+            assert given is not None
+            self._form = cache(lambda planar: self._own(given(planar=planar), axes))
+            self.model = self._own(model, axes)
 
-    def _form(self, planar: bool) -> Model:
-        """Return the model of `Model.uneliminated` with loads of its own."""
-        if planar not in self._made:
-            assert self._uneliminated is not None
-            self._made[planar] = self._own(self._uneliminated(planar=planar))
-            self.put(self._change)
-        return self._made[planar]
-
-    def _own(self, model: Model) -> Model:
-        """Return the model with loads and weights of its own."""
+    def _own(self, model: Model, axes: Array) -> Model:
+        """Return the model with loads and weights of its own; axes: of its plane."""
         # gravity is in the first vector of all loads
         loads, weight = model.loads._replace(first=model.loads.first.copy()), model.gravity_weight.copy()
-        rows = loads.first.reshape(-1, 8)
-        within = np.eye(3) if model.dim == 3 or self._axes is None else self._axes[:2].T
-        pull = np.zeros(8)
-        pull[:within.shape[1]] = model.gravity @ within
-        row_of = model.pattern.row_of
+        rows, row_of, pull = loads.first.reshape(-1, 8), model.pattern.row_of, np.zeros(8)
+        pull[:model.dim] = model.gravity @ (np.eye(3) if model.dim == 3 else axes[:2].T)
         self._weights.append((rows, rows.copy(), [(row_of[at], share[:, None] * pull) for at, share in self._shares]))
         self._weights.append((weight, weight.copy(), self._shares))
-        plane = None if model.plane is None else replace(model.plane, model=self._own(model.plane.model))
+        self.put(self._change)
+        plane = None if model.plane is None else replace(model.plane, model=self._own(model.plane.model, axes))
         return replace(model.with_loading(loads=loads, gravity_weight=weight), plane=plane, uneliminated=self._form)
 
     def put(self, change: Array) -> None:
@@ -149,9 +118,8 @@ class Condition(NamedTuple):
         if self.at is not None:
             nodes, weights = self.at
             return (12 * nodes[:, None] + 3 * np.arange(4) + self.axis).reshape(-1), weights.reshape(-1)
-        section = copy(self.wanted.section)
-        first, section.first = section.first, 0
-        q = state.q.reshape(-1, 12)[first:first + section.count]
+        section = self.wanted.section
+        q = state.q.reshape(-1, 12)[section.span]
         nodes = np.unique(np.concatenate((section.nodes.reshape(-1), section.at_nodes.reshape(-1))))
         steps = np.full((nodes.size, 12), NEARBY)
         steps[:, :3] *= np.max(np.linalg.norm(np.diff(q[nodes, :3], axis=0), axis=1))
@@ -164,7 +132,7 @@ class Condition(NamedTuple):
         shapes = moved.reshape(-1, section.count, 4, 3)
         values = getattr(section.at(np.zeros(len(shapes)), shapes[:, :, 0], shapes[:, :, 1:]), self.part)[:, 0]
         slope = values.reshape(n, -1) @ np.array(WEIGHTS) / steps.reshape(-1)
-        return (12 * (first + nodes[:, None]) + np.arange(12)).reshape(-1), slope
+        return (12 * (section.first + nodes[:, None]) + np.arange(12)).reshape(-1), slope
 
 
 def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, float], points: Mapping[str, Place] | None,

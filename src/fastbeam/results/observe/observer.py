@@ -423,10 +423,9 @@ def strain_energy(model: Model, q: Array, work: Array | None = None, strains: Ar
     """Return the energy stored in all beams and springs, J; strains: reference strains, default those of the model."""
     work, strains = empty(6) if work is None else work, model.reference_strains if strains is None else strains
     total = 0.0
-    if model.simo is not None:
-        total += kernels.strain_energy(model.simo, strains, model.n_nodes, q, SIMO_REISSNER, work, np.zeros(0))
-    if model.green is not None:
-        total += kernels.strain_energy(model.green, strains, model.n_nodes, q, GREEN_LAGRANGE, work, np.zeros(0))
+    for tables, kind in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
+        if tables is not None:
+            total += kernels.strain_energy(tables, strains, model.n_nodes, q, kind, work, np.zeros(0))
     if model.links:
         work[0] = 0.0
         energy_of(model.links, q, SPACE, work)

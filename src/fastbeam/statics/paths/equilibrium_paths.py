@@ -21,6 +21,7 @@ from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports, check_turned, free_aside, standing_supports, supported
 from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.results.observe.observer import OBSERVED, POINTS
+from fastbeam.results.observe.resultants import span_of
 from fastbeam.results.result import Result
 from fastbeam.scene import Beam, Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from fastbeam.scene.checks import Place
@@ -30,7 +31,7 @@ from fastbeam.statics.moving_supports import StaticMotion, StaticShift, coordina
 from fastbeam.statics.path_stops import wanted_of
 from fastbeam.statics.paths.walk import PathWalk
 from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
-from fastbeam.statics.unknown_lengths import LEAST, MOST, check_beam
+from fastbeam.statics.unknown_lengths import LEAST, MOST
 
 Array = np.ndarray
 Quantity = tuple[str, str] | str | Callable[[State], float]
@@ -353,13 +354,13 @@ def _prestrains(model: Model, prestrains: Any) -> ReferenceStrains:
         raise SceneError(f"solve_path, prestrains: must be a mapping {{beam: change of its prestrain}}, got {shown(prestrains)}")
     out = []
     for beam, value in prestrains.items():
-        check_beam("solve_path, prestrains", model, beam)
+        span = span_of("solve_path, prestrains", model, beam)
         number = real(value)
         if number is None or not LEAST <= beam.start_strain[0] + number <= MOST:
             raise SceneError(f"solve_path, prestrains: {beam.label} would have a prestrain of {beam.start_strain[0]:.6g} + "
                              f"{shown(value)} at load factor 1; it must be a number from {LEAST:g} to {MOST:g}")
         if number:
-            out.append((model.numbers.start(beam), beam.basis.n_nodes, number))
+            out.append((span, number))
     if not out:
         raise SceneError(f"solve_path, prestrains: all changes are zero, got {shown(prestrains)}")
     return ReferenceStrains(out)
