@@ -223,7 +223,7 @@ def count(kernel: Dispatcher, *arguments: Any, without: Sequence[str] = ()) -> i
 
 def _motion(model: Any, work: Work, mixed: bool) -> OverStep:
     increment = work.increment._replace(control=np.array([float(mixed), 0.0, 0.0]))
-    return OverStep(Conserving(), model.q0, work.dphi, model.v0, increment, 1.0, 1.0)
+    return OverStep(Conserving(), model.q0, work.dphi, model.v0, increment, work.reference_strains, 1.0, 1.0)
 
 
 def _elements(model: Any, mixed: bool, assembled: bool) -> int:

@@ -389,7 +389,8 @@ def memory(m: Measurements) -> list[Verdict]:
     elements = 2000 if m.quick else 20_000
     stepper = Stepper(fb.compile_scene(chain_scene(elements, 2), planar=False), np.ones(1), threads=1)
     kept = traffic.kept(stepper)
-    sizes = {"matrix, factors and tables of elements": kept["factors"] + traffic.nbytes(stepper.core.simo),
+    tables = traffic.nbytes(stepper.core.simo, stepper.core.reference_strains)
+    sizes = {"matrix, factors and tables of elements": kept["factors"] + tables,
              "all arrays": sum(kept.values())}
     out += [Verdict(f"memory of an element of a chain of {elements}, {what}, degree 2", 2.5, 1e-3 * size / elements, "kB")
             for what, size in sizes.items()]

@@ -100,7 +100,7 @@ class ChainParts:
         """Residual and tangent of so many groups of elements (default: all), added up or left in scratch."""
         w, m = self.work, self.model
         state, groups = self.stepper.core_state, self.groups if groups is None else groups
-        motion = OverStep(Conserving(), state.q, w.dphi, state.v, w.increment, self.step, self.rate)
+        motion = OverStep(Conserving(), state.q, w.dphi, state.v, w.increment, w.reference_strains, self.step, self.rate)
         if assembled:
             inner = NoInner() if self.stepper.inner is None else self.stepper.inner
             element_groups(m.simo, 0, groups, inner, SIMO_REISSNER, motion, w.r, w.blocks, w.scratch, m.dofs)

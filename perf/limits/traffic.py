@@ -84,7 +84,7 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     m, s, w = stepper.core, stepper.core_state, stepper.work
     if m.sliders is not None or m.bodies is not None or m.ties is not None or stepper.alpha is not None:
         raise ValueError("bytes are counted for the conserving step of beams alone, without sliders, bodies or ties")
-    tables = (m.simo, m.green)
+    tables = (m.simo, m.green, w.reference_strains)
     row = 8 * NUMBER
     step = 1.0 / iterations
     out = [Pass("first guess", "step", (w.past, w.theta, w.dphi), (w.theta, w.dphi, w.past), step),
@@ -98,7 +98,7 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     followed = mixed * nbytes(w.increment.x)
     inner = stepper.inner
     store = None if inner is None else inner.store
-    indices = tuple((t.rows, t.meta) for t in tables if t is not None)
+    indices = tuple((t.rows, t.meta) for t in (m.simo, m.green) if t is not None)
     if m.substructures is None:
         out.append(Pass("elements", "elements", (tables, step_of, followed, w.r, w.blocks), (w.r, w.blocks, store)))
     else:
@@ -167,8 +167,8 @@ def kept(stepper: Stepper) -> dict[str, int]:
     where there are none, residuals of the interior of condensed beams. What stands in two places counts once."""
     m, w = stepper.core, stepper.work
     inner, subs = m.inner, m.substructures
-    tables = nbytes(m.simo, m.green, m.held, m.spinless, m.loads, m.gravity_weight, m.pattern.row_of, m.pattern.keys,
-                    m.pattern.plan, m.q0, m.spin_root, *(x for x in (m.constant_load, m.v0) if x.any()))
+    tables = nbytes(m.simo, m.green, m.reference_strains, m.held, m.spinless, m.loads, m.gravity_weight, m.pattern.row_of,
+                    m.pattern.keys, m.pattern.plan, m.q0, m.spin_root, *(x for x in (m.constant_load, m.v0) if x.any()))
     if m.static_held is not m.held:
         tables += nbytes(m.static_held)
     if inner is not None:
@@ -176,7 +176,8 @@ def kept(stepper: Stepper) -> dict[str, int]:
     factors = nbytes(w.blocks, w.pivots)
     if stepper.inner is not None:
         factors += nbytes(stepper.inner.store, stepper.inner.rhs, stepper.inner.mark, stepper.inner.found)
-    work = nbytes(*(x for name, x in zip(w._fields, w) if name not in ("blocks", "pivots", "r", "f_ext")), residual(stepper))
+    elsewhere = "blocks", "pivots", "r", "f_ext", "reference_strains"
+    work = nbytes(*(x for name, x in zip(w._fields, w) if name not in elsewhere), residual(stepper))
     work -= w.increment.theta.nbytes
     if w.f_ext.any() and not np.shares_memory(w.f_ext, m.loads.first):
         work += w.f_ext.nbytes

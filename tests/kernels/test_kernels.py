@@ -408,6 +408,8 @@ class Elements:
 
     def __init__(self, model: Model) -> None:
         t = model.simo if model.simo is not None else model.green
+        # reference strains behind the constants, in one array
+        t = t._replace(meta=t.meta + t.tab.size * (np.arange(8) == 7), tab=np.concatenate((t.tab, model.reference_strains)))
         self.model, self.tables = model, t
         self.strains = SIMO_REISSNER if model.green is None else GREEN_LAGRANGE
         self.nn, self.nq, self.coupled = int(t.meta[0, 0]), int(t.meta[0, 1]), int(t.meta[0, 5])
@@ -450,7 +452,8 @@ class Elements:
         dphi, theta = np.split(0.02 * moves, 4)[:2]
         line = LastIncrement(np.zeros(3), theta, v, NoTies())
         # rates (dq - 2 v)/2
-        return self.at(OverStep(Conserving(), q, dphi, v if velocities else np.zeros_like(v), line, 2.0, 800.0), tables)
+        return self.at(OverStep(Conserving(), q, dphi, v if velocities else np.zeros_like(v), line, tables.tab, 2.0, 800.0),
+                       tables)
 
     def at(self, motion: OverStep | Still, tables: ElementTables) -> tuple[Array, Array]:
         """Residual rows and blocks."""
@@ -564,10 +567,11 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     line = LastIncrement(np.array([1.0, 0.0, -1.0]), np.append(theta, 0.0)[:-1], x.reshape(-1), NoTies())
 
     def dense(line: LastIncrement) -> Array:
-        motion: OverStep | Still = Still(Equilibrium(), end.reshape(-1), line, 0.0)
+        motion: OverStep | Still = Still(Equilibrium(), end.reshape(-1), line, elements.tables.tab, 0.0)
         if moving:
             # with the rates of the increment there are no second rates
-            motion = OverStep(Conserving(), start.reshape(-1), dphi, (end - start).reshape(-1), line, 1.0, 0.0)
+            motion = OverStep(Conserving(), start.reshape(-1), dphi, (end - start).reshape(-1), line, elements.tables.tab, 1.0,
+                              0.0)
         r, blocks = elements.at(motion, elements.tables)
         out = np.zeros((n, 6, n, 6))
         for block, i, j in zip(blocks.reshape(-1, 6, 8), pattern.rows, pattern.columns):

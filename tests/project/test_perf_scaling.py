@@ -84,7 +84,7 @@ def test_an_operation_without_a_counter_is_named() -> None:
     model = compiled(8, 1)
     work = work_of(model)
     with pytest.raises(LookupError, match="'perp' has no counter"):
-        motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, work.increment, 1.0, 1.0)
+        motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, work.increment, work.reference_strains, 1.0, 1.0)
         counting.count(beam.evaluate_group, model.simo, 0, layout_of(PLANE, 2, 1), strain_sets.SIMO_REISSNER, motion,
                        work.scratch, PLANE)
 
@@ -144,7 +144,7 @@ def test_bytes_of_the_passes_of_a_chain() -> None:
     found = by_name["elements"]
     assert found.written == rows + blocks
     # coordinates, velocities, increments and Cayley vectors, the residual; for the line rows of increments
-    assert found.read == arrays(model.simo) + 2 * q + 48 * nodes + 2 * rows + blocks
+    assert found.read == arrays(model.simo) + model.reference_strains.nbytes + 2 * q + 48 * nodes + 2 * rows + blocks
     assert by_name["factors"].written == blocks - 384 + 48 * nodes + 48 * nodes
     assert by_name["back substitution"].written == 48 * nodes
     assert by_name["increments"].read == 8 * nodes + 48 * nodes + rows

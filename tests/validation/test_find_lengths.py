@@ -200,7 +200,7 @@ def test_cables_of_a_net_bring_a_node_to_its_place() -> None:
     ([], {("joint", "x"): 1.1}, "lengths: must be beams or names"),
     ("hot", {("joint", "x"): 1.1}, "lengths: must be beams or names"),
     (["warm"], {("joint", "x"): 1.1}, "no beam 'warm'; its beams are 'hot', 'cold'"),
-    ([3], {("joint", "x"): 1.1}, "3 is not a beam"),
+    ([3], {("joint", "x"): 1.1}, "needs a beam of the scene, got 3"),
     (["hot", "hot"], {("joint", "x"): 1.1, ("hot", "N"): 1.0}, "beam 'hot' is listed twice"),
     (["hot"], {}, "conditions: must be a mapping of quantities"),
     (["hot"], None, "conditions: must be a mapping of quantities"),

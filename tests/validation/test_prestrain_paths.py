@@ -8,6 +8,9 @@ import pytest
 from scipy.optimize import brentq, minimize_scalar, root
 
 import fastbeam as fb
+from fastbeam.model.workspace import ReferenceStrains
+from fastbeam.results.observe.observer import Observer
+from fastbeam.stepping.stepper import Stepper
 
 EA, GA, EI = 900.0, 400.0, 1.0
 
@@ -87,7 +90,7 @@ def test_a_shallow_truss_snaps_through_by_cold() -> None:
 
 
 @pytest.mark.parametrize(("prestrains", "message"), [
-    ({}, "prestrains: must be a mapping"), ({3: 0.1}, "3 is not a beam"), ({"column": 0.0}, "all changes are zero"),
+    ({}, "prestrains: must be a mapping"), ({3: 0.1}, "needs a beam of the scene"), ({"column": 0.0}, "all changes are zero"),
     ({"column": 2.0}, "must be a number from -10 to 0.99"), ({"column": "a"}, "must be a number from"),
     ({"else": 0.1}, "is not in scene")])
 def test_prestrains_that_cannot_be_are_refused(prestrains: Any, message: str) -> None:
@@ -144,3 +147,33 @@ def test_a_slack_cable_that_is_shortened_is_an_elastic_catenary_at_every_length(
         force = path.series["reaction"][row, 0, 0]
         np.testing.assert_allclose((-force[0], force[2]), (across, up), rtol=2e-7)
     assert across > 8.0 * -path.series["reaction"][0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("planar", [True, False])
+@pytest.mark.parametrize("strain", ["simo_reissner", "green_lagrange"])
+def test_reference_strains_of_a_run_are_those_of_a_scene_with_its_prestrain(strain: str, planar: bool) -> None:
+    """Steps under prestrains of the run, space and plane, against the same scene with these from the start; the model stays."""
+    def scene(change: float) -> tuple[fb.Scene, fb.Beam]:
+        bent = fb.Beam.straight("bent", (0, 0, 0), (1, 0, 0), section=section(), elements=9, degree=2, strain=strain,
+                                prestrain=0.01 + change)
+        other = fb.Beam.straight("other", (1, 0, 0), (1, 0, 1), section=section(), elements=2)
+        joint = fb.RigidConnection(bent.end, other.start)
+        return fb.Scene(bent, other, joint, fb.Clamp(bent.start), gravity=(0, 0, -9.81)), bent
+
+    plain, beam = scene(0.0)
+    model, warm = (fb.compile_scene(x, planar=planar) for x in (plain, scene(0.03)[0]))
+    initial = model.reference_strains.copy()
+    strains = ReferenceStrains([(model.numbers.span(beam), 0.06)])
+    run, expected = Stepper(model, np.ones(1), strains=strains), Stepper(warm, np.ones(1))
+    strains.put(0.5)
+    for stepper in (run, expected):
+        assert stepper.advance(0.0, 1e-3, 20).steps == 20
+    np.testing.assert_allclose(run.state.q, expected.state.q, rtol=0, atol=1e-12)
+    energies = [Observer(x.model, ("energy",), None, strains=x.strains).row(0.02, x.state)["strain"] for x in (run, expected)]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-10)
+    assert energies[0] != pytest.approx(Observer(model, ("energy",), None).row(0.02, run.state)["strain"], rel=1e-2)
+    strains.put(0.0)
+    for form in (model, run.core):
+        np.testing.assert_array_equal(strains.of(form), form.reference_strains)
+    np.testing.assert_array_equal(model.reference_strains, initial)
+    assert expected.work.reference_strains is expected.core.reference_strains

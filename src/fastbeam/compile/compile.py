@@ -57,7 +57,7 @@ from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import released_of
 from fastbeam.model.numbering import NodeList
 from fastbeam.model.supports import waiting
-from fastbeam.model.tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
+from fastbeam.model.tables import Elements, TablePool, pack_curves, pack_inner, pack_paths, pack_substructures
 from fastbeam.scene import Beam, Bushing, ForceElement, Path, Scene, Sleeve, Switch
 from fastbeam.scene.crossings import Knot
 from fastbeam.scene.winch import Coil, RopePoint
@@ -171,11 +171,11 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     packers, used, ends, blocks = condensed.packers, condensed.used, condensed.ends, ordered.blocks
     n, pattern = len(nodes), blocks.pattern
     row_of = pattern.row_of
-    tables = {}
+    tables, strains = {}, TablePool()
     at = 0
     for name, packer in packers.items():
         m = packer.n_blocks
-        tables[name] = packer.tables(row_of, blocks.element[at:at + m]) if packer.meta else None
+        tables[name] = packer.tables(row_of, blocks.element[at:at + m], strains) if packer.meta else None
         at += m
     inner = pack_inner(used, row_of, pattern.n, ordered.n_panel, ordered.store, ordered.columns)
     between_ends = blocks.element[at:at + 4 * len(ends)].reshape(-1, 4)
@@ -188,8 +188,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     state, length = unpacked.state, unpacked.numbered.length
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
-        inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
-        links=(),
+        reference_strains=strains.array(), inner=inner, substructures=substructures, carriers=condensed.carriers,
+        bodies=_bodies(unpacked, blocks), links=(),
         kept=unpacked.kept, kept_softness=softness_of(unpacked.kept, joints, nodes.rank), ties=ties,
         held=held, static_held=_held(joints.held | idle, blocks) if idle.any() else held,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),

@@ -306,7 +306,8 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     nodes, rows and blocks serve both; packers: the elements of its tables, by strain set."""
     plane, axes = found.plane, found.plane.axes
     loads = model.loads._replace(first=_load(model.loads.first, axes), value=_load(model.loads.value, axes))
-    simo, green = (None if tables is None else _elements(tables, packers[strain], plane)
+    strains = TablePool()
+    simo, green = (None if tables is None else _elements(tables, packers[strain], plane, strains)
                    for tables, strain in ((model.simo, "simo_reissner"), (model.green, "green_lagrange")))
     ties, bodies = model.ties, model.bodies
     if ties is not None:
@@ -321,7 +322,7 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     flat = replace(
         model.with_loading(loads=loads), kept=kept, kept_softness=softness,
         features=tuple(feature.in_plane(plane, model, model.n_sliders + len(kept)) for feature in model.features),
-        simo=simo, green=green,
+        simo=simo, green=green, reference_strains=strains.array(),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, links=tuple(table for table in links if table is not None), ties=ties,
         held=_held(model.held, axes),
@@ -338,8 +339,8 @@ def _load(of_rows: Array, axes: Array) -> Array:
     return out
 
 
-def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
-    """Return the groups of `tables` with constants of the plane."""
+def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane, strains: TablePool) -> ElementTables:
+    """Return the groups of `tables` with constants of the plane; strains: takes their reference strains."""
     meta = tables.meta.copy()
     pool = TablePool()
     parts = [packer.parts[k] for k in packer.order]
@@ -349,10 +350,10 @@ def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> Ele
         for begin in range(0, every.size, CHUNK // 8):
             some = every[begin:begin + CHUNK // 8]
             part_of = np.searchsorted(begins, some, side="right") - 1
-            constants, viscosity, strains = (np.concatenate(x) for x in zip(*(
+            constants, viscosity, own = (np.concatenate(x) for x in zip(*(
                 _group_tables(*_some_groups(*parts[k], some[part_of == k] - begins[k]), plane) for k in np.unique(part_of))))
             meta[some, CONSTANTS] = pool.constants(constants, viscosity if packer.is_damped else None)
-            meta[some, REFERENCE] = pool.append(strains)
+            meta[some, REFERENCE] = strains.append(own)
     meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, meta[:, FACTORS] // 4, -1)
     return ElementTables(meta, pool.array(), tables.nodes, tables.rows, tables.blocks)
 

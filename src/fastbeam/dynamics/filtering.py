@@ -7,13 +7,12 @@ import numpy as np
 
 from fastbeam.interface.errors import SceneError
 from fastbeam.kernels.beams.beam_term import Beams
-from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.section_laws import Filtered
 from fastbeam.kernels.beams.strain_filter import StrainFilter, changes_of
-from fastbeam.kernels.empty_arrays import empty
+from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
 from fastbeam.kernels.loop import SLIDER_END
-from fastbeam.kernels.state import State, aligned
+from fastbeam.kernels.state import State
 from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.model import Model
 from fastbeam.stepping.outcome import Outcome
@@ -48,26 +47,14 @@ def check_filtered(order: int, model: Model, observe: Any) -> None:
                          "leave rho_inf out")
 
 
-def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], lost: Array) -> StrainFilter:
-    """Return the filters of the beams with one strain set, and tables of their run, in which every group has reference strains of
-    its own behind everything else."""
-    tables = beams.tables
-    strains = 48 if len(model.dofs) == 6 else 24
-    sizes = strains * tables.meta[:, POINTS]
-    begin = 8 * -(-tables.tab.size // 8)
-    first = begin + np.concatenate(([0], np.cumsum(sizes)))
-    tab = aligned(int(first[-1]))
-    tab[:tables.tab.size] = tables.tab
-    for old, new, size in zip(tables.meta[:, REFERENCE], first, sizes):
-        tab[new:new + size] = tables.tab[old:old + size]
-    meta = tables.meta.copy()
-    meta[:, REFERENCE] = first[:-1]
-    own = ElementTables(meta, tab, tables.nodes, tables.rows, tables.blocks)
+def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], strains: Array, lost: Array) -> StrainFilter:
+    """Return the filters of the beams with one strain set; strains: reference strains of the run, without their stress."""
+    meta = beams.tables.meta
+    begin, n = int(meta[:, REFERENCE].min()), 8 * len(model.dofs) * int(meta[:, POINTS].sum())
     # idle lanes repeat an element and have the row behind the last
-    live = tables.rows[meta[:, LIST, None] + np.arange(8)] < model.n_nodes
-    n = int(first[-1]) - begin
-    return StrainFilter(beams.strains._replace(law=Filtered(2.0 * factors[0] + 4.0 * factors[1])), own, np.array([begin]),
-                        live.astype(float).reshape(-1), np.array(factors), tab[begin:].copy(),
+    live = beams.tables.rows[meta[:, LIST, None] + np.arange(8)] < model.n_nodes
+    return StrainFilter(beams.strains._replace(law=Filtered(2.0 * factors[0] + 4.0 * factors[1])), beams.tables,
+                        np.array([begin]), live.astype(float).reshape(-1), np.array(factors), strains[begin:begin + n],
                         np.zeros(n), np.zeros(n), empty(2 * n + 2), empty(n), empty(n), lost)
 
 
@@ -87,14 +74,16 @@ class FilteringStepper(Stepper):
         self.lost = np.zeros(2)
         self.filters: tuple[StrainFilter, ...] = ()
         super().__init__(model, weights, state, max_iterations, backend, method, t, None, augmentation, threads)
-        factors = filter_factors(method.rho_inf)
+        factors, strains = filter_factors(method.rho_inf), self.work.reference_strains
         terms: list[Any] = []
         filters = []
         for term in self.terms:
             if isinstance(term, Beams):
-                filters.append(filter_of(self.core, term, factors, self.lost))
-                term = term._replace(strains=filters[-1].strains, tables=filters[-1].tables)
+                filters.append(filter_of(self.core, term, factors, strains, self.lost))
+                term = term._replace(strains=filters[-1].strains)
             terms.append(term)
+        # those with the stress of filters, which every step writes at its begin; no energy is stored in it
+        self.work = self.work._replace(reference_strains=aligned_empty(strains.size))
         self.filters = tuple(filters)
         self.terms = (*terms, *self.filters)
         if memory is None:

@@ -186,7 +186,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     stepper.points = rows_of_points
     if isinstance(stepper, ReactingStepper):
         stepper.cut(rows_of_points.sections)
-    observer = Observer(model, observe, rows_of_points, stepper.lost if scheme.filters else None)
+    observer = Observer(model, observe, rows_of_points, stepper.lost if scheme.filters else None, stepper.strains)
     run = _Run(model, stepper, observer, clock, t_end, order, kept, callback, sizes, progress)
     run.notes = notes
     run.info |= books

@@ -141,7 +141,7 @@ class Watch:
         """Remember where elements do not resolve the shape after so many steps of h, a few times a run; at the end add events.
         state: gives the state at that time; default: the present one."""
         if self._resolution is None:
-            self._resolution = Resolution(self.model)
+            self._resolution = Resolution(self.model, self.stepper.strains)
             self._resolution.contacts.before = self.t_start, self._start
         if not last:
             self._resolution.contacts.remember(t, self.stepper.core_state.s, h, lambda: self.stepper.state)

@@ -113,7 +113,7 @@ def lanes_of(model: Model) -> list[Lanes]:
             nodes = tables.nodes[where].reshape(len(meta), nn, 8).transpose(0, 2, 1).reshape(-1, nn)
             live = tables.rows[where].reshape(len(meta), nn, 8)[:, 0].reshape(-1) != model.n_nodes
             out.append(Lanes(name, nodes[live], points[live, :, 0], points[live, :, 1:1 + 3 * nn].reshape(-1, nq, nn, 3),
-                              rows(0, REFERENCE, 6 * nq).reshape(-1, nq, 6)[live],
+                              rows(0, REFERENCE, 6 * nq, tab=model.reference_strains).reshape(-1, nq, 6)[live],
                               *(rows(x, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live] for x in (at.masses, at.director_masses)),
                               moduli_of(tables._replace(meta=meta), 6)[live]))
     return out

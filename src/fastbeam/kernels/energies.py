@@ -1,7 +1,7 @@
 """Energies and momenta of a state; run only when somebody asks for them.
 
-Arrays: q, v, p, p_out [12 N]; s, gap_out [S]; tab [*] as `ElementTables.tab`; e, work [6]; of_elements [24 groups]; out [9]. Of m
-rows: q_rows, v_rows, p_rows, p_rows_out [m, 12 N]; motion_out [m, 9]; energy_out [m].
+Arrays: q, v, p, p_out [12 N]; s, gap_out [S]; tab [*] as `ElementTables.tab`; reference [*] as `Work.reference_strains`; e, work
+[6]; of_elements [24 groups]; out [9]. Of m rows: q_rows, v_rows, p_rows, p_rows_out [m, 12 N]; motion_out [m, 9]; energy_out [m].
 """
 from __future__ import annotations
 
@@ -82,10 +82,10 @@ def shape_at_point(tables, no, lane, to, nn, q):
 
 
 @kernel
-def energy_at_point(tab, co, e0, e):
+def energy_at_point(tab, co, reference, e0, e):
     """Return (E - E0) C (E - E0) and the axial force for strains e, from which E0 is subtracted in place."""
     for i in range(6):
-        e[i] -= tab[e0 + 8 * i]
+        e[i] -= reference[e0 + 8 * i]
     energy = 0.0
     force = 0.0
     for i in range(6):
@@ -99,7 +99,7 @@ def energy_at_point(tab, co, e0, e):
 
 
 @kernel
-def strain_energy(tables, n_rows, q, strains, work, of_elements):
+def strain_energy(tables, reference, n_rows, q, strains, work, of_elements):
     """Return 1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers. of_elements: empty, or [groups, 8, 3] flat, for the
     mean axial force of every element, the smallest square of the length of its directors, and the smallest phi'.d1; see
     `resolution`."""
@@ -123,7 +123,7 @@ def strain_energy(tables, n_rows, q, strains, work, of_elements):
                 shortest = min(shortest, 0.5 * (dot(d[0], d[0]) + dot(d[1], d[1]) + dot(d[2], d[2]) - 1.0))
                 along = min(along, dot(f, d[0]))
                 strains_of_state.call(strains, f, d, curvature, work)
-                energy, axial = energy_at_point(tab, co, meta[k, REFERENCE] + 48 * g + lane, work)
+                energy, axial = energy_at_point(tab, co, reference, meta[k, REFERENCE] + 48 * g + lane, work)
                 force += tab[to] * axial
                 length += tab[to]
                 total += 0.5 * tab[to] * energy
@@ -176,7 +176,7 @@ def motion_of_rows(q_rows, v_rows, p_rows, motion_out):
 
 
 @kernel
-def strain_energy_of_rows(tables, n_rows, q_rows, strains, work, of_elements, energy_out):
+def strain_energy_of_rows(tables, reference, n_rows, q_rows, strains, work, of_elements, energy_out):
     """Add the strain energy of rows to energy_out."""
     for r in range(q_rows.shape[0]):
-        energy_out[r] += strain_energy(tables, n_rows, q_rows[r], strains, work, of_elements)
+        energy_out[r] += strain_energy(tables, reference, n_rows, q_rows[r], strains, work, of_elements)

@@ -61,6 +61,8 @@ class Work(NamedTuple):
     #                       are their increments
     keep_past: np.ndarray  # float64 [*], as past
     increment: LastIncrement
+    reference_strains: np.ndarray  # float64 [*]: strains free of stress of all elements, and the stress of filters
+    #                       (strain_filter.py): of every point 6, in a plane 3, of 8 lanes
 
 
 class State(NamedTuple):

@@ -14,8 +14,9 @@ def fingerprint_of(model: Any) -> str:
     tables = (model.simo, model.green, model.bodies, *model.links, model.ties, model.held, model.curves, model.sliders)
     # tables of joints contain the ties of the model again
     parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
-    parts += [model.pattern.row_of, model.spinless, *_load_vectors(model), model.gravity, model.gravity_weight,
-              model.constant_load, model.q0, model.v0, model.s0, model.slider_lengths, *(model.sleeves or ())[:5]]
+    parts += [model.reference_strains, model.pattern.row_of, model.spinless, *_load_vectors(model), model.gravity,
+              model.gravity_weight, model.constant_load, model.q0, model.v0, model.s0, model.slider_lengths,
+              *(model.sleeves or ())[:5]]
     parts += [] if model.sleeves is None or not model.twisting.size else [*model.sleeves.twist[:3]]
     if model.slider_forces is not None:
         t = model.slider_forces.tables

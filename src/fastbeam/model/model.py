@@ -47,6 +47,7 @@ class Model(WithFeatures):
     # simo, green: elements with strain set (2.2), (2.1)
     simo: ElementTables | None
     green: ElementTables | None
+    reference_strains: Array  # float64 [*]: strains of all elements that are free of stress at the start, by `ElementTables.meta`
     # inner, substructures, carriers, bodies, ties, held: None where the scene has none; then no code is compiled for them
     inner: Inner | None
     substructures: Substructures | None

@@ -314,8 +314,9 @@ class ElementPacker:
         last."""
         return [k for kind in (0, 1, -1) for k, beam in enumerate(self.beam) if np.sign(beam) == kind]
 
-    def tables(self, row_of: Array, blocks: Array) -> ElementTables | None:
-        """Pack the tables; blocks: block of every pair (idle ones already set), in the order of `pairs`."""
+    def tables(self, row_of: Array, blocks: Array, strains: TablePool) -> ElementTables | None:
+        """Pack the tables; blocks: block of every pair (idle ones already set), in the order of `pairs`; strains: takes the
+        reference strains."""
         if not self.meta:
             return None
         pool = TablePool()
@@ -328,8 +329,8 @@ class ElementPacker:
                                          elements.inertia[section].transpose(0, 2, 1))
                 viscosity = elements.viscosity.reshape(-1, 36)[section].transpose(0, 2, 1)
                 meta[some, CONSTANTS] = pool.constants(constants, viscosity if self.is_damped else None)
-                strains = elements.reference_strains[lane].reshape(groups, 8, -1)
-                meta[some, REFERENCE] = pool.append(strains.transpose(0, 2, 1).reshape(groups, -1))
+                own = elements.reference_strains[lane].reshape(groups, 8, -1)
+                meta[some, REFERENCE] = strains.append(own.transpose(0, 2, 1).reshape(groups, -1))
         nodes = np.concatenate(self.nodes)
         rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
         meta = np.concatenate([self.meta[k] for k in self.order])

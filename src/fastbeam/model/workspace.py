@@ -2,12 +2,14 @@
 from __future__ import annotations
 
 import os
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fastbeam.interface.errors import SceneError
+from fastbeam.kernels.beams.element_loop import ElementTables
 from fastbeam.kernels.beams.inner_nodes import Inner
 from fastbeam.kernels.contact.curves import NODES_OF_CURVE
 from fastbeam.kernels.contact.moving_beam import MovingBeam, Scratch
@@ -15,6 +17,7 @@ from fastbeam.kernels.empty_arrays import aligned_empty, empty
 from fastbeam.kernels.entries.dense import Contact, ContactAtRest, ContactInRows, ContactOfCarriers
 from fastbeam.kernels.entries.factored import FRAME, FactoredContact
 from fastbeam.kernels.forces.user_force import FACTOR, SIZE
+from fastbeam.kernels.layout import LIST, POINTS, REFERENCE
 from fastbeam.kernels.linalg.constraints import Constraints
 from fastbeam.kernels.linalg.substructures import Substructures, place_stores
 from fastbeam.kernels.state import LastIncrement, Work, aligned
@@ -24,9 +27,63 @@ from fastbeam.model.model import Model
 Array = np.ndarray
 
 
-def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
+class ReferenceStrains:
+    """Reference strains of one run, in the order of the tables of every form of its model.
+
+    Parameters
+    ----------
+    beams : sequence of (slice, float)
+        Beams whose prestrains change: nodes, and the change at factor 1.
+    """
+
+    def __init__(self, beams: Sequence[tuple[slice, float]] = ()) -> None:
+        self.beams = beams
+        self._factors = np.zeros(len(beams))
+        self._arrays: dict[Model, Array] = {}
+        # number of a beam, an array, where its axial strains are there, and these at factor 0
+        self._parts: list[tuple[int, Array, Any, Array]] = []
+
+    def of(self, model: Model) -> Array:
+        """Return the strains as the tables of a model have them, float64 [*]: those of the model where nothing changes them, else
+        an array that `put` changes."""
+        if not self.beams:
+            return model.reference_strains
+        if model not in self._arrays:
+            own = self._arrays[model] = aligned(model.reference_strains.size)
+            own[:] = model.reference_strains
+            for k, (span, _) in enumerate(self.beams):
+                for at in (_axial_strains(x, span, len(model.dofs)) for x in (model.simo, model.green) if x is not None):
+                    self._parts.append((k, own, at, own[at]))
+            self.put(self._factors)
+        return self._arrays[model]
+
+    def watch(self, sections: Sequence[Any]) -> None:
+        """Let the reference strains of these `resultants.Sections`, or None, change as well."""
+        for section in sections:
+            for k, (span, _) in enumerate(self.beams):
+                if section is not None and section.span == span:
+                    self._parts.append((k, section.reference, (..., 0), section.reference[..., 0].copy()))
+        self.put(self._factors)
+
+    def put(self, factors: float | Array) -> None:
+        """Set the prestrains of all beams by one factor, or by one of each [B]."""
+        self._factors[:] = factors
+        for k, array, at, first in self._parts:
+            array[at] = first - self._factors[k] * self.beams[k][1]
+
+
+def _axial_strains(tables: ElementTables, span: slice, strains: int) -> Array:
+    """Return where the axial strains of a beam with these nodes stand among the reference strains, so many at every point."""
+    first = tables.nodes[tables.meta[:, LIST, None] + np.arange(8)]
+    group, lane = np.nonzero((first >= span.start) & (first < span.stop))
+    points = tables.meta[group, POINTS]
+    point = np.arange(points.sum()) - np.repeat(np.cumsum(points) - points, points)
+    return np.asarray(np.repeat(tables.meta[group, REFERENCE] + lane, points) + 8 * strains * point)
+
+
+def work_of(model: Model, keep: bool = True, rates: bool = False, strains: ReferenceStrains | None = None) -> Work:
     """Allocate the work arrays of one run; keep: with room for the state before a step; rates: for a method with its own rates
-    (generalised alpha)."""
+    (generalised alpha); strains: those of the run, default those of the model."""
     n, s, size = model.n_nodes, model.n_sliders, len(model.dofs)
     kept = int(keep)
     q = model.q0.size
@@ -53,7 +110,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 past=np.zeros(model.past_size),
                 keep_past=empty(kept * model.past_size),
                 increment=LastIncrement(np.array([0.0, model.softest, -1.0, 0.0, 0.0]), theta, aligned_empty(8 * (n + 1)),
-                               NoTies() if model.ties is None else _padded(model.dim * n)))
+                               NoTies() if model.ties is None else _padded(model.dim * n)),
+                reference_strains=model.reference_strains if strains is None else strains.of(model))
 
 
 def check_border(model: Model) -> None:

@@ -13,9 +13,9 @@ from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.linalg.scaling import with_values
 from fastbeam.model.model import Model
+from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
 from fastbeam.statics.load_laws import LawPath
-from fastbeam.statics.prestrains import StrainPath
 from fastbeam.statics.sliding import SlidingSolver
 from fastbeam.stepping.iteration import newton_loop
 
@@ -61,17 +61,17 @@ class PathSolver(SlidingSolver):
         Load factor of the start.
     laws : LawPath
         Path of forces by laws.
-    strains : StrainPath, optional
-        Path of prestrains that change.
+    strains : ReferenceStrains, optional
+        With prestrains that change with the load factor.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None, backend: str,
                  factors: tuple[Array, Array], factor: float, laws: LawPath = LawPath(0.0, 0.0, 1.0),
-                 strains: StrainPath | None = None) -> None:
-        super().__init__(model if strains is None else strains.model, start, max_iterations, held, flat, backend, laws.time)
+                 strains: ReferenceStrains | None = None) -> None:
+        super().__init__(model, start, max_iterations, held, flat, backend, laws.time, strains)
         if self.along is not None:
             self.along.is_exact = True
-        self._laws, self._strains = laws, strains
+        self._laws = laws
         self.is_unsymmetric = not self.has_potential(self.stepper.plane is not None)
         self._of_path, self._backend = factoriser_for(backend, threads=1), backend
         loads = []
@@ -179,8 +179,7 @@ class PathSolver(SlidingSolver):
         """Restore a state and load factor of `saved`."""
         self._restore(saved[:3])  # type: ignore[arg-type]
         self.factor = saved[3]
-        if self._strains is not None:
-            self._strains.put(self.factor)
+        self.strains.put(self.factor)
 
     def place(self) -> Array:
         """Return coordinates, arc lengths of sliders and load factor such that differences have the length of steps, to first
@@ -209,7 +208,7 @@ class PathSolver(SlidingSolver):
         self._at(self.factor)
         saddle, right = self._assembled(self.sliding)
         push = more - right
-        alike = self.motion is None and self._strains is None and not self._by_laws and self.along is None
+        alike = self.motion is None and not self.strains.beams and not self._by_laws and self.along is None
         if alike and self.core.ties is None:
             # for dead loads it is constant: the loads themselves, without round-off, except on fixed unknowns
             size, n = len(self.core.dofs), self.core.pattern.n
@@ -224,8 +223,7 @@ class PathSolver(SlidingSolver):
             self.motion.share, self.motion.ahead = factor, ahead
         factor += ahead
         self._loads[:] = self._first_loads + factor * self._unit_loads
-        if self._strains is not None:
-            self._strains.put(factor)
+        self.strains.put(factor)
         laws = self._laws
         self.set_time(laws.time, laws.first + factor * laws.change)
         if laws.shares is not None:

@@ -15,6 +15,7 @@ from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.mapping import HALF_TURN
 from fastbeam.model.maps import RowMap
 from fastbeam.model.model import Model
+from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.statics.equilibrium import StaticSolver
 from fastbeam.statics.joint_friction import static_joints
 from fastbeam.statics.moving_supports import coordinates_of
@@ -54,6 +55,8 @@ class SaddleSolver(StaticSolver):
     flat : bool, optional
         Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
     backend : {'auto', 'pardiso', 'superlu'}
+    strains : ReferenceStrains, optional
+        Those of the run, which other solvers share.
 
     Attributes
     ----------
@@ -64,12 +67,12 @@ class SaddleSolver(StaticSolver):
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None,
-                 backend: str = "auto", at_time: float = 0.0) -> None:
+                 backend: str = "auto", at_time: float = 0.0, strains: ReferenceStrains | None = None) -> None:
         if flat is None:
             flat = model.plane is not None and (start is None or model.plane.holds(start))
         assert model.uneliminated is not None
         uneliminated = model.uneliminated(planar=flat)
-        super().__init__(uneliminated, start, max_iterations, "superlu")
+        super().__init__(uneliminated, start, max_iterations, "superlu", strains=strains)
         plane = self.stepper.plane
         self.map = RowMap(uneliminated, None if plane is None else plane.axes)
         self.constraints = Constraints(self.stepper)

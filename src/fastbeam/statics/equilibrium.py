@@ -15,6 +15,7 @@ from fastbeam.kernels.forces.user_force import UserForces
 from fastbeam.kernels.loop import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from fastbeam.kernels.state import MORE_ITERATIONS, State
 from fastbeam.model.model import Model
+from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.statics.free_motions import FreeMotions
 from fastbeam.statics.moving_supports import Carrying, StaticMotion, StaticShift, coordinates_of
 from fastbeam.stepping.stepper import Stepper
@@ -39,7 +40,8 @@ class Counts(NamedTuple):
 class StaticSolver:
     """Newton solver for equilibria of one model; it keeps the last equilibrium."""
 
-    def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None) -> None:
+    def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None,
+                 strains: ReferenceStrains | None = None) -> None:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
         # well, unless moments act (theory.md 8)
         self.moments = bool(np.logical_or.reduce(model.loads.entries[:, 3:6], axis=None))
@@ -47,8 +49,9 @@ class StaticSolver:
         self._turns |= model.dragged is not None and model.dragged.turns
         self.moments |= bool(model.user_forces) or self._turns
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
-                               symmetric=not self.moments)
+                               symmetric=not self.moments, strains=strains)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
+        self.strains = self.stepper.strains
         self.core.stop(self.stepper.core_state)
         self.history: list[int] = []
         # iterations of the last equilibrium, or of the hardest part of it
@@ -230,7 +233,7 @@ class StaticSolver:
     def _uneliminated(self, planar: bool) -> StaticSolver:
         uneliminated = self.stepper.model.uneliminated
         assert uneliminated is not None
-        other = StaticSolver(uneliminated(planar=planar), self.state, self.max_iterations, "superlu")
+        other = StaticSolver(uneliminated(planar=planar), self.state, self.max_iterations, "superlu", strains=self.strains)
         other.set_time(*self.stepper.law_work[:2])
         return other
 

@@ -18,15 +18,15 @@ from fastbeam.model.analyses import Analysis, require
 from fastbeam.model.forces.loads import load_factors_at
 from fastbeam.model.model import Model, check_model
 from fastbeam.results.observe.observer import OBSERVED, POINTS
+from fastbeam.results.observe.resultants import span_of
 from fastbeam.results.progress import Progress
 from fastbeam.results.result import Result, ResultBuffer
 from fastbeam.scene import Beam
 from fastbeam.scene.checks import Place
 from fastbeam.statics.load_steps import KEPT, LONG, LoadSteps, StaticTask
 from fastbeam.statics.path_stops import wanted_of
-from fastbeam.statics.prestrains import check_beam
 from fastbeam.statics.static_analysis import SHARE, START, held_sliders, solve_static, which_sliders
-from fastbeam.statics.unknown_lengths import DEPENDENT, UNMOVED, Condition, LengthSolver, LengthTables, conditions_of
+from fastbeam.statics.unknown_lengths import DEPENDENT, UNMOVED, Condition, Lengths, LengthSolver, conditions_of
 
 Array = np.ndarray
 MASSES = ("kept", "per_length")
@@ -42,17 +42,16 @@ class LengthTask(StaticTask):
 
     Attributes
     ----------
-    tables : LengthTables
-        Tables of the model.
+    unknown : Lengths
     conditions : list of Condition
     """
 
-    tables: LengthTables
+    unknown: Lengths
     conditions: list[Condition]
 
     def solver(self) -> LengthSolver:
         assert self.start is not None
-        return LengthSolver(self.tables, self.start, self.max_iterations, self.stays, self.backend, self.at_time or 0.0,
+        return LengthSolver(self.unknown, self.start, self.max_iterations, self.stays, self.backend, self.at_time or 0.0,
                             self.factors, self.conditions)
 
 
@@ -78,22 +77,22 @@ class LengthSteps(LoadSteps):
         super().__init__(task)
         # loads act in full, at their time
         self.solver.set_time(task.at_time or 0.0, 1.0)
-        _check_influence(self.solver.influence(), task.tables.beams, task.conditions)
+        _check_influence(self.solver.influence(), task.unknown.beams, task.conditions)
         self.info |= {"method": "lengths", "mass": mass}
         header = self.observer.header(self.info)
         header.series["prestrains"] = (len(task.conditions),)
-        header.names["lengths"] = [beam.name for beam in task.tables.beams]
+        header.names["lengths"] = [beam.name for beam in task.unknown.beams]
         self.buffer = ResultBuffer(header)
-        task.tables.watch(self.observer.points.sections)
+        task.unknown.strains.watch(self.observer.points.sections)
 
     def _also(self) -> dict[str, Any]:
         return {"prestrains": self.solver.prestrains.copy()}
 
     def _finish(self) -> Result:
-        result, tables, prestrains = super()._finish(), self.task.tables, self.solver.prestrains
-        names = [beam.name for beam in tables.beams]
-        shares = (1.0 - prestrains) / (1.0 - tables.first) if self.info["mass"] == "per_length" else np.ones(len(names))
-        for key, values in (("prestrains", prestrains), ("unstressed_lengths", (1.0 - prestrains) * tables.lengths),
+        result, unknown, prestrains = super()._finish(), self.task.unknown, self.solver.prestrains
+        names = [beam.name for beam in unknown.beams]
+        shares = (1.0 - prestrains) / (1.0 - unknown.first) if self.info["mass"] == "per_length" else np.ones(len(names))
+        for key, values in (("prestrains", prestrains), ("unstressed_lengths", (1.0 - prestrains) * unknown.lengths),
                             ("mass_factors", shares)):
             result.info[key] = dict(zip(names, values.tolist()))
         return result
@@ -224,17 +223,17 @@ def find_lengths(model: Model, lengths: Sequence[Beam | str], conditions: Mappin
     if not smallest_step <= step:
         raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "
                          f"{largest_step:g}")
-    tables = LengthTables(model, _beams_of(model, lengths), mass == "per_length")
+    unknown = Lengths(model, _beams_of(model, lengths), mass == "per_length")
     wanted = wanted_of(model, {} if conditions is None else conditions, points, "find_lengths, conditions")
     asked = conditions_of(model, wanted, conditions, points, stays)
-    if len(asked) != len(tables.beams):
-        raise SceneError(f"find_lengths: needs as many unknown lengths as conditions, {len(asked)}, got {len(tables.beams)}; "
-                         f"name {('more' if len(asked) > len(tables.beams) else 'fewer')} beams, or conditions")
+    if len(asked) != len(unknown.beams):
+        raise SceneError(f"find_lengths: needs as many unknown lengths as conditions, {len(asked)}, got {len(unknown.beams)}; "
+                         f"name {('more' if len(asked) > len(unknown.beams) else 'fewer')} beams, or conditions")
     factors = load_factors_at("find_lengths", model, at_time)
     first = solve_static(model, start=start, raise_loads=start is None, at_time=at_time, held=held,
                          max_iterations=max_iterations, backend=backend)
-    task = LengthTask(tables.model, first.state, [], factors, [1.0], stays, [], smallest_step, at_time, observe, points,
-                      max_iterations, backend, None, False, "mesh", None, tables, asked)
+    task = LengthTask(unknown.model, first.state, [], factors, [1.0], stays, [], smallest_step, at_time, observe, points,
+                      max_iterations, backend, None, False, "mesh", None, unknown, asked)
     return LengthSteps(task, mass).find(step, largest_step)
 
 
@@ -258,7 +257,7 @@ def _beams_of(model: Model, lengths: Any) -> list[Beam]:
                 raise SceneError(f"find_lengths, lengths: scene {model.scene_name!r} has no beam {one!r}; its beams are "
                                  f"{known(named, one)}; of a net name net.beam(k)")
             one = named[one]
-        check_beam("find_lengths, lengths", model, one)
+        span_of("find_lengths, lengths", model, one)
         if any(one is other for other in out):
             raise SceneError(f"find_lengths, lengths: {one.label} is listed twice; each length is one unknown")
         out.append(one)

@@ -10,6 +10,7 @@ from fastbeam.kernels.state import State
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.mapping import follow, turned
 from fastbeam.model.model import Model
+from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.results.observe.contact_ripples import rest_events
 from fastbeam.results.observe.resolution import Resolution
 from fastbeam.statics.sliding import SlidingSolver
@@ -30,7 +31,7 @@ class Response(SlidingSolver):
 
     Parameters
     ----------
-    model, start, held, flat, backend, at_time
+    model, start, held, flat, backend, at_time, strains
         See `SlidingSolver`.
     factors : float64 [K]
         Load factors.
@@ -39,8 +40,8 @@ class Response(SlidingSolver):
     """
 
     def __init__(self, model: Model, start: State, held: Array, flat: bool, backend: str, at_time: float, factors: Array,
-                 load_factor: float) -> None:
-        super().__init__(model, start, 20, held, flat, backend, at_time)
+                 load_factor: float, strains: ReferenceStrains | None = None) -> None:
+        super().__init__(model, start, 20, held, flat, backend, at_time, strains)
         self.set_time(at_time, load_factor)
         self.move_to(load_factor)
         if self.along is not None:
@@ -174,4 +175,4 @@ def place_events(solver: SlidingSolver, model: Model) -> list[dict[str, Any]]:
         return None if x is None else x[solver.places]
 
     state = State(*(x.copy() for x in solver.state))
-    return rest_events(model, state, Resolution(model).tension(state.q), free, compliance)
+    return rest_events(model, state, Resolution(model, solver.strains).tension(state.q), free, compliance)

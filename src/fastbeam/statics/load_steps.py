@@ -172,7 +172,7 @@ class LoadSteps:
         if not set(task.observe) <= set(RECORDED):
             Observer(model, task.observe, task.points)  # refuses what does not exist
         self.observed = "slider", "joint", *(kind for kind in task.observe if kind in RECORDED)
-        self.observer = Observer(model, self.observed, task.points)
+        self.observer = Observer(model, self.observed, task.points, strains=self.solver.strains)
         self.reactions = reactions_of(self.solver, self.observer)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
                                      **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
@@ -345,7 +345,7 @@ class LoadSteps:
 
     def _look_at_mesh(self, factor: float) -> str:
         """Add events where elements are too coarse for the last equilibrium; return the first as a text."""
-        resolution = Resolution(self.task.model)
+        resolution = Resolution(self.task.model, self.solver.strains)
         resolution.look(factor, self.solver.state)
         found = resolution.events()
         for event in found:

@@ -152,7 +152,8 @@ class SlidingSolver(SaddleSolver):
         if in_plane != (self.stepper.plane is not None):
             # where friction or a stop holds a slider, it stays
             t, share = (float(x) for x in self.stepper.law_work[:2])
-            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu", t)
+            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu", t,
+                                  self.strains)
             other.set_time(t, share)
             other.move_to(share)
             return other.signs(factors, in_plane)

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
+from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,17 +15,20 @@ from fastbeam.linalg.factors import factoriser_for
 from fastbeam.linalg.saddle import Saddle
 from fastbeam.model.model import Model
 from fastbeam.model.tables import elements_of
+from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.results.observe.points import place_of
 from fastbeam.results.observe.resolution import Resolution
+from fastbeam.results.observe.resultants import span_of
 from fastbeam.scene import Beam
 from fastbeam.scene.checks import Place
 from fastbeam.statics.equilibrium import LEAST_STRAY, STRAY
 from fastbeam.statics.linear_response import Response
 from fastbeam.statics.path_stops import AXES, MOMENTS, Wanted
-from fastbeam.statics.prestrains import LEAST, MOST, StrainPath
 from fastbeam.stepping.iteration import newton_loop
 
 Array = np.ndarray
+# of a prestrain, from its least to its largest value
+LEAST, MOST = -10.0, 0.99
 # longest increment, in sizes of the scene and rad
 LONGEST = 1.0
 # steps of coordinates, in distances of nodes and as they are, for derivatives of section forces, and differences of order 6
@@ -36,8 +40,8 @@ UNMOVED, DEPENDENT = 1e-9, 1e-9
 UNBALANCED = 1e-9
 
 
-class LengthTables(StrainPath):
-    """Prestrains of beams, each by itself, counted from those of the scene.
+class Lengths:
+    """Prestrains of beams, each by itself, counted from those of the scene, and a model with the weights that go with them.
 
     Parameters
     ----------
@@ -48,38 +52,40 @@ class LengthTables(StrainPath):
     """
 
     def __init__(self, model: Model, beams: list[Beam], per_length: bool) -> None:
-        self.beams, self.first = beams, np.array([beam.start_strain[0] for beam in beams])
+        self.model, self.beams, self.first = model, beams, np.array([beam.start_strain[0] for beam in beams])
+        self.strains = ReferenceStrains([(span_of("find_lengths, lengths", model, beam), 1.0) for beam in beams])
         self.weighs = per_length and bool(np.any(model.gravity))
         # arrays of loads and of weights, what they are at first, and their change with the prestrain of every beam
         self._weights: list[tuple[Array, Array, list[tuple[Array, Array]]]] = []
-        self._axes: Array | None = None
-        # nodes of every beam, one element after the other, and how their masses change with its prestrain, kg
-        self._shares = [_shares(model, beam, first) for beam, first in zip(beams, self.first.tolist())] if self.weighs else []
-        super().__init__(model, dict.fromkeys(beams, 1.0))
+        self._change = np.zeros(len(beams))
+        if self.weighs:
+            # nodes of every beam, one element after the other, and how their masses change with its prestrain, kg
+            self._shares = [_shares(model, beam, first) for beam, first in zip(beams, self.first.tolist())]
+            given, axes = model.uneliminated, np.eye(3) if model.plane is None else model.plane.axes
+            assert given is not None
+            self._form = cache(lambda planar: self._own(given(planar=planar), axes))
+            self.model = self._own(model, axes)
 
-    def _own(self, model: Model) -> Model:
-        if model.plane is not None:
-            self._axes = model.plane.axes
-        own = super()._own(model)
-        if not self.weighs:
-            return own
+    def _own(self, model: Model, axes: Array) -> Model:
+        """Return the model with loads and weights of its own; axes: of its plane."""
         # gravity is in the first vector of all loads
         loads, weight = model.loads._replace(first=model.loads.first.copy()), model.gravity_weight.copy()
-        rows = loads.first.reshape(-1, 8)
-        within = np.eye(3) if model.dim == 3 or self._axes is None else self._axes[:2].T
-        pull = np.zeros(8)
-        pull[:within.shape[1]] = model.gravity @ within
-        row_of = model.pattern.row_of
+        rows, row_of, pull = loads.first.reshape(-1, 8), model.pattern.row_of, np.zeros(8)
+        pull[:model.dim] = model.gravity @ (np.eye(3) if model.dim == 3 else axes[:2].T)
         self._weights.append((rows, rows.copy(), [(row_of[at], share[:, None] * pull) for at, share in self._shares]))
         self._weights.append((weight, weight.copy(), self._shares))
-        return own.with_loading(loads=loads, gravity_weight=weight)
+        self.put(self._change)
+        plane = None if model.plane is None else replace(model.plane, model=self._own(model.plane.model, axes))
+        return replace(model.with_loading(loads=loads, gravity_weight=weight), plane=plane, uneliminated=self._form)
 
-    def put(self, factor: float | Array) -> None:
-        super().put(factor)
+    def put(self, change: Array) -> None:
+        """Set these changes of the prestrains of the beams [m], and their weights."""
+        self._change = change.copy()
+        self.strains.put(change)
         for array, first, changes in self._weights:
             array[:] = first
-            for k, (at, change) in enumerate(changes):
-                np.add.at(array, at, self._now[k] * change)
+            for (at, share), by in zip(changes, change):
+                np.add.at(array, at, by * share)
 
     @property
     def lengths(self) -> Array:
@@ -111,9 +117,8 @@ class Condition(NamedTuple):
         if self.at is not None:
             nodes, weights = self.at
             return (12 * nodes[:, None] + 3 * np.arange(4) + self.axis).reshape(-1), weights.reshape(-1)
-        section = copy(self.wanted.section)
-        first, section.first = section.first, 0
-        q = state.q.reshape(-1, 12)[first:first + section.count]
+        section = self.wanted.section
+        q = state.q.reshape(-1, 12)[section.span]
         nodes = np.unique(np.concatenate((section.nodes.reshape(-1), section.at_nodes.reshape(-1))))
         steps = np.full((nodes.size, 12), NEARBY)
         steps[:, :3] *= np.max(np.linalg.norm(np.diff(q[nodes, :3], axis=0), axis=1))
@@ -126,7 +131,7 @@ class Condition(NamedTuple):
         shapes = moved.reshape(-1, section.count, 4, 3)
         values = getattr(section.at(np.zeros(len(shapes)), shapes[:, :, 0], shapes[:, :, 1:]), self.part)[:, 0]
         slope = values.reshape(n, -1) @ np.array(WEIGHTS) / steps.reshape(-1)
-        return (12 * (first + nodes[:, None]) + np.arange(12)).reshape(-1), slope
+        return (12 * (section.first + nodes[:, None]) + np.arange(12)).reshape(-1), slope
 
 
 def conditions_of(model: Model, wanted: list[Wanted], conditions: Mapping[Any, float], points: Mapping[str, Place] | None,
@@ -164,7 +169,7 @@ class LengthSolver(Response):
 
     Parameters
     ----------
-    tables : LengthTables
+    unknown : Lengths
     start : State
         An equilibrium with the lengths of the scene.
     max_iterations, held, backend, at_time, factors
@@ -173,13 +178,14 @@ class LengthSolver(Response):
         As many as beams.
     """
 
-    def __init__(self, tables: LengthTables, start: State, max_iterations: int, held: Array, backend: str, at_time: float,
+    def __init__(self, unknown: Lengths, start: State, max_iterations: int, held: Array, backend: str, at_time: float,
                  factors: Array, conditions: list[Condition]) -> None:
-        plane = tables.model.plane
-        self.tables, self.conditions = tables, conditions
-        self.change = np.zeros(len(tables.beams))
-        tables.watch([condition.wanted.section for condition in conditions])
-        super().__init__(tables.model, start, held, plane is not None and plane.holds(start), backend, at_time, factors, 1.0)
+        plane = unknown.model.plane
+        self.unknown, self.conditions = unknown, conditions
+        self.change = np.zeros(len(unknown.beams))
+        unknown.strains.watch([condition.wanted.section for condition in conditions])
+        super().__init__(unknown.model, start, held, plane is not None and plane.holds(start), backend, at_time, factors, 1.0,
+                         unknown.strains)
         # conditions are at the start
         self.part, self.may_leap = 0.0, False
         self.max_iterations = max_iterations
@@ -198,7 +204,7 @@ class LengthSolver(Response):
     @property
     def prestrains(self) -> Array:
         """Present prestrains of the beams [m]."""
-        return self.tables.first + self.change
+        return self.unknown.first + self.change
 
     def values(self) -> Array:
         """Return the values of the quantities of all conditions [m]."""
@@ -212,8 +218,8 @@ class LengthSolver(Response):
 
     def _put(self, change: Array) -> None:
         """Set these changes of the prestrains of beams [m], and the weights that depend on them."""
-        self.tables.put(change)
-        if self.tables.weighs:
+        self.unknown.put(change)
+        if self.unknown.weighs:
             self._load(self.factors)
             self._loads[:] = self.work.f_ext
 
@@ -295,7 +301,7 @@ class LengthSolver(Response):
             if x is None:
                 return self.no_increment, None
             change = self.change + x[self.unknowns:]
-            prestrains = self.tables.first + change
+            prestrains = self.unknown.first + change
             if self._size(x[:self.nodes]) > LONGEST or np.any((prestrains < LEAST) | (prestrains > MOST)):
                 return NOT_CONVERGED, None
             if self.beyond_ends(self.stepper.core_state.s + x[self.places]):
@@ -312,7 +318,7 @@ class LengthSolver(Response):
         # further off than conditions that are nearly linear lead: another equilibrium
         gone = np.sum(ways, axis=0)
         if self._extent(gone - ways[0]) > max(STRAY * self._extent(ways[0]), LEAST_STRAY):
-            if not self.may_leap or Resolution(self.tables.model).is_folded(self.state.q):
+            if not self.may_leap or Resolution(self.unknown.model).is_folded(self.state.q):
                 return NOT_CONVERGED, sizes
             self.leaps.append((self.part, self._extent(gone)))
         return OK, sizes

@@ -36,6 +36,7 @@ from fastbeam.model.released_supports import own_supports
 from fastbeam.model.start import own_state
 from fastbeam.model.workspace import (
     Capacity,
+    ReferenceStrains,
     capacity_of,
     check_border,
     contact_of,
@@ -93,6 +94,8 @@ class Stepper:
         Threads for condensed beams (default: see `thread_count`) and for PARDISO.
     static, symmetric : bool
         For statics: loads that change, PARDISO's symmetric factorisation.
+    strains : ReferenceStrains, optional
+        Those of the run, which several steppers may share.
 
     Raises
     ------
@@ -104,13 +107,14 @@ class Stepper:
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
                  backend: str = "auto", method: Scheme = Scheme(), t: float = 0.0, memory: Array | None = None,
                  augmentation: float = AUGMENTATION, threads: int | None = None, static: bool = False,
-                 symmetric: bool = False) -> None:
+                 symmetric: bool = False, strains: ReferenceStrains | None = None) -> None:
         check_backend(backend)
         self.max_iterations = count("max_iterations", max_iterations)
         _announce()
         if method.is_compared and model.substructures is not None and model.uncondensed is not None:
             model = model.uncondensed()
         self.model, self.method, self._static = model, method, static
+        self.strains = strains or ReferenceStrains()
         self.weights = np.ascontiguousarray(weights, dtype=float)
         start = None if state is None else own_state(model, state)
         self.augmentation = number("augmentation", augmentation)
@@ -180,7 +184,7 @@ class Stepper:
         core, rates = self.core, self.method.at_end
         # a step in one piece changes the state when it is done
         keep = self.weights.size > 1 or core.n_constraints > 0 or core.moving is not None or rates
-        self.work = work_of(core, keep=keep, rates=rates)
+        self.work = work_of(core, keep, rates, self.strains)
         self.inner = inner_of(core)
         # sliders alone, as rows of the block matrix
         self._factored = (core.by_rows and core.n_constraints == core.n_sliders
@@ -361,7 +365,8 @@ class Stepper:
         if self.made_fallback is None:
             assert self.model.uneliminated is not None
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
-                               "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
+                               "superlu", self.method, memory=self.memory, augmentation=self.augmentation,
+                               strains=self.strains)
             fallback.core_state, fallback.alpha = self.core_state, self.alpha
             put_limits(self.core, self.core_state, self.corner, fallback.terms)
             fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},

@@ -241,7 +241,7 @@ def add_sections_of_groups(sums, system, rates, gravity, step, h):
             gather_rates.call(dofs, rates, tables, no + 8 * a, scratch, at.increment + at.node * a)
         for lane in range(0, 8, WIDTH):
             constants = address(tables.tab, tables.meta[k, CONSTANTS] + lane)
-            reference = address(tables.tab, tables.meta[k, REFERENCE] + lane)
+            reference = address(move.reference_strains, tables.meta[k, REFERENCE] + lane)
             lanes = address(scratch, lane)
             add_inertias.call(dofs, constants, lanes, at, gravity, step, address(sums.inertia, inertias * k + lane))
             for g in range(at.nq):

@@ -103,7 +103,7 @@ def account_dissipation(term, system, h):
         gather_group(tables, tables.meta[k, LIST], at, move, scratch, dofs)
         for lane in range(0, 8, WIDTH):
             constants = address(tables.tab, tables.meta[k, CONSTANTS] + lane)
-            reference = address(tables.tab, tables.meta[k, REFERENCE] + lane)
+            reference = address(move.reference_strains, tables.meta[k, REFERENCE] + lane)
             lanes = address(scratch, lane)
             total = vzero()
             for g in range(at.nq):

@@ -9,7 +9,7 @@ With both ends equal the same kernel is statics; its tangent is then half the st
 
 The loop over groups, inertia and projection serve nodes in space and in a plane; points and pairs of nodes in a plane are in
 beams/planar.py. Offsets in the tables of a group and in its scratch are those of layout.py. Groups with equal constants share one
-table; reference strains, 6 or 3 per point, have a table of their own.
+table; reference strains, 6 or 3 per point, are an array of the run.
 
 Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], numbers of a
 group in lanes: layout.py has their places; r_out [8 (rows + 1)]; blocks_out [8 n (blocks + 1)], n unknowns a node.
@@ -107,7 +107,7 @@ class ElementTables(NamedTuple):
     """Constant tables of all elements with one strain set; G groups of 8 lanes."""
 
     meta: np.ndarray     # int64 [G, 8]: nodes nn, points nq, offset in tab, in nodes, in blocks, 1 where C is coupled, offset of
-    #                      the factors of inner nodes or -1, of the reference strains in tab: columns NODES to REFERENCE
+    #                      the factors of inner nodes or -1, in the reference strains of the run: columns NODES to REFERENCE
     tab: np.ndarray      # float64 [*], see layout.py
     nodes: np.ndarray    # int64 [*]: per group nn x 8 node numbers; idle lanes repeat the last element
     rows: np.ndarray     # int64 [*]: per group nn x 8 rows of the residual; idle lanes point to the row behind the last
@@ -420,7 +420,7 @@ def evaluate_group(tables, k, at, strains, motion, scratch, dofs):
     for lane in range(0, 8, WIDTH):
         evaluate_lanes.call(dofs, motion.method, set_over.call(strains, motion),
                             address(tables.tab, tables.meta[k, CONSTANTS] + lane),
-                            address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case,
+                            address(motion.reference_strains, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case,
                             motion.mass_factor)
 
 

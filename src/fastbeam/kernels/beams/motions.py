@@ -1,4 +1,4 @@
-"""Motion of nodes in the element loops, by method: a named tuple of arrays for each.
+"""Motion of nodes in the element loops, by method: a named tuple of arrays for each, with the reference strains of the run.
 
 `method` is a named tuple without items, by which the operations below choose: that of terms.py, or `AtEnd` for generalised alpha.
 
@@ -32,6 +32,7 @@ class OverStep(NamedTuple):
     dphi: np.ndarray       # float64 [3 N], [2 N]: increments of the positions
     v: np.ndarray          # float64 [12 N], [4 N]: rates at the start
     increment: LastIncrement
+    reference_strains: np.ndarray  # float64 [*]: as `Work.reference_strains`
     h: float               # s
     mass_factor: float     # factor of the mass matrix in the tangent: 2/h^2
 
@@ -45,6 +46,7 @@ class ToEnd(NamedTuple):
     u: np.ndarray          # float64 [12 N]: second rates at the end
     spin_rate: np.ndarray  # float64 [18 N]: derivatives of second rates of d2, d3 by the spins
     increment: LastIncrement
+    reference_strains: np.ndarray  # float64 [*]
     mass_factor: float     # half of d(second rates)/d(displacements), as the tangent is halved
 
 
@@ -55,6 +57,7 @@ class Resting(NamedTuple):
     q: np.ndarray          # float64 [12 N]
     u: np.ndarray          # float64 [12 N]: second rates
     increment: LastIncrement
+    reference_strains: np.ndarray  # float64 [*]
     mass_factor: float     # 0
 
 
@@ -64,6 +67,7 @@ class Still(NamedTuple):
     method: Any
     q: np.ndarray          # float64 [12 N], in a plane [4 N]
     increment: LastIncrement
+    reference_strains: np.ndarray  # float64 [*]
     mass_factor: float     # 0
 
 
@@ -76,25 +80,26 @@ def motion(method, state, work, h):
 @motion.register(Midpoint)
 @kernel
 def motion_over_step(method, state, work, h):
-    return OverStep(method, state.q, work.dphi, state.v, work.increment, h, 2.0 / (h * h))
+    return OverStep(method, state.q, work.dphi, state.v, work.increment, work.reference_strains, h, 2.0 / (h * h))
 
 
 @motion.register(Alpha)
 @kernel
 def motion_to_end(alpha, state, work, h):
-    return ToEnd(AT_END, state.q, work.dphi, work.u, alpha.spin_rate, work.increment, 0.5 * alpha.factor[1])
+    return ToEnd(AT_END, state.q, work.dphi, work.u, alpha.spin_rate, work.increment, work.reference_strains,
+                 0.5 * alpha.factor[1])
 
 
 @motion.register(AtRest)
 @kernel
 def motion_at_rest(method, state, work, h):
-    return Resting(method, state.q, work.u, work.increment, 0.0)
+    return Resting(method, state.q, work.u, work.increment, work.reference_strains, 0.0)
 
 
 @motion.register(Equilibrium)
 @kernel
 def no_motion(method, state, work, h):
-    return Still(method, state.q, work.increment, 0.0)
+    return Still(method, state.q, work.increment, work.reference_strains, 0.0)
 
 
 # --- asked of a motion --------------------------------------------------------------------------------------------------

@@ -1,5 +1,5 @@
 """Dissipation of high frequencies by two filters of the strains of every point (theory.md (6.2)), as a term: their stress in the
-reference strains of a run, and the update of filters and energies after a step.
+strains that a step subtracts, and the update of filters and energies after it.
 
 Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
 lanes: layout.py has their places; x, y [*], addresses of strains of a point, and change_out [*], where they are written.
@@ -47,11 +47,11 @@ class StrainFilter(NamedTuple):
     """Filters of beams with one strain set; G groups of elements, n strains of all their points in lanes."""
 
     strains: Any           # strain_measures.SimoReissner or GreenLagrange with section_laws.Filtered
-    tables: ElementTables  # those of the run, whose reference strains stand behind everything else in `tab`
-    begin: np.ndarray      # int64 [1]: where
+    tables: ElementTables
+    begin: np.ndarray      # int64 [1]: where its strains begin among those of the run
     live: np.ndarray       # float64 [8 G]: 1, of idle lanes 0
     factors: np.ndarray    # float64 [3]: a, b, kappa
-    fixed: np.ndarray      # float64 [n]: reference strains of the sections
+    free: np.ndarray       # float64 [n]: reference strains of the run, without stress of the filters
     smooth: np.ndarray     # float64 [n]: m, a smoothed rate of the strains, 1/s
     rate: np.ndarray       # float64 [n]: r, their rate at the end of the last step, 1/s
     kept: np.ndarray       # float64 [2 n + 2]: m, r and energies before the last step
@@ -121,7 +121,7 @@ def put_changes(term, system, k, h):
     o = tables.meta[k, REFERENCE] - term.begin[0]
     for lane in range(0, 8, WIDTH):
         constants = address(tables.tab, tables.meta[k, CONSTANTS] + lane)
-        reference = address(tables.tab, tables.meta[k, REFERENCE] + lane)
+        reference = address(move.reference_strains, tables.meta[k, REFERENCE] + lane)
         for g in range(at.nq):
             put_change.call(dofs, system.method, strains, constants, reference, g, address(scratch, lane), at,
                             address(term.change, o + lane))
@@ -165,16 +165,16 @@ def group_energy(term, system, k, x, y):
 def begin_filters(term, system, h, c):
     """Store the known stress of the filters at the begin of a step, as strains that are subtracted with those of the
     reference."""
-    a, b, begin, tab = h * term.factors[0], 2.0 * h * term.factors[1], term.begin[0], term.tables.tab
-    for i in range(term.fixed.shape[0]):
-        tab[begin + i] = term.fixed[i] + (a * term.smooth[i] + b * term.rate[i])
+    a, b, begin, subtracted = h * term.factors[0], 2.0 * h * term.factors[1], term.begin[0], system.work.reference_strains
+    for i in range(term.free.shape[0]):
+        subtracted[begin + i] = term.free[i] + (a * term.smooth[i] + b * term.rate[i])
 
 
 @account.register(StrainFilter)
 @kernel
 def account_filters(term, system, h):
     """Update filters and their energies after the step."""
-    n = term.fixed.shape[0]
+    n = term.free.shape[0]
     term.kept[2 * n] = term.lost[0]
     term.kept[2 * n + 1] = term.lost[1]
     put_changes_of_filter(term, system, h)

@@ -23,7 +23,7 @@ from fastbeam.model.feature import Feature
 from fastbeam.model.model import Model
 from fastbeam.model.moving_supports import PrescribedMotions
 from fastbeam.model.start import own_state
-from fastbeam.model.workspace import contact_of
+from fastbeam.model.workspace import ReferenceStrains, contact_of
 from fastbeam.results.exchanged import AT_START
 from fastbeam.results.observe.moving_meshes import MeshRows, moving_weight, place_rows
 from fastbeam.results.observe.points import PointRows
@@ -51,12 +51,14 @@ class Observer:
     points: mapping name -> NodeRef, RigidBody, PointMass or (beam, s); or PointRows of the same kinds, positions to record, and
         what `PointRows` has where it is asked for.
     lost: float64 [2], energies that filters of strains have dissipated and store, J, as the stepper keeps them.
+    strains: those of the run; default: of the model.
     Raises SceneError: an unknown kind, or a point that is not in the scene.
     """
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | PointRows | None,
-                 lost: Array | None = None) -> None:
+                 lost: Array | None = None, strains: ReferenceStrains | None = None) -> None:
         self.model, self.lost, self.kinds = model, lost, frozenset(kinds)
+        self.strains = model.reference_strains if strains is None else strains.of(model)
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         if "inner" in kinds:
@@ -140,7 +142,7 @@ class Observer:
             out["lin_mom"], out["ang_mom"] = self._out[1:4].copy(), self._out[4:7].copy()
         if self.energy:
             out["kinetic"] = float(self._out[0])
-            out["strain"] = strain_energy(model, state.q, self._work)
+            out["strain"] = self._strain_energy(state.q)
             if "joint_energy" in out:
                 self._in_stops = float(np.sum(out["joint_energy"][self.meshes.along]))
                 out["strain"] += float(np.sum(out["joint_energy"])) - self._in_stops
@@ -196,7 +198,8 @@ class Observer:
             if tables is not None:
                 kernels.element_momenta_of_rows(tables, model.n_nodes, v, p)
                 if self.energy:
-                    kernels.strain_energy_of_rows(tables, model.n_nodes, q, strains, self._work, np.zeros(0), strain)
+                    kernels.strain_energy_of_rows(tables, self.strains, model.n_nodes, q, strains, self._work, np.zeros(0),
+                                                  strain)
         if model.bodies is not None:
             kernels.body_momenta_of_rows(model.bodies, v, p)
         kernels.motion_of_rows(q, v, p, motion)
@@ -332,11 +335,14 @@ class Observer:
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
             # the strain energy of prestressed beams and springs has parts of first order, too
-            own = strain_energy(model, model.q0, self._work)
-            ahead, back = (strain_energy(model, model.q0 + sign * off, self._work) - own for sign in (1.0, -1.0))
+            own = self._strain_energy(model.q0)
+            ahead, back = (self._strain_energy(model.q0 + sign * off) - own for sign in (1.0, -1.0))
             strain, pull = 0.5 * abs(ahead + back), 0.5 * abs(ahead - back)
             rest["total"] = rest["balance"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + pull + EPSILON * size * load)
         return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
+
+    def _strain_energy(self, q: Array) -> float:
+        return strain_energy(self.model, q, self._work, self.strains)
 
     def _motion(self, q: Array, v: Array) -> None:
         """Evaluate kinetic energy and momenta into _out, momenta of the nodes into _p."""
@@ -362,7 +368,7 @@ class Observer:
         v[:, 0] -= v[0, 0].copy()
         v[:, 0] -= weight @ v[:, 0]
         self._motion(q.reshape(-1), v.reshape(-1))
-        return {"center": first + arm, "inner_energy": float(self._out[0]) + strain_energy(self.model, q.reshape(-1), self._work),
+        return {"center": first + arm, "inner_energy": float(self._out[0]) + self._strain_energy(q.reshape(-1)),
                 "inner_spin": self._out[4:7].copy()}
 
     def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
@@ -411,14 +417,13 @@ def books_of_start(model: Model, given: Any, state: State, t: float, notes: list
             [(kind, text + said if kind == "mended" else text) for kind, text in notes])
 
 
-def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
-    """Return the energy stored in all beams and springs, J."""
-    work = empty(6) if work is None else work
+def strain_energy(model: Model, q: Array, work: Array | None = None, strains: Array | None = None) -> float:
+    """Return the energy stored in all beams and springs, J; strains: reference strains, default those of the model."""
+    work, strains = empty(6) if work is None else work, model.reference_strains if strains is None else strains
     total = 0.0
-    if model.simo is not None:
-        total += kernels.strain_energy(model.simo, model.n_nodes, q, SIMO_REISSNER, work, np.zeros(0))
-    if model.green is not None:
-        total += kernels.strain_energy(model.green, model.n_nodes, q, GREEN_LAGRANGE, work, np.zeros(0))
+    for tables, kind in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
+        if tables is not None:
+            total += kernels.strain_energy(tables, strains, model.n_nodes, q, kind, work, np.zeros(0))
     if model.links:
         work[0] = 0.0
         energy_of(model.links, q, SPACE, work)

@@ -26,6 +26,7 @@ from fastbeam.kernels.layout import CONSTANTS, LIST, NODES
 from fastbeam.kernels.state import State
 from fastbeam.model.contact.moving_tables import element_lengths
 from fastbeam.model.model import Model
+from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.results.observe.contact_ripples import Contacts, mode_events
 from fastbeam.scene.interpolation.basis import build_basis
 
@@ -60,10 +61,10 @@ class _Elements:
 
 
 class Resolution:
-    """Mesh check of a run, which remembers the worst shape of every beam."""
+    """Mesh check of a run, which remembers the worst shape of every beam; strains: those of the run, default of the model."""
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
+    def __init__(self, model: Model, strains: ReferenceStrains | None = None) -> None:
+        self.model, self.reference = model, model.reference_strains if strains is None else strains.of(model)
         self._sets: list[tuple[Any, Any, Array, list[_Elements]]] = []
         self._work = empty(6)
         self.contacts = Contacts(model)
@@ -82,7 +83,7 @@ class Resolution:
         self.contacts.look(t, state, self.tension, moves)
         self.look_at_moving(t, q)
         for tables, strains, of_elements, sets in self._sets:
-            strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
+            strain_energy(tables, self.reference, self.model.n_nodes, q, strains, self._work, of_elements)
             found = of_elements.reshape(-1, 3)
             for e in sets:
                 self._reversed_axis(t, e, found[e.at, 2])
@@ -121,7 +122,7 @@ class Resolution:
         """Return normal forces of beams at their nodes [N] at the shape q [12 N], N; NaN elsewhere."""
         out = np.full(self.model.n_nodes, np.nan)
         for tables, strains, of_elements, sets in self._sets:
-            strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
+            strain_energy(tables, self.reference, self.model.n_nodes, q, strains, self._work, of_elements)
             for e in sets:
                 out[e.nodes] = of_elements.reshape(-1, 3)[e.at, 0][:, None]
         return out
@@ -130,7 +131,7 @@ class Resolution:
         """Return whether an axis runs against its sections at the shape q [12 N], or neighbouring nodes turn by more than a right
         angle."""
         for tables, strains, of_elements, sets in self._sets:
-            strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
+            strain_energy(tables, self.reference, self.model.n_nodes, q, strains, self._work, of_elements)
             found = of_elements.reshape(-1, 3)
             if any(np.min(found[e.at, 2]) < 0.0 or np.min(_cosines(q, e)) < 0.0 for e in sets):
                 return True
@@ -269,7 +270,7 @@ def _element_sets(model: Model) -> list[tuple[Any, Any, list[_Elements]]]:
     for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
         if tables is not None:
             of_elements = empty(24 * len(tables.meta))
-            strain_energy(tables, model.n_nodes, model.q0, strains, empty(6), of_elements)
+            strain_energy(tables, model.reference_strains, model.n_nodes, model.q0, strains, empty(6), of_elements)
             sets = list(_elements(model, tables))
             for e in sets:
                 e.turn = _turn(model.q0, e.nodes)

@@ -77,6 +77,21 @@ class SectionForces:
     T, M2, M3 = (_Component("moment", k) for k in range(3))
 
 
+def span_of(who: str, model: Model, beam: Any) -> slice:
+    """Return the nodes of a beam of a model; who: the call and argument, for messages.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not isinstance(beam, Beam):
+        raise SceneError(f"{who}: needs a beam of the scene, got {shown(beam)}; of a net one of its beams, net.beam(k)")
+    try:
+        return model.numbers.span(beam)  # type: ignore[no-any-return]
+    except KeyError:
+        raise SceneError(f"{who}: {beam.label} is not in scene {model.scene_name!r}; name a beam of the compiled scene") from None
+
+
 class Sections:
     """Sections of one beam of a model, of which forces are asked for.
 
@@ -86,13 +101,9 @@ class Sections:
     """
 
     def __init__(self, model: Model, beam: Beam, s: ArrayLike | None = None) -> None:
-        if not isinstance(beam, Beam):
-            raise SceneError(f"section: needs a beam of the scene, got {shown(beam)}; of a net one of its beams, net.beam(k)")
-        try:
-            self.first = model.numbers.start(beam)
-        except KeyError:
-            raise SceneError(f"section: {beam.label} is not in scene {model.scene_name!r}; name a beam of the compiled "
-                             "scene") from None
+        # nodes of the beam among those of the model
+        self.span = span_of("section", model, beam)
+        self.first = self.span.start
         self.beam, basis = beam, beam.basis
         self.s = basis.element_ends if s is None else _lengths(beam, s)
         self.count = basis.n_nodes
@@ -116,11 +127,6 @@ class Sections:
                 self.through[:, k] *= (self.s - points[:, j]) / (points[:, k] - points[:, j])
         first, values, _ = basis.curve("own").evaluate(self.s)
         self.at_nodes, self.values = first[:, None] + np.arange(values.shape[1]), values
-
-    @property
-    def span(self) -> slice:
-        """Nodes of the beam among those of the model."""
-        return slice(self.first, self.first + self.count)
 
     def at(self, t: Array, phi: Array, directors: Array, rates: Array | None = None) -> SectionForces:
         """Evaluate the sections at n shapes of the beam: t [n], positions [n, A, 3] and directors [n, A, 3, 3] of its nodes, and

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fastbeam.interface.arguments import LARGEST, Anything, Count, Number, Refusal, Word, checked, numbers, shown, whole
+from fastbeam.interface.arguments import LARGEST, Anything, Count, Number, Refusal, Word, checked, numbers, real, shown, whole
 from fastbeam.interface.errors import SceneError
 from fastbeam.interface.result_warnings import warns
 from fastbeam.kernels.contact.slider_forces import NO_DRIVE
@@ -19,7 +19,9 @@ from fastbeam.model.forces.loads import load_factors_at, load_path, which_times
 from fastbeam.model.model import Model, check_model
 from fastbeam.model.start import check_start
 from fastbeam.model.supports import check_supports, check_turned, free_aside, standing_supports, supported
+from fastbeam.model.workspace import ReferenceStrains
 from fastbeam.results.observe.observer import OBSERVED, POINTS
+from fastbeam.results.observe.resultants import span_of
 from fastbeam.results.result import Result
 from fastbeam.scene import Beam, Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from fastbeam.scene.checks import Place
@@ -28,8 +30,8 @@ from fastbeam.statics.load_laws import LawPath, law_path, laws_grow, user_forces
 from fastbeam.statics.moving_supports import StaticMotion, StaticShift, coordinates_of, leave_plane
 from fastbeam.statics.path_stops import wanted_of
 from fastbeam.statics.paths.walk import PathWalk
-from fastbeam.statics.prestrains import StrainPath, prestrains_of
 from fastbeam.statics.static_analysis import START, held_sliders, which_sliders
+from fastbeam.statics.unknown_lengths import LEAST, MOST
 
 Array = np.ndarray
 Quantity = tuple[str, str] | str | Callable[[State], float]
@@ -153,13 +155,12 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     start, notes = _checked_start(model, start, growing, branch, side)
     task = _Task(model, start, load_factor, stays, max_iterations, backend, growing)
     solver, aside = task.first_solver(at_time)
-    path = PathWalk(growing.strains.model if growing.strains else model, solver, points, step, largest_step, smallest_step,
-                    most_points, observe, wanted_of(model, stop, points))
+    path = PathWalk(model, solver, points, step, largest_step, smallest_step, most_points, observe,
+                    wanted_of(model, stop, points))
     path.aside = aside
     for kind, text in notes:
         path.buffer.event({"kind": kind, "time": 0.0, "text": text})
-    if growing.strains is not None:
-        growing.strains.watch([*path.observer.points.sections, *(x.section for x in path.wanted)])
+    growing.strains.watch([*path.observer.points.sections, *(x.section for x in path.wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
 
 
@@ -170,7 +171,7 @@ class _Growing(NamedTuple):
     laws: LawPath                            # forces by laws
     acts: bool                               # whether these, or drives, grow
     moved: dict[int, Array]                  # supports that are shifted and turned
-    strains: StrainPath | None               # prestrains
+    strains: ReferenceStrains                # prestrains
     rides: tuple[float, float] | None        # times at which supports are where their functions have them
 
 
@@ -265,7 +266,7 @@ def _growing(model: Model, stays: Array, at_time: float | tuple[float, float] | 
                          "UserForce(grows=True), move supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: "
                          "-0.01}")
     moved = {} if moves is None else _moves(model, moves)
-    strains = None if prestrains is None else StrainPath(model, prestrains_of(model, prestrains))
+    strains = ReferenceStrains() if prestrains is None else _prestrains(model, prestrains)
     laws = law_path("solve_path", model, at_time, stays_put)
     if stays_put or isinstance(at_time, tuple):
         factors = load_path("solve_path", model, at_time, by_laws and laws.moves or rides is not None)
@@ -339,3 +340,27 @@ def _moves(model: Model, moves: Any) -> dict[int, Array]:
     if not out:
         raise SceneError("solve_path, moves: all displacements and turns are zero, got " + shown(moves))
     return out
+
+
+def _prestrains(model: Model, prestrains: Any) -> ReferenceStrains:
+    """Return reference strains whose prestrains change until load factor 1.
+
+    Raises
+    ------
+    SceneError
+        No mapping of beams of the scene to finite numbers, or all are zero.
+    """
+    if not isinstance(prestrains, Mapping) or not prestrains:
+        raise SceneError(f"solve_path, prestrains: must be a mapping {{beam: change of its prestrain}}, got {shown(prestrains)}")
+    out = []
+    for beam, value in prestrains.items():
+        span = span_of("solve_path, prestrains", model, beam)
+        number = real(value)
+        if number is None or not LEAST <= beam.start_strain[0] + number <= MOST:
+            raise SceneError(f"solve_path, prestrains: {beam.label} would have a prestrain of {beam.start_strain[0]:.6g} + "
+                             f"{shown(value)} at load factor 1; it must be a number from {LEAST:g} to {MOST:g}")
+        if number:
+            out.append((span, number))
+    if not out:
+        raise SceneError(f"solve_path, prestrains: all changes are zero, got {shown(prestrains)}")
+    return ReferenceStrains(out)

@@ -74,8 +74,9 @@ class PathWalk:
         self.undivided: float | None = None
         # quantities that end the path, and how far they are off their values
         self.wanted, self.off = wanted, np.zeros(0)
-        self.resolution = Resolution(model)
-        self.observer = Observer(model, ("slider", "joint", *(kind for kind in observe if kind in RECORDED)), points)
+        self.resolution = Resolution(model, solver.strains)
+        observed = "slider", "joint", *(kind for kind in observe if kind in RECORDED)
+        self.observer = Observer(model, observed, points, strains=solver.strains)
         self.reactions = reactions_of(solver, self.observer)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
                                      "conservative": not solver.judge.is_unsymmetric,
